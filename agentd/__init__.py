@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from agentd.embedding import compile_file, compile_text
     from agentd.environment import ActionFailed, Deferred, Environment
-    from agentd.language.terms import Literal, atom, deref
+    from agentd.language.terms.terms import Literal, atom, deref
     from agentd.mind import Mind
-    from agentd.mind.failed import Failed
-    from agentd.mind.suspending import suspend
-    from agentd.mind.unifier import undo, unify
-    from agentd.stdlib.registry import function, internal_action
+    from agentd.mind.beliefs.unification import undo, unify
+    from agentd.mind.data.formula_failure import Failed
+    from agentd.mind.data.registry import function, internal_action
+    from agentd.mind.execution.suspension import suspend
     from agentd.values import literal, term_of, value_of
 
 _PLACES = {
     "agentd.embedding": ("compile_file", "compile_text"),
     "agentd.environment": ("ActionFailed", "Deferred", "Environment"),
-    "agentd.language.terms": ("Literal", "atom", "deref"),
+    "agentd.language.terms.terms": ("Literal", "atom", "deref"),
     "agentd.mind": ("Mind",),
-    "agentd.mind.failed": ("Failed",),
-    "agentd.mind.suspending": ("suspend",),
-    "agentd.mind.unifier": ("undo", "unify"),
-    "agentd.stdlib.registry": ("function", "internal_action"),
+    "agentd.mind.data.formula_failure": ("Failed",),
+    "agentd.mind.execution.suspension": ("suspend",),
+    "agentd.mind.beliefs.unification": ("undo", "unify"),
+    "agentd.mind.data.registry": ("function", "internal_action"),
     "agentd.values": ("literal", "term_of", "value_of"),
 }
 

@@ -6,14 +6,14 @@ import argparse
 import importlib
 import sys
 
-from agentd.ending import guarded
-from commd.command_line import Help, check_command
+from agentd.exit_handling import guarded
+from commd.process.command_line import Help, check_command
 
 _COMMANDS = {
-    "run": ("agentd.run", "run agents in this process, without any bus"),
+    "run": ("agentd.standalone.command", "run agents in this process, without any bus"),
     "serve": ("agentd.daemon", "be the daemon of a mission's agents"),
     "test": ("agentd.testing.command", "run the test plans of programs"),
-    "check": ("agentd.check", "look for mistakes in programs and start nothing"),
+    "check": ("agentd.check.command", "look for mistakes in programs and start nothing"),
 }
 
 
@@ -31,7 +31,7 @@ def main(argv: list[str] | None = None) -> int:
     check_command(parser, arguments, _COMMANDS)
     args = parser.parse_args(arguments)
     entry = importlib.import_module(_COMMANDS[args.command][0])
-    importlib.import_module("agentd.plugins").discover()
+    importlib.import_module("agentd.extensions.plugins").discover()
     return guarded(lambda: int(entry.run(args) or 0))
 
 

@@ -8,25 +8,25 @@ import logging
 import sys
 from argparse import ArgumentParser, Namespace
 
-from agentd.agent_files import state_folder
-from agentd.checkpoint import CheckpointError
-from agentd.compose import compose, endings, restart_goal
-from agentd.crew import Crew
-from agentd.host import DECISIONS, Part
-from agentd.language.compile import CompiledProgram, DirectiveError, Load, compile_program
-from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_file
-from agentd.language.syntax import Program
-from agentd.tracing.sources import Sources
-from commd.bus import open_bus
-from commd.clock import Clock
-from commd.lives import begin_life
-from commd.notify import Member, Unit
-from commd.output import stderr
-from commd.process import ERROR, EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
-from schemas.findings import Finding, Findings
-from schemas.manifest import load_manifest
-from schemas.mission import Mission, load_mission
+from agentd.extensions.file_access import state_folder
+from agentd.language.compiler.compile import CompiledProgram, DirectiveError, Load, compile_program
+from agentd.language.parser.parser import parse_file
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Program
+from agentd.persistence.checkpoint import CheckpointError
+from agentd.runtime.agent_group import Crew
+from agentd.runtime.agent_host import DECISIONS, Part
+from agentd.runtime.program_loader import compose, endings, restart_goal
+from agentd.trace.program_sources import Sources
+from commd.bus.bus import open_bus
+from commd.common.clock import Clock
+from commd.process.output import stderr
+from commd.process.process import ERROR, EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
+from commd.process.restart_counter import begin_life
+from commd.process.systemd import Member, Unit
+from schemas.files.findings import Finding, Findings
+from schemas.manifest.loader import load_manifest
+from schemas.mission.model import Mission, load_mission
 
 DEEPEST_CALLS = 9000
 """How deep rules may call one another; a computation beyond fails its plan."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from agentd.language.compile import CompiledProgram, compile_program
-from agentd.language.parser import parse_file, parse_program
-from agentd.paths import read_folders
-from agentd.plugins import discover
+from agentd.extensions.plugins import discover
+from agentd.language.compiler.compile import CompiledProgram, compile_program
+from agentd.language.parser.parser import parse_file, parse_program
+from agentd.runtime.program_paths import read_folders
 
 
 def compile_text(text: str, name: str = "program.asl", include_path: Iterable[str] = ()) -> CompiledProgram:

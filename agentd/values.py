@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from agentd.language.signatures import Signature, signature
-from agentd.language.terms import (
+from agentd.language.syntax_tree.signatures import Signature, signature
+from agentd.language.terms.terms import (
     FALSE,
     TRUE,
     Code,

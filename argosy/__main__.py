@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import NoReturn
 
-from argosy.extras import EXTRAS, install_command
-from commd.command_line import Help, check_command
-from schemas.terminal import escape_line
+from argosy.cli.extras import EXTRAS, install_command
+from commd.process.command_line import Help, check_command
+from schemas.files.terminal import escape_line
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
 LETTING_GO = 2.5
@@ -61,7 +61,7 @@ def command() -> NoReturn:
     """Run the command line as a process, to its end."""
     _prepare_streams()
     code = main()
-    if (process := sys.modules.get("commd.process")) is not None:  # it may have been on the bus
+    if (process := sys.modules.get("commd.process.process")) is not None:  # it may have been on the bus
         process.end_with_threads(code, LETTING_GO)
     sys.exit(code)
 
@@ -76,11 +76,11 @@ def _prepare_streams() -> None:
 
 def _run(given: list[str]) -> int:
     if given[:1] == ["manifest"]:  # it has commands of its own
-        from argosy.manifest import main as manifest
+        from argosy.manifest.command import main as manifest
 
         return manifest(given[1:])
     if given[:1] == ["keys"]:
-        from argosy.keys import main as keys
+        from argosy.keys.command import main as keys
 
         return keys(given[1:])
     if given and given[0] in COMMANDS:  # only what is asked for is imported
@@ -144,24 +144,26 @@ COMMANDS = {
 }
 
 
-ELSEWHERE = {
-    "status": "fleet_status",
-    "record": "recording.record",
-    "replay": "recording.replay",
-    "why": "why.command",
-    "watch": "watch.command",
-    "echo": "tools.echo",
-    "hz": "tools.hz",
-    "list": "tools.listing",
+MODULES = {
     "act": "tools.act",
-    "ui": "ui.command",
+    "board": "deploy.board_command",
+    "echo": "tools.echo",
+    "hz": "tools.rate",
+    "list": "tools.list",
+    "metrics": "status.metrics_command",
+    "plot": "plot.command",
+    "record": "recording.record.command",
+    "referee": "simulate.referee",
+    "replay": "recording.replay.command",
+    "units": "deploy.units_command",
+    "wheelhouse": "deploy.wheelhouse_command",
 }
-"""The modules of commands that are not called as the command is."""
+"""The modules of commands; the others are the `command` in a folder of their name."""
 
 
 def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]:
     """Return what declares the arguments of a command, and what runs it; only its own module is imported."""
-    module = import_module(f"argosy.{ELSEWHERE.get(name, name)}")
+    module = import_module(f"argosy.{MODULES.get(name, f'{name}.command')}")
     return module.add_arguments, module.run
 
 

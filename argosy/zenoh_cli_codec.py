@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 
-from argosy.tools.calls import read_action
-from argosy.tools.rendering import line_of
-from schemas import keys
-from schemas.codec import codec
-from schemas.minds import MindOrder
-from schemas.records import Action, Cancel, Perception, Record, StopOrder
-from schemas.text import BadTerm
+from argosy.tools.action_text import read_action
+from argosy.tools.record_text import line_of
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.mind_records import MindOrder
+from schemas.wire.records import Action, Cancel, Perception, Record, StopOrder
+from schemas.wire.term_text import BadTerm
 
 _CALLED = re.compile(r"[^\s\"(]*\(")
 """How `takeoff(5)` begins, and `set_mode "a (b)"` does not."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from argosy.processes import Process, plan
+from argosy.processes.process_table import Process, plan
 from benchmarks import plots
 from benchmarks.flights import setup_in, start_all, with_one_process
 from benchmarks.held import alone, pss

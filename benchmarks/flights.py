@@ -18,14 +18,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
 
-from argosy.boards import places
-from argosy.processes import Kind, Process, Setup, plan, python_command
-from argosy.referee import judge_run
+from argosy.processes.boards import places
+from argosy.processes.process_table import Kind, Process, Setup, plan, python_command
+from argosy.simulate.referee import judge_run
 from benchmarks.minds import done
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched, watched_command
-from commd.bus import open_bus
-from schemas.mission import Mission, load_mission
+from commd.bus.bus import open_bus
+from schemas.mission.model import Mission, load_mission
 from tests.support.ports import free_port
 
 MISSIONS: Final = Path(__file__).parent.parent / "missions"

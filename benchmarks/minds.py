@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from commd.bus import Bus
-from commd.errors import QueryFailed
-from schemas import keys
-from schemas.minds import MindView
+from commd.bus.bus import Bus
+from commd.bus.errors import QueryFailed
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
 
 ANSWER: Final = 2.0
 """Wall seconds for an answer of a mind."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from argosy.processes import python_command
+from argosy.processes.process_table import python_command
 from benchmarks.results import ROOT
 from benchmarks.watched import Watched, watched_command
 from tests.support.ports import free_port

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from commd.command_line import Help, check_command
+from commd.process.command_line import Help, check_command
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -9,15 +9,13 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import Any
 
-from bridged.bridge import Bridge
-from bridged.preparation import Part, chosen, prepare_all
-from bridged.service import Service
-from bridged.watch import watch_agents
-from commd.bus import Bus, open_bus
-from commd.clock import Clock
-from commd.lives import begin_life
-from commd.notify import Member, Unit
-from commd.process import (
+from bridged.bridge.agent_monitor import watch_agents
+from bridged.bridge.bridge import Bridge
+from bridged.bridge.bus_endpoints import Service
+from bridged.bridge.robot_setup import Part, chosen, prepare_all
+from commd.bus.bus import Bus, open_bus
+from commd.common.clock import Clock
+from commd.process.process import (
     EXIT_DONE,
     EXIT_FAILED,
     HEALTH_PERIOD,
@@ -27,10 +25,12 @@ from commd.process import (
     run_daemon,
     tls_of,
 )
-from commd.state import state_directory
-from schemas import keys
-from schemas.findings import Findings
-from schemas.mission import Mission, load_mission
+from commd.process.restart_counter import begin_life
+from commd.process.state_dir import state_directory
+from commd.process.systemd import Member, Unit
+from schemas.files.findings import Findings
+from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
 
 SETTLED = 3.0
 """Wall seconds after the start by which everything is loaded."""

@@ -10,19 +10,14 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Literal
 
-from commd import router_config
-from commd.admission import Admission, open_admission
-from commd.bus import Bus, Query, open_bus
-from commd.checkup import Checkups
-from commd.clock import Clock
-from commd.directory import open_directory
-from commd.link_watchdog import open_link_watchdog
-from commd.links import open_links
-from commd.lives import begin_life
-from commd.mailroom import open_mailroom
-from commd.notify import Loop, Member, Unit
-from commd.peers import FixedDirectory
-from commd.process import (
+from commd.bus.bus import Bus, Query, open_bus
+from commd.bus.router_endpoints import router_of
+from commd.bus.tls import check_board
+from commd.common.clock import Clock
+from commd.directory.service import open_directory
+from commd.mail.service import open_mailroom
+from commd.mail.transport import FixedDirectory
+from commd.process.process import (
     EXIT_DONE,
     EXIT_FAILED,
     add_router_argument,
@@ -31,15 +26,20 @@ from commd.process import (
     run_daemon,
     tls_of,
 )
-from commd.refusals import hear_refusals
-from commd.routers import router_of
-from commd.state import state_directory
-from commd.tls import check_board
-from schemas import keys
-from schemas.findings import Finding, Findings
-from schemas.mission import Mission, load_mission
-from schemas.positions import did_you_mean
-from schemas.records import Health, RunningMission
+from commd.process.restart_counter import begin_life
+from commd.process.state_dir import state_directory
+from commd.process.systemd import Loop, Member, Unit
+from commd.router import config as router_config
+from commd.router.admission import Admission, open_admission
+from commd.router.link_monitor import open_links
+from commd.router.link_watchdog import open_link_watchdog
+from commd.router.self_check import Checkups
+from commd.router.tls_rejections import hear_refusals
+from schemas.files.findings import Finding, Findings
+from schemas.files.yaml_positions import did_you_mean
+from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.records import Health, RunningMission
 
 ROUND_TRIP = 2.0
 """Wall seconds within which the router answers itself, or hangs."""
@@ -133,11 +133,11 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             # What few missions have is loaded for those: it takes memory on each board.
             air = gateway = None
             if mission.radio is not None:
-                from commd.radio import open_air
+                from commd.gateway.radio_model import open_air
 
                 air = await enter(open_air(bus, mission, board))
             if mission.gateway is not None and mission.gateway.board == board:
-                from commd.gateway import open_gateway
+                from commd.gateway.gateway import open_gateway
 
                 gateway = await enter(open_gateway(mission, board))
             mailroom = await enter(open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False))

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Container, Sequence
 
-from schemas.terminal import printable
+from schemas.files.terminal import printable
 
 LONGEST = 500
 """Characters of a text that `shortened` leaves, unless another number is given."""

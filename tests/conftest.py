@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, is_hypothesis_test, settings
 from xdist.scheduler.loadfile import LoadFileScheduling
 
-from commd.session import sessions_under_way, still_there
+from commd.bus.session import sessions_under_way, still_there
 from tests.support import ports
 from tests.support.amount import some_of
 

@@ -23,36 +23,36 @@ import msgspec
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from agentd.language.errors import SyntaxErrors
-from agentd.projects.parser import parse_project
-from agentd.wire import BadTerm, from_wire
-from argosy.mail import board_lines
-from argosy.recording.facts import End
-from argosy.recording.intake import Heard
-from argosy.recording.plain_keys import fleet_of, is_plain
-from argosy.recording.reader import BadRecording, open_recording
-from argosy.recording.records import RECORDS
-from argosy.recording.writer import COMPRESSIONS
-from argosy.why.explaining import tell
-from argosy.why.recorded import NotRecorded, recorded_view
+from agentd.conversion.term_conversion import BadTerm, from_wire
+from agentd.jason_project.project_parser import parse_project
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from argosy.mail.command import board_lines
+from argosy.recording.file.key_filter import fleet_of, is_plain
+from argosy.recording.file.metadata import End
+from argosy.recording.file.reader import BadRecording, open_recording
+from argosy.recording.file.records import RECORDS
+from argosy.recording.file.write_queue import Heard
+from argosy.recording.file.writer import COMPRESSIONS
+from argosy.why.explain import tell
+from argosy.why.from_recording import NotRecorded, recorded_view
 from bridged.drivers import check_manifest
-from bridged.drivers.mavlink.commands import Identity
-from bridged.drivers.mavlink.conversation import Conversation
-from bridged.drivers.mavlink.wire import Framer, WireCounters
-from bridged.ini_manifests import load_ini_pair
-from commd.comm_node import Allowance
-from commd.gateway import TOLD_SOURCES, Gateway
-from commd.mail_file import mailboxes_of_file
-from commd.mail_schema import migrate
-from schemas import keys
-from schemas.codec import BadRecord, Wire, codec
-from schemas.datagram import BadDatagram, read_message
-from schemas.findings import Findings
-from schemas.manifest import load_manifest
-from schemas.minds import MindBirth, MindInput, MindInputs, MindStep
-from schemas.mission import load_mission
-from schemas.records import Action, Header, Mail, Message, Perception, Record
-from schemas.terms import Atom, Map, Source, Structure, Variable
+from bridged.drivers.mavlink.session import Conversation
+from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
+from bridged.drivers.mavlink.vehicle.commands import Identity
+from bridged.paper_format.ini_manifests import load_ini_pair
+from commd.gateway.gateway import TOLD_SOURCES, Gateway
+from commd.gateway.paper_node import Allowance
+from commd.mail.mail_file import mailboxes_of_file
+from commd.mail.schema import migrate
+from schemas.files.findings import Findings
+from schemas.manifest.loader import load_manifest
+from schemas.mission.model import load_mission
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord, Wire, codec
+from schemas.wire.mind_records import MindBirth, MindInput, MindInputs, MindStep
+from schemas.wire.paper_message import BadDatagram, read_message
+from schemas.wire.records import Action, Header, Mail, Message, Perception, Record
+from schemas.wire.terms import Atom, Map, Source, Structure, Variable
 from tests.agentd.trials import TooLong, at_most
 from tests.argosy.recording.files import BEGIN, altitude, heard, stretch, write
 from tests.bridged.recorded import packets

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import sys
 
-from argosy import simulators
 from argosy.__main__ import main
+from argosy.processes import simulators
 
 if __name__ == "__main__":
     link, command = sys.argv[1], simulators.command

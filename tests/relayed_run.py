@@ -11,10 +11,10 @@ import sys
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 
-import argosy.run
+import argosy.run.command
 from argosy.__main__ import main
-from argosy.boards import Place, places
-from schemas.mission import Mission
+from argosy.processes.boards import Place, places
+from schemas.mission.model import Mission
 
 
 def relayed(routers: dict[str, Place], relays: dict[str, Iterator[str]]) -> dict[str, Place]:
@@ -32,8 +32,8 @@ if __name__ == "__main__":
         given.setdefault(target, []).append(relay)
 
     def places_by_relays(mission: Mission, router: str, taken: Collection[int] = ()) -> dict[str, Place]:
-        """Stand in for `argosy.boards.places`."""
+        """Stand in for `argosy.processes.boards.places`."""
         return relayed(places(mission, router, taken), {target: iter(names) for target, names in given.items()})
 
-    argosy.run.places = places_by_relays  # type: ignore[attr-defined]
+    argosy.run.command.places = places_by_relays  # type: ignore[attr-defined]
     sys.exit(main(sys.argv[2:]))

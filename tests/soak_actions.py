@@ -25,10 +25,10 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bridged.ledger import decoded
+from bridged.bridge.action_log import decoded
 from commd.client import Client, join
-from schemas.mission import load_mission
-from schemas.records import FINAL_STATES, State
+from schemas.mission.model import load_mission
+from schemas.wire.records import FINAL_STATES, State
 from tests.soak_report import write_section
 from tests.support.ports import neighbouring_ports
 from tests.support.processes import Daemon

@@ -25,8 +25,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO
 
-from argosy.referee import Verdict, judge_run
-from schemas.mission import load_mission
+from argosy.simulate.referee import Verdict, judge_run
+from schemas.mission.model import load_mission
 from tests.soak_report import ROOT, write_section
 from tests.support.ports import neighbouring_ports
 from tests.support.relay import Relay
@@ -158,7 +158,10 @@ async def fly(number: int, folder: Path, victims: int | None = None) -> Course:
     course = Course(number)
     routers, vehicles, between = neighbouring_ports(6), neighbouring_ports(3), neighbouring_ports(3)
     mission = write_mission(folder, number, vehicles, victims)
-    first, second = routers[3], routers[4]  # where pi1 and pi2 listen for other boards, by `argosy.boards.places`
+    first, second = (
+        routers[3],
+        routers[4],
+    )  # where pi1 and pi2 listen for other boards, by `argosy.processes.boards.places`
     pairs = list(zip((first, first, second), between, strict=True))
     wiring = ",".join(f"tcp/127.0.0.1:{target}=tcp/127.0.0.1:{relay}" for target, relay in pairs)
     report = folder / "report"

@@ -18,12 +18,12 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from argosy.fleet_bus import open_fleet_bus
-from argosy.referee import Verdict, judge_run
-from commd.bus import Bus, open_bus
-from schemas import keys
-from schemas.minds import MindView
-from schemas.records import Mailboxes
+from argosy.cli.fleet_bus import open_fleet_bus
+from argosy.simulate.referee import Verdict, judge_run
+from commd.bus.bus import Bus, open_bus
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import Mailboxes
 from tests.soak_report import write_section
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon

@@ -17,9 +17,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from argosy.unit_files import Board
-from argosy.units import write
-from schemas.mission import load_mission
+from argosy.deploy.unit_files import Board
+from argosy.deploy.units_command import write
+from schemas.mission.model import load_mission
 from tests.soak_report import ROOT, here
 from tests.support.analyzed import analyzed, exposure, installed
 from tests.support.booted import Machine, NoMachine, booted

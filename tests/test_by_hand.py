@@ -126,7 +126,7 @@ def _beliefs(endpoint: str) -> list[str]:
     """Ask the agent's mind as an observer does."""
     script = (
         "import sys, zenoh, msgspec\n"
-        "from commd.session import session_config\n"
+        "from commd.bus.session import session_config\n"
         "with zenoh.open(session_config('client', sys.argv[1], 'test')) as session:\n"
         "    for reply in session.get('argosy/single-uav/uav/mind', timeout=5):\n"
         "        print('\\n'.join(msgspec.json.decode(reply.ok.payload.to_bytes())['beliefs']))\n"

@@ -19,7 +19,7 @@ from packaging.requirements import Requirement
 from packaging.tags import Tag, compatible_tags, cpython_tags
 from packaging.utils import canonicalize_name, parse_wheel_filename
 
-from argosy.wheelhouse import EXTRAS, GLIBC, PYTHONS, own_wheel
+from argosy.deploy.wheelhouse_command import EXTRAS, GLIBC, PYTHONS, own_wheel
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("schemas", "commd", "bridged", "agentd", "argosy")
@@ -70,7 +70,7 @@ class Installed:
 
     def shipped(self, kind: str, name: str) -> Path:
         """Return where a shipped file was installed."""
-        code = f"from schemas.shipped import shipped; print(shipped({kind!r}, {name!r}))"
+        code = f"from schemas.files.shipped_files import shipped; print(shipped({kind!r}, {name!r}))"
         path = Path(self.run("python", "-c", code).strip())
         assert path.is_relative_to(self.bin.parent)
         return path
@@ -150,7 +150,7 @@ def test_the_installed_wheel_tests_a_program_by_the_assertions_that_it_carries(i
 
 
 def test_an_installation_makes_its_own_wheel_again_without_a_checkout(installed: Installed, wheel: Path) -> None:
-    code = "import sys; from pathlib import Path; from argosy.wheelhouse import own_wheel; print(own_wheel(Path()))"
+    code = "from pathlib import Path; from argosy.deploy.wheelhouse_command import own_wheel; print(own_wheel(Path()))"
     again = installed.work / installed.run("python", "-c", code).strip()
     assert again.name == wheel.name
     ours, theirs = ZipFile(wheel), ZipFile(again)

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from pygments.lexer import Lexer
 from pygments.token import Comment, Error, Keyword, Name, Number, Punctuation, String, Text, string_to_tokentype
 
-from agentd.editor.classes import (
+from agentd.editor.token_classes import (
     BLANK,
     DIRECTIVES,
     Class,
@@ -21,9 +21,9 @@ from agentd.editor.classes import (
     class_of_word,
     library_names,
 )
-from agentd.language.lexer import BROKEN, Lexicon, lexicon
-from agentd.language.tables import load
-from agentd.projects.tokens import TOKEN
+from agentd.jason_project.project_lexer import TOKEN
+from agentd.language.parser.lexer import BROKEN, Lexicon, lexicon
+from agentd.language.parser.parse_tables import load
 
 Piece = tuple[int, Any, str]
 

@@ -13,7 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
-from agentd.editor.classes import (
+from agentd.editor.token_classes import (
     DIRECTIVES,
     Class,
     class_of_sign,
@@ -21,7 +21,7 @@ from agentd.editor.classes import (
     class_of_word,
     library_names,
 )
-from agentd.language.tables import Tables, load
+from agentd.language.parser.parse_tables import Tables, load
 
 LANGUAGE: Final = "asl"
 FOLDER: Final = Path(__file__).parents[2] / "deploy" / "editor"

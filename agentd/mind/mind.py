@@ -8,40 +8,42 @@ from collections.abc import Callable, Iterable
 from datetime import UTC, tzinfo
 from typing import Any, Final
 
-from agentd.language.compile import CompiledProgram
-from agentd.language.compile_plan import compile_formula
-from agentd.language.emit import Ref
-from agentd.language.signatures import Signature
-from agentd.language.sources import told_by_others
-from agentd.language.terms import Literal
-from agentd.mind.annotations import with_source
-from agentd.mind.asked import Asked
-from agentd.mind.beliefs import BeliefBase
-from agentd.mind.changes import believe
-from agentd.mind.choosing import Chooser, Selector, selectors_of
-from agentd.mind.cycle import atomic_can_run, run_cycles
-from agentd.mind.decision_views import DecisionView, FailureView, view_of, views_of
-from agentd.mind.decisions import Decisions
-from agentd.mind.dropping import fail_too_deep
-from agentd.mind.drops import Drops
-from agentd.mind.effects import Effect, Log, SendMail
-from agentd.mind.frames import PLAN, Frame
-from agentd.mind.goal_states import of_goals, raise_state
-from agentd.mind.inputs import Input, Mail, TimeRead, TooDeep
-from agentd.mind.intention_terms import reason_of
-from agentd.mind.intentions import Event, Intention
-from agentd.mind.keeping import Keeper
-from agentd.mind.library import Library
-from agentd.mind.loading import copy_mind, load_program
-from agentd.mind.open_beliefs import OpenBeliefs
-from agentd.mind.options import RULE, Options
-from agentd.mind.percepts import Perceived
-from agentd.mind.plans import PlanLibrary
-from agentd.mind.resolving import detach, resolve_all, resolve_annots
-from agentd.mind.runtime import RUNTIME
-from agentd.mind.selection import take_event, take_event_recorded
-from agentd.mind.sleeping import fall_asleep, wake_up
-from agentd.mind.snapshot import (
+from agentd.language.compiler.code_writer import Ref
+from agentd.language.compiler.compile import CompiledProgram
+from agentd.language.compiler.plan import compile_formula
+from agentd.language.syntax_tree.signatures import Signature
+from agentd.language.terms.source_annotations import told_by_others
+from agentd.language.terms.terms import Literal
+from agentd.mind.beliefs.annotations import with_source
+from agentd.mind.beliefs.belief_base import BeliefBase
+from agentd.mind.beliefs.open_beliefs import OpenBeliefs
+from agentd.mind.beliefs.term_copy import detach, resolve_all, resolve_annots
+from agentd.mind.beliefs.unification import undo
+from agentd.mind.beliefs.work_limit import MOST_STEPS
+from agentd.mind.data.effects import Effect, Log, SendMail
+from agentd.mind.data.frames import PLAN, Frame
+from agentd.mind.data.inputs import Input, Mail, TimeRead, TooDeep
+from agentd.mind.data.intention import Event, Intention
+from agentd.mind.data.timers import Timer, Timers
+from agentd.mind.execution.belief_updates import believe
+from agentd.mind.execution.cycle import atomic_can_run, run_cycles
+from agentd.mind.execution.dropping import fail_too_deep
+from agentd.mind.execution.event_selection import take_event, take_event_recorded
+from agentd.mind.execution.generated_code_api import RUNTIME
+from agentd.mind.execution.goal_states import of_goals, raise_state
+from agentd.mind.execution.intention_terms import reason_of
+from agentd.mind.execution.option_selection import RULE, Options
+from agentd.mind.execution.percept_update import Perceived
+from agentd.mind.execution.program_loading import copy_mind, load_program
+from agentd.mind.execution.query_limits import Asked
+from agentd.mind.execution.selection_functions import Chooser, Selector, selectors_of
+from agentd.mind.execution.sleep_events import fall_asleep, wake_up
+from agentd.mind.execution.team_requests import Request
+from agentd.mind.execution.waiting import Wait
+from agentd.mind.introspection.decision_log import Decisions
+from agentd.mind.introspection.decision_views import DecisionView, FailureView, view_of, views_of
+from agentd.mind.introspection.drop_counters import Drops
+from agentd.mind.introspection.mind_snapshot import (
     BeliefView,
     EventView,
     IntentionView,
@@ -51,11 +53,9 @@ from agentd.mind.snapshot import (
     views_of_intentions,
     views_of_questions,
 )
-from agentd.mind.team import Request
-from agentd.mind.timers import Timer, Timers
-from agentd.mind.unifier import undo
-from agentd.mind.waiting import Wait
-from agentd.mind.work import MOST_STEPS
+from agentd.mind.persistence.change_tracking import Keeper
+from agentd.mind.plans.builtins import Library
+from agentd.mind.plans.plan_library import PlanLibrary
 
 MOST_FOCUSES: Final = 100_000
 """So many events and intentions there may be; an agent that raises more floods itself, and the newest are dropped."""
@@ -86,8 +86,8 @@ class Mind:
     ``.date`` and ``.time``. ``decisions`` is how many of the last decisions and failures are remembered
     (`decision_views`); 0: none, which costs nothing. ``on_decision`` is told each of them as it is made.
     ``select_message``, ``select_event``, ``select_option`` and ``select_intention`` choose in place of the defaults; a
-    subclass may have methods of these names instead (`agentd.mind.choosing`). ``keeper`` notes what changes, so that
-    the mind can be kept and restored (`agentd.mind.keeping`).
+    subclass may have methods of these names instead (`agentd.mind.execution.selection_functions`). ``keeper`` notes
+    what changes, so that the mind can be kept and restored (`agentd.mind.persistence.change_tracking`).
     """
 
     def __init__(
@@ -158,7 +158,7 @@ class Mind:
         )
         """What a cycle looks at, together: these are never replaced."""
         self.steps_left = MOST_STEPS
-        """Steps of work that the formula being computed has left (`agentd.mind.work`)."""
+        """Steps of work that the formula being computed has left (`agentd.mind.beliefs.work_limit`)."""
         self.changes = 0
         """How often beliefs have changed: formulas that are waited for are asked again when it has grown."""
         self.changes_seen = 0
@@ -186,7 +186,8 @@ class Mind:
         self.failed_handlers: dict[int, int] = {}
         """How often the failure plan of an intention has failed itself and was tried again, by the intention's id."""
         self.asleep: bool | None = False
-        """Whether there was nothing left to do (`agentd.mind.sleeping`); None: who feeds this mind says so."""
+        """Whether there was nothing left to do (`agentd.mind.execution.sleep_events`); None: who feeds this mind says
+        so."""
         self.most_frames: float = MOST_FRAMES
         self.verbose = 1
         """What ``.verbose`` set: 0 prints without the agent's name, 2 shows debugging."""
@@ -298,7 +299,7 @@ class Mind:
         return not self.ready and self.wake_at is None and not self.waiting
 
     def query(self, formula: Any) -> bool:
-        """Whether a parsed formula (`agentd.language.parser.parse_formula`) follows from the beliefs.
+        """Whether a parsed formula (`agentd.language.parser.parser.parse_formula`) follows from the beliefs.
 
         It leaves no trace in the mind, whatever rules it uses: who looks on changes nothing.
         """
@@ -397,7 +398,7 @@ class Mind:
         return [*self.events, *held]
 
     def await_something(self, intention: Intention, reason: str, token: Any = None) -> None:
-        """Take an intention out of the round until `agentd.mind.waiting.resume_waiting`.
+        """Take an intention out of the round until `agentd.mind.execution.waiting.resume_waiting`.
 
         ``token`` is what a drop must take back.
         """

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language import syntax
-from agentd.language.instantiate import instantiate
-from agentd.language.terms import Code, Literal, Open, Var, atom, deref, make_list
-from agentd.mind.annotations import with_source
-from agentd.mind.beliefs import Predicate, RuleClause
-from agentd.mind.changes import believe, raise_event
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.percepts import forget
-from agentd.mind.resolving import Copier, detach, resolve_all, resolve_annots
-from agentd.mind.rules import add_rule
-from agentd.mind.unifier import Trail, undo, unify
-from agentd.stdlib.registry import internal_action
+from agentd.language.syntax_tree import nodes
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.terms import Code, Literal, Open, Var, atom, deref, make_list
+from agentd.mind.beliefs.annotations import with_source
+from agentd.mind.beliefs.belief_base import Predicate, RuleClause
+from agentd.mind.beliefs.rules import add_rule
+from agentd.mind.beliefs.term_copy import Copier, detach, resolve_all, resolve_annots
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.registry import internal_action
+from agentd.mind.execution.belief_updates import believe, raise_event
+from agentd.mind.execution.percept_update import forget
 
 
 @internal_action(".abolish", 1)
@@ -50,7 +50,7 @@ def _abolish(mind: Any, trail: Trail, pattern: Any, predicate: Predicate) -> Non
 
 def _assert(mind: Any, term: Any, last: bool) -> bool:
     term = deref(term)
-    if type(term) is Code and isinstance(term.syntax, syntax.Rule):
+    if type(term) is Code and isinstance(term.syntax, nodes.Rule):
         add_rule(mind, term.syntax, dict(term.values), last=last)
         return True
     if type(term) is not Literal:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.order import compare, distinct, is_in, ordered, place_in
-from agentd.language.terms import Collection, Var, atom, deref, make_list, proper
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.resolving import resolve
-from agentd.mind.unifier import Trail, undo, unify
-from agentd.stdlib.registry import internal_action
+from agentd.language.terms.order import compare, distinct, is_in, ordered, place_in
+from agentd.language.terms.terms import Collection, Var, atom, deref, make_list, proper
+from agentd.mind.beliefs.term_copy import resolve
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.registry import internal_action
 
 
 def _held(term: Any, kinds: tuple[str, ...], trail: Trail) -> Any:

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.signatures import signature
-from agentd.language.terms import Literal, Var, atom, deref
-from agentd.mind import dropping
-from agentd.mind.dropping import drop
-from agentd.mind.failed import wrong_arguments
-from agentd.mind.frames import PLAN
-from agentd.mind.goal_states import dropped, of_goals
-from agentd.mind.intention_terms import reason_of, stack_of, state_of
-from agentd.mind.intentions import Event, Intention
-from agentd.mind.taken import intention_in_hand
-from agentd.mind.unifier import Trail, undo, unify
-from agentd.mind.waiting import resume_waiting
-from agentd.stdlib.registry import internal_action
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.terms import Literal, Var, atom, deref
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.formula_failure import wrong_arguments
+from agentd.mind.data.frames import PLAN
+from agentd.mind.data.intention import Event, Intention
+from agentd.mind.data.registry import internal_action
+from agentd.mind.execution import dropping
+from agentd.mind.execution.dropping import drop
+from agentd.mind.execution.goal_states import dropped, of_goals
+from agentd.mind.execution.intention_terms import reason_of, stack_of, state_of
+from agentd.mind.execution.waiting import resume_waiting
+from agentd.mind.plans.current_event import intention_in_hand
 
 _INTENTION = signature("intention", 2)
 _SUSPENDED = atom("suspend_ia")

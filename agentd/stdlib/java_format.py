@@ -10,10 +10,10 @@ import re
 from decimal import ROUND_HALF_UP, Decimal, localcontext
 from typing import Any, Final, NamedTuple
 
-from agentd.language.numbers import double_text, number_text
-from agentd.language.term_text import text
-from agentd.language.terms import List, deref, split
-from agentd.mind.failed import Failed
+from agentd.language.terms.format import text
+from agentd.language.terms.numbers import double_text, number_text
+from agentd.language.terms.terms import List, deref, split
+from agentd.mind.data.formula_failure import Failed
 
 _PLACE: Final = re.compile(r"%(?:(\d+)\$|(<))?([-#+ 0,(]*)(\d*)(?:\.(\d+))?([a-zA-Z%])|%")
 _MOST: Final = 10_000

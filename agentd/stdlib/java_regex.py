@@ -10,7 +10,7 @@ import re
 from functools import lru_cache
 from typing import Any, Final
 
-from agentd.mind.failed import Failed
+from agentd.mind.data.formula_failure import Failed
 
 _NAMED_GROUP: Final = re.compile(r"\(\?<(?![=!])")
 _POSIX: Final = {

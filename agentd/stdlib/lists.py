@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.numbers import java_int
-from agentd.language.order import distinct, is_in, ordered
-from agentd.language.term_text import text
-from agentd.language.terms import (
+from agentd.language.terms.format import text
+from agentd.language.terms.numbers import java_int
+from agentd.language.terms.order import distinct, is_in, ordered
+from agentd.language.terms.terms import (
     Collection,
     List,
     Var,
@@ -17,12 +17,12 @@ from agentd.language.terms import (
     proper,
     spans,
 )
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.resolving import resolve
-from agentd.mind.unifier import Trail, undo, unify
-from agentd.mind.work import work
+from agentd.mind.beliefs.term_copy import resolve
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.beliefs.work_limit import work
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.registry import internal_action
 from agentd.stdlib.java_regex import replace_all
-from agentd.stdlib.registry import internal_action
 
 _COUNTED = 1024
 """So many numbers of a `.range` are counted together."""

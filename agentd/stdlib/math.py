@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from agentd.language.numbers import java_round
-from agentd.language.terms import deref, proper
-from agentd.stdlib.registry import function
+from agentd.language.terms.numbers import java_round
+from agentd.language.terms.terms import deref, proper
+from agentd.mind.data.registry import function
 
 _NAN = math.nan
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms import EMPTY, List, Literal, Var, atom, deref, make_list, proper
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.questions import Question, wrong_answer
-from agentd.mind.resolving import detached
-from agentd.mind.sending import send
-from agentd.mind.unifier import Trail, unify
-from agentd.mind.waiting import milliseconds
-from agentd.stdlib.registry import internal_action
+from agentd.language.terms.terms import EMPTY, List, Literal, Var, atom, deref, make_list, proper
+from agentd.mind.beliefs.term_copy import detached
+from agentd.mind.beliefs.unification import Trail, unify
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.registry import internal_action
+from agentd.mind.execution.open_questions import Question, wrong_answer
+from agentd.mind.execution.send_message import send
+from agentd.mind.execution.waiting import milliseconds
 
 _ASKS = ("askOne", "askAll", "askHow", "askIf")
 

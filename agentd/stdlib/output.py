@@ -5,17 +5,17 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from agentd.language.numbers import java_int
-from agentd.language.term_text import code_text, printed, text
-from agentd.language.terms import Code, Literal, Var, deref
-from agentd.mind.beliefs import RuleClause
-from agentd.mind.effects import Log, Print
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.intentions import values_of
-from agentd.mind.plan_terms import plans_for, read_trigger, shown_term
-from agentd.mind.resolving import resolve
-from agentd.mind.unifier import Trail, unify
-from agentd.stdlib.registry import internal_action
+from agentd.language.terms.format import code_text, printed, text
+from agentd.language.terms.numbers import java_int
+from agentd.language.terms.terms import Code, Literal, Var, deref
+from agentd.mind.beliefs.belief_base import RuleClause
+from agentd.mind.beliefs.term_copy import resolve
+from agentd.mind.beliefs.unification import Trail, unify
+from agentd.mind.data.effects import Log, Print
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.intention import values_of
+from agentd.mind.data.registry import internal_action
+from agentd.mind.plans.plan_terms import plans_for, read_trigger, shown_term
 
 
 def _line(mind: Any, shown: str) -> Print:

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language import syntax
-from agentd.language.sources import SELF
-from agentd.language.terms import Code, Literal, Var, atom, deref, make_list
-from agentd.mind.annotations import with_source
-from agentd.mind.code_terms import parts_of, trigger_literal
-from agentd.mind.failed import Failed
-from agentd.mind.plan_terms import (
+from agentd.language.syntax_tree import nodes
+from agentd.language.terms.source_annotations import SELF
+from agentd.language.terms.terms import Code, Literal, Var, atom, deref, make_list
+from agentd.mind.beliefs.annotations import with_source
+from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.code_terms import parts_of, trigger_literal
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.registry import internal_action
+from agentd.mind.execution.waiting import hear
+from agentd.mind.plans.plan_terms import (
     add_plans,
     is_label,
     label_of,
@@ -21,10 +25,6 @@ from agentd.mind.plan_terms import (
     remove_plans,
     term_of,
 )
-from agentd.mind.resolving import detach, resolve, resolve_all
-from agentd.mind.unifier import Trail, undo, unify
-from agentd.mind.waiting import hear
-from agentd.stdlib.registry import internal_action
 
 _MYSELF, _BEGIN = SELF[0].args[0], atom("begin")
 
@@ -64,7 +64,7 @@ def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[
     """``.relevant_plan({trigger}, P)``: each plan for an event; of a given plan, its trigger."""
     mark = len(trail)
     given = deref(plan)
-    if type(deref(trigger)) is Var and type(given) is Code and isinstance(given.syntax, syntax.Plan):
+    if type(deref(trigger)) is Var and type(given) is Code and isinstance(given.syntax, nodes.Plan):
         if unify(trigger, Code(given.syntax.trigger, given.values, bare=True), trail):
             yield None
         undo(trail, mark)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.order import distinct, ordered
-from agentd.language.terms import EMPTY, FALSE, TRUE, Expression, Literal, deref, make_list
-from agentd.mind.failed import wrong_arguments
-from agentd.mind.resolving import resolve
-from agentd.mind.solve import solve
-from agentd.mind.unifier import Trail, undo, unify
-from agentd.stdlib.registry import internal_action
+from agentd.language.terms.order import distinct, ordered
+from agentd.language.terms.terms import EMPTY, FALSE, TRUE, Expression, Literal, deref, make_list
+from agentd.mind.beliefs.dynamic_formulas import solve
+from agentd.mind.beliefs.term_copy import resolve
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.formula_failure import wrong_arguments
+from agentd.mind.data.registry import internal_action
 
 
 def _query(term: Any) -> Any:

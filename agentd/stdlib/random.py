@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from random import Random
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from agentd.language.numbers import java_int
-from agentd.language.terms import List, Var, deref, make_list
-from agentd.mind.failed import wrong_arguments
-from agentd.mind.unifier import Trail, undo, unify
+from agentd.language.terms.numbers import java_int
+from agentd.language.terms.terms import List, Var, deref, make_list
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.formula_failure import wrong_arguments
+from agentd.mind.data.registry import internal_action
 from agentd.stdlib.lists import members_of
-from agentd.stdlib.registry import internal_action
 
 if TYPE_CHECKING:
     from _typeshed import SupportsLenAndGetItem

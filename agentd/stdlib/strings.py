@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.errors import SyntaxErrors
-from agentd.language.instantiate import instantiate
-from agentd.language.numbers import java_int
-from agentd.language.parser import parse_term
-from agentd.language.term_text import text
-from agentd.language.terms import EMPTY, Collection, List, Literal, Var, atom, deref, make_list, proper, split
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.resolving import resolve
-from agentd.mind.unifier import Trail, undo, unify
+from agentd.language.parser.parser import parse_term
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.terms.format import text
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.numbers import java_int
+from agentd.language.terms.terms import EMPTY, Collection, List, Literal, Var, atom, deref, make_list, proper, split
+from agentd.mind.beliefs.term_copy import resolve
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.registry import function, internal_action
 from agentd.stdlib.java_regex import replace_all
-from agentd.stdlib.registry import function, internal_action
 
 MOST_CHARACTERS = 16_000_000
 """Characters of one text that ``.concat`` makes; a message may have a million bytes."""

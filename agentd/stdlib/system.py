@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.sources import is_source
-from agentd.language.terms import Literal, atom, deref
-from agentd.mind.effects import AskPercepts, StopTeam
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.resolving import resolve_all
-from agentd.mind.unifier import Trail, unify
-from agentd.stdlib.registry import internal_action
+from agentd.language.terms.source_annotations import is_source
+from agentd.language.terms.terms import Literal, atom, deref
+from agentd.mind.beliefs.term_copy import resolve_all
+from agentd.mind.beliefs.unification import Trail, unify
+from agentd.mind.data.effects import AskPercepts, StopTeam
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.registry import internal_action
 
 
 @internal_action(".my_name", 1)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from agentd.language.signatures import DEFAULT
-from agentd.language.term_text import text
-from agentd.language.terms import List, Literal, Var, atom, deref, proper
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.loading import include_program
-from agentd.mind.program_text import program_text
-from agentd.mind.team import request
-from agentd.mind.unifier import Trail, unify
+from agentd.language.syntax_tree.signatures import DEFAULT
+from agentd.language.terms.format import text
+from agentd.language.terms.terms import List, Literal, Var, atom, deref, proper
+from agentd.mind.beliefs.unification import Trail, unify
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.registry import internal_action
+from agentd.mind.execution.program_loading import include_program
+from agentd.mind.execution.team_requests import request
+from agentd.mind.plans.program_text import program_text
 from agentd.stdlib.messages import name_of
-from agentd.stdlib.registry import internal_action
 from agentd.stdlib.strings import plain_text
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language import syntax
-from agentd.language.order import sorted_annots
-from agentd.language.sources import is_source, source
-from agentd.language.terms import (
+from agentd.language.syntax_tree import nodes
+from agentd.language.terms.order import sorted_annots
+from agentd.language.terms.source_annotations import is_source, source
+from agentd.language.terms.terms import (
     ARITHMETIC,
     EMPTY,
     Code,
@@ -22,10 +22,10 @@ from agentd.language.terms import (
     make_list,
     proper,
 )
-from agentd.mind.failed import Failed
-from agentd.mind.resolving import Copier, is_ground, resolve
-from agentd.mind.unifier import Trail, undo, unify, value
-from agentd.stdlib.registry import ACTIONS, internal_action
+from agentd.mind.beliefs.term_copy import Copier, is_ground, resolve
+from agentd.mind.beliefs.unification import Trail, undo, unify, value
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.registry import ACTIONS, internal_action
 
 
 def _is_atom(term: Any) -> bool:
@@ -137,8 +137,8 @@ def _kinds(mind: Any, term: Any) -> list[str]:
         "set": type(term) is Collection and term.kind == "set",
         "map": type(term) is Collection and term.kind == "map",
         "structure": _is_structure(mind, term),
-        "rule": type(term) is Code and isinstance(term.syntax, syntax.Rule),
-        "plan": type(term) is Code and isinstance(term.syntax, syntax.Plan),
+        "rule": type(term) is Code and isinstance(term.syntax, nodes.Rule),
+        "plan": type(term) is Code and isinstance(term.syntax, nodes.Plan),
         "queue": type(term) is Collection and term.kind in ("queue", "priority"),
         "ground": is_ground(term),
         "free": type(term) is Var,

@@ -6,16 +6,16 @@ import re
 from datetime import UTC, datetime
 from typing import Any
 
-from agentd.language import syntax
-from agentd.language.terms import Code, Expression, Literal, deref
-from agentd.mind.code_terms import trigger_literal
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.plan_terms import read_trigger
-from agentd.mind.resolving import detach, resolve_all
-from agentd.mind.solve import solve
-from agentd.mind.unifier import Trail, unify
-from agentd.mind.waiting import hear, milliseconds, wait_event, wait_time, wait_until
-from agentd.stdlib.registry import function, internal_action
+from agentd.language.syntax_tree import nodes
+from agentd.language.terms.terms import Code, Expression, Literal, deref
+from agentd.mind.beliefs.dynamic_formulas import solve
+from agentd.mind.beliefs.term_copy import detach, resolve_all
+from agentd.mind.beliefs.unification import Trail, unify
+from agentd.mind.data.code_terms import trigger_literal
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.registry import function, internal_action
+from agentd.mind.execution.waiting import hear, milliseconds, wait_event, wait_time, wait_until
+from agentd.mind.plans.plan_terms import read_trigger
 
 
 @internal_action(".wait", (1, 3), suspends=True)
@@ -43,7 +43,7 @@ def wait(mind: Any, trail: Trail, what: Any, limit: Any = None, elapsed: Any = N
 
 
 def _as_trigger(code: Code) -> Code:
-    if isinstance(code.syntax, syntax.Trigger):
+    if isinstance(code.syntax, nodes.Trigger):
         return code
     return wrong_arguments(".wait takes an event in braces, such as { +b(X) }")
 

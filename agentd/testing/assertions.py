@@ -8,20 +8,20 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from agentd.language import syntax
-from agentd.language.instantiate import instantiate
-from agentd.language.term_text import text
-from agentd.language.terms import Collection, Literal, deref, elements, proper
-from agentd.mind.failed import Failed, wrong_arguments
-from agentd.mind.frames import ARGS, PLAN, RELEVANT
-from agentd.mind.intention_terms import calling_step
-from agentd.mind.intentions import Intention, values_of
-from agentd.mind.relations import same
-from agentd.mind.resolving import resolve, resolve_all
-from agentd.mind.solve import solve
-from agentd.mind.unifier import Trail, undo, unify
-from agentd.stdlib.registry import internal_action
-from agentd.testing.outcomes import Asserted, TestEnded
+from agentd.language.syntax_tree import nodes
+from agentd.language.terms.format import text
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.terms import Collection, Literal, deref, elements, proper
+from agentd.mind.beliefs.dynamic_formulas import solve
+from agentd.mind.beliefs.relations import same
+from agentd.mind.beliefs.term_copy import resolve, resolve_all
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.frames import ARGS, PLAN, RELEVANT
+from agentd.mind.data.intention import Intention, values_of
+from agentd.mind.data.registry import internal_action
+from agentd.mind.execution.intention_terms import calling_step
+from agentd.testing.results import Asserted, TestEnded
 
 FAILED = "assertion_failed"
 """What ``error(E)`` shows of an assertion that does not hold."""
@@ -43,7 +43,7 @@ def _asserted(intention: Intention, message: str) -> Asserted:
     step = calling_step(stack[-2], own) if len(stack) > 1 else None
     if step is None:
         return Asserted(message, f"!{text(Literal(own[RELEVANT].sig, resolve_all(own[ARGS])))}", "", 0, goals)
-    assert isinstance(step.syntax, syntax.Step)
+    assert isinstance(step.syntax, nodes.Step)
     formula = text(resolve(instantiate(step.syntax.term, dict(values_of(stack[-2])))))
     position = step.syntax.position
     return Asserted(message, f"{step.syntax.operator.value}{formula}", position.file, position.line, goals)

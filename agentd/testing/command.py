@@ -8,14 +8,14 @@ from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
 
-from agentd.ending import Terminated, seconds
-from agentd.paths import read_folders
-from agentd.run import DEEPEST_CALLS, add_environment_arguments, add_path_argument, make_environment
-from agentd.testing.cases import Case, TestPaths, find_cases
-from agentd.testing.outcomes import Outcome, Unread, Verdict
+from agentd.exit_handling import Terminated, seconds
+from agentd.extensions.user_code import UserCodeError
+from agentd.runtime.program_paths import read_folders
+from agentd.standalone.command import DEEPEST_CALLS, add_environment_arguments, add_path_argument, make_environment
+from agentd.testing.discovery import Case, TestPaths, find_cases
 from agentd.testing.report import details_of, junit, line_of, summary
+from agentd.testing.results import Outcome, Unread, Verdict
 from agentd.testing.runner import Settings, run_case
-from agentd.user_code import UserCodeError
 
 DESCRIPTION = """Run the plans marked as tests, @name[test] +!goal <- ..., each in a fresh agent and on virtual time.
 They say what they expect by !assert_equals(Expected, Actual[, Tolerance]), !assert_true(Formula),

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-from agentd.testing.outcomes import Outcome, Unread, Verdict
+from agentd.testing.results import Outcome, Unread, Verdict
 from schemas.humanize import count
 
 MOST_OUTPUT = 30

@@ -14,18 +14,18 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from agentd.clocks import VirtualClock
-from agentd.language.signatures import signature
-from agentd.language.source import read_source
-from agentd.language.terms import Literal
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.syntax_tree.source import read_source
+from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
-from agentd.mind.decision_views import DecisionView
-from agentd.mind.effects import Log, Print, StopTeam
-from agentd.mind.inputs import GoalAdded
-from agentd.standalone import Team
+from agentd.mind.data.effects import Log, Print, StopTeam
+from agentd.mind.data.inputs import GoalAdded
+from agentd.mind.introspection.decision_views import DecisionView
+from agentd.standalone.clocks import VirtualClock
+from agentd.standalone.standalone_team import Team
 from agentd.testing.assertions import FAILED
-from agentd.testing.cases import LIBRARY, Case, TestPaths
-from agentd.testing.outcomes import Asserted, Outcome, TestEnded, Verdict
+from agentd.testing.discovery import LIBRARY, Case, TestPaths
+from agentd.testing.results import Asserted, Outcome, TestEnded, Verdict
 
 if TYPE_CHECKING:
     from agentd.environment import Environment

@@ -8,22 +8,22 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from contextlib import aclosing, contextmanager, suppress
 
-from argosy.arguments import duration, name
-from argosy.fleet_bus import FleetBus
-from argosy.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus
-from argosy.tools.calls import called, read_action, unknown
-from argosy.tools.following import Lost, cancel, follow
+from argosy.cli.arguments import duration, name
+from argosy.cli.fleet_bus import FleetBus
+from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus
+from argosy.tools.action_follower import Lost, cancel, follow
+from argosy.tools.action_text import called, read_action, unknown
 from argosy.tools.output import complain, put_out
-from commd.bus import Bus
-from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas import keys
-from schemas.manifest import ActionDescription
-from schemas.mission import Agent, Client
-from schemas.positions import did_you_mean
-from schemas.records import Action, ActionStatus
-from schemas.terminal import printable
-from schemas.terms import Term
-from schemas.text import BadTerm
+from commd.bus.bus import Bus
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.terminal import printable
+from schemas.files.yaml_positions import did_you_mean
+from schemas.manifest.loader import ActionDescription
+from schemas.mission.model import Agent, Client
+from schemas.wire import keys
+from schemas.wire.records import Action, ActionStatus
+from schemas.wire.term_text import BadTerm
+from schemas.wire.terms import Term
 
 LOOK = 3.0
 """Wall seconds that a bridge has to say which actions there are."""

@@ -11,9 +11,9 @@ from typing import Any
 
 import msgspec
 
-from argosy.arguments import count
-from argosy.operator_bus import Where, add_fleet_arguments, on_the_bus
-from argosy.tools.hearing import (
+from argosy.cli.arguments import count
+from argosy.cli.operator_bus import Where, add_fleet_arguments, on_the_bus
+from argosy.tools.bus_tap import (
     QUIET,
     ROOM,
     Ears,
@@ -23,13 +23,13 @@ from argosy.tools.hearing import (
     tell_unreached,
     tell_who_is_there,
 )
+from argosy.tools.decoding import plain
 from argosy.tools.output import note, put_out
-from argosy.tools.reading import plain
-from argosy.tools.rendering import line_of
-from commd.bus import Bus
-from commd.process import EXIT_DONE
-from schemas.codec import BadRecord
+from argosy.tools.record_text import line_of
+from commd.bus.bus import Bus
+from commd.process.process import EXIT_DONE
 from schemas.humanize import escaped, shortened
+from schemas.wire.codec import BadRecord
 
 
 def add_arguments(parser: ArgumentParser) -> None:

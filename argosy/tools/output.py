@@ -6,8 +6,8 @@ import os
 import sys
 from contextlib import suppress
 
-from argosy.operator_bus import Unanswered
-from schemas.terminal import printable
+from argosy.cli.operator_bus import Unanswered
+from schemas.files.terminal import printable
 
 
 def put_out(text: str) -> bool:

@@ -19,15 +19,15 @@ import zenoh
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
-from argosy.operator_bus import add_fleet_arguments, where
-from argosy.ui.doors import Doors, is_loopback
-from argosy.ui.following import Following
+from argosy.cli.operator_bus import add_fleet_arguments, where
+from argosy.ui.auth import Doors, is_loopback
+from argosy.ui.fleet_session import Following
 from argosy.ui.server import application
-from commd.logs import one_line
-from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from commd.tls import identity_of
-from schemas.findings import Findings
-from schemas.mission import load_mission
+from commd.bus.tls import identity_of
+from commd.process.log_handler import one_line
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import Findings
+from schemas.mission.model import load_mission
 
 PORT = 8080
 LISTEN = "127.0.0.1"

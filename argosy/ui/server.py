@@ -9,12 +9,12 @@ from typing import TypeVar
 import msgspec
 from aiohttp import web
 
-from argosy.ui.doors import Doors
-from argosy.ui.explaining import FleetWish, WhyWish
-from argosy.ui.feed import Page
-from argosy.ui.following import Following
-from argosy.ui.orders import ControlWish, StopWish
-from argosy.ui.views import encoded
+from argosy.ui.auth import Doors
+from argosy.ui.control_requests import ControlWish, StopWish
+from argosy.ui.fleet_session import Following
+from argosy.ui.view_structs import encoded
+from argosy.ui.websocket import Page
+from argosy.ui.why_requests import FleetWish, WhyWish
 
 STATIC = Path(__file__).with_name("static")
 REQUEST = 16_384

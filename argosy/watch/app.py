@@ -8,12 +8,12 @@ from typing import ClassVar
 from textual.app import App
 from textual.binding import Binding, BindingType
 
-from argosy.team import TeamModel, still
+from argosy.fleet_model import TeamModel, still
+from argosy.watch.fleet_link import Link
 from argosy.watch.glyphs import UNICODE, Glyphs
-from argosy.watch.link import Link
 from argosy.watch.page import Page
 from argosy.watch.pages import Help, Overview
-from argosy.watch.rows import said
+from argosy.watch.row_text import said
 
 PERIOD = 0.5
 """Wall seconds between two drawings."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from rich.text import Text
 
-from argosy.team import TeamModel
-from argosy.watch.link import Link
-from argosy.watch.rows import BAD, GOOD, WARN, joined, said
-from argosy.watch.words import clock
+from argosy.fleet_model import TeamModel
+from argosy.watch.fleet_link import Link
+from argosy.watch.row_text import BAD, GOOD, WARN, joined, said
+from argosy.watch.text_helpers import clock
 from schemas.humanize import count, span
 
 HINT_AFTER = 10.0

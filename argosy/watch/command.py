@@ -9,11 +9,11 @@ import signal
 import sys
 from argparse import ArgumentParser, Namespace
 
-from argosy.operator_bus import Where, add_fleet_arguments, where
+from argosy.cli.operator_bus import Where, add_fleet_arguments, where
 from argosy.watch.glyphs import glyphs_of
-from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.findings import Findings
-from schemas.mission import Mission, load_mission
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import Findings
+from schemas.mission.model import Mission, load_mission
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -42,7 +42,7 @@ def run(args: Namespace) -> int:
 
 async def _show(place: Where, mission: Mission | None, words: str) -> int:
     from argosy.watch.app import WatchApp
-    from argosy.watch.link import Link
+    from argosy.watch.fleet_link import Link
 
     link = Link(place, mission)
     app = WatchApp(link, glyphs=glyphs_of(os.environ, sys.stdout.encoding or ""), filter=words)

@@ -13,10 +13,10 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from argosy.team import TeamModel
+from argosy.fleet_model import TeamModel
 from argosy.watch.banner import banner
-from argosy.watch.lines import Lines
-from argosy.watch.rows import BAD, joined, safe, said
+from argosy.watch.row_text import BAD, joined, safe, said
+from argosy.watch.scroll_pane import Lines
 
 if TYPE_CHECKING:
     from argosy.watch.app import WatchApp

@@ -10,15 +10,15 @@ from textual import events
 from textual.binding import Binding, BindingType
 from textual.widget import Widget
 
-from argosy.team import TeamModel
-from argosy.watch import mind
+from argosy.fleet_model import TeamModel
+from argosy.watch import mind_page
 from argosy.watch.banner import title
 from argosy.watch.glyphs import Glyphs
-from argosy.watch.happenings import Happenings
-from argosy.watch.lines import Choice, Lines
-from argosy.watch.overview import overview
+from argosy.watch.overview_page import overview
 from argosy.watch.page import Page, Pane
-from argosy.watch.rows import Row, head
+from argosy.watch.row_text import Row, head
+from argosy.watch.scroll_pane import Choice, Lines
+from argosy.watch.timeline_rows import Happenings
 
 WIDE, HIGH = 120, 30
 """Columns and lines of a terminal from which on all panes of an agent are seen at once."""
@@ -155,7 +155,7 @@ class AgentPage(Page):
     def top(self, model: TeamModel) -> Text:
         """Return who it is and how it is."""
         agent = model.agents.get(self.agent)
-        return Text(f"{self.agent} is forgotten") if agent is None else mind.title(model, agent)
+        return Text(f"{self.agent} is forgotten") if agent is None else mind_page.title(model, agent)
 
     def draw(self, model: TeamModel) -> None:
         """Show the mind."""
@@ -163,11 +163,11 @@ class AgentPage(Page):
         if agent is None:
             return
         if self._seen("mind"):
-            self._mind.show_rows(mind.mind(model, agent, self.watch_app.glyphs))
+            self._mind.show_rows(mind_page.mind(model, agent, self.watch_app.glyphs))
         if self._seen("beliefs"):
-            self._beliefs.show_rows(mind.beliefs(agent, model.now()))
+            self._beliefs.show_rows(mind_page.beliefs(agent, model.now()))
         if self._seen("decisions"):
-            self._decisions.show_rows(mind.decisions(agent, self._opened, model.now()))
+            self._decisions.show_rows(mind_page.decisions(agent, self._opened, model.now()))
         if self._seen("happened"):
             self._events.show_rows(self._happenings.update(model))
 

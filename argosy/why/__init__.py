@@ -1,7 +1,7 @@
 """Why an agent did, or did not do, something: `explain` asks a running fleet, `tell` explains a view of a mind."""
 
-from argosy.why.explaining import explain, tell
-from argosy.why.mails import MailFacts
-from argosy.why.story import Explanation, Line, Paragraph, plain
+from argosy.why.answer import Explanation, Line, Paragraph, plain
+from argosy.why.explain import explain, tell
+from argosy.why.unanswered_questions import MailFacts
 
 __all__ = ["Explanation", "Line", "MailFacts", "Paragraph", "explain", "plain", "tell"]

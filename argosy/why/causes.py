@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from argosy.why.memory import Cause, Memory
-from argosy.why.story import Line
-from argosy.why.words import ANSWERING, event_words, failure_words, first_up, plan_words, raiser_words, shown
+from argosy.why.answer import Line
+from argosy.why.decision_history import Cause, Memory
+from argosy.why.wording import ANSWERING, event_words, failure_words, first_up, plan_words, raiser_words, shown
 from schemas.humanize import count
-from schemas.minds import DecisionView
+from schemas.wire.mind_records import DecisionView
 
 MOST_LINKS = 8
 """So many steps back are told; of further ones the number."""

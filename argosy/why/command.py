@@ -9,15 +9,15 @@ from pathlib import Path
 
 import msgspec
 
-from argosy.arguments import count, name
-from argosy.operator_bus import Unanswered, Where, add_fleet_arguments, on_the_bus
+from argosy.cli.arguments import count, name
+from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, on_the_bus
 from argosy.tools.output import complain, note, put_out
-from argosy.why.explaining import LAST, explain, tell
-from argosy.why.story import Explanation, plain
-from argosy.why.subject import subject_of
-from commd.bus import Bus
-from commd.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.findings import Findings
+from argosy.why.answer import Explanation, plain
+from argosy.why.explain import LAST, explain, tell
+from argosy.why.question import subject_of
+from commd.bus.bus import Bus
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import Findings
 from schemas.humanize import escaped
 
 
@@ -61,8 +61,8 @@ def run(args: Namespace) -> int:
 
 
 def _of_recording(args: Namespace) -> int:
-    from argosy.recording.reader import BadRecording  # a running fleet needs no mcap
-    from argosy.why.recorded import NotRecorded, recorded_view
+    from argosy.recording.file.reader import BadRecording  # a running fleet needs no mcap
+    from argosy.why.from_recording import NotRecorded, recorded_view
 
     try:
         view, notes = recorded_view(args.recording, args.agent, args.at)

@@ -27,7 +27,7 @@ def _items(figures: Figures) -> list[str]:
         "1. **A record of a crowd, at its sender.** What Zenoh does for a put on a key that is not declared is a walk "
         f"through all that its session has declared: with what {fleet.now['agents']:,.0f} agents serve, "
         f"{fleet.then['put']:.0f} µs of processor time for a record, now **{fleet.now['put']:.0f} µs**. A session "
-        "declares each key that it uses a second time (`commd/known_keys.py`; ef5a668, 69763c6, bounded in 90e42bd).",
+        "declares each key that it uses a second time (`commd/bus/key_cache.py`; ef5a668, 69763c6, 90e42bd).",
         "2. **The same record, at the router.** Not mended: the router walks as well, heard or not: "
         f"{fleet.then['router']:.0f} µs of its processor time then, **{fleet.now['router']:.0f} µs** now. "
         "It is taken to be what ends the talk of a crowd ([scaling.md](scaling.md#many-agents-in-one-daemon)). "

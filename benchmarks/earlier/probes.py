@@ -22,9 +22,9 @@ from benchmarks.processes import BenchmarkFailed
 from benchmarks.routers.load import ROUTER
 from benchmarks.spread import percentile
 from benchmarks.watched import watched
-from commd.bus import open_bus
-from schemas import keys
-from schemas.records import Action, Health
+from commd.bus.bus import open_bus
+from schemas.wire import keys
+from schemas.wire.records import Action, Health
 from tests.support.ports import free_port
 
 FLEET: Final = "bench"

@@ -14,9 +14,9 @@ from importlib import import_module
 from typing import Any
 
 from benchmarks.imperative.plan import PROGRAMS
+from commd.bus.errors import AlreadyRunning
 from commd.client import NotJoined, join
-from commd.errors import AlreadyRunning
-from schemas.findings import Findings
+from schemas.files.findings import Findings
 
 PATIENCE = 60.0
 """Wall seconds without `commd` or router after which a program gives up."""

@@ -7,7 +7,7 @@ import asyncio
 from math import cos, hypot, radians
 
 from commd.client import Unanswered
-from schemas.terms import Structure
+from schemas.wire.terms import Structure
 
 METRES_PER_DEGREE = 111320
 

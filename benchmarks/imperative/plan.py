@@ -11,9 +11,9 @@ from typing import Any, Final
 
 import yaml
 
-from schemas import text
-from schemas.mission import Agent, Mission, load_mission
-from schemas.terms import Atom, Structure, Term
+from schemas.mission.model import Agent, Mission, load_mission
+from schemas.wire import term_text
+from schemas.wire.terms import Atom, Structure, Term
 
 PROGRAMS: Final = {
     "uav": ("single_uav", "mission done"),
@@ -74,7 +74,7 @@ def _program(name: str, agent: Agent, file: Path, router: str) -> Program:
 
 def _setting(belief: str) -> str:
     """Return a belief as a program takes it: `height(10)` is `height=10`."""
-    match text.read(belief):
+    match term_text.read(belief):
         case Structure(functor, (value,)):
             return f"{functor}={json.dumps(_plain(value))}"
         case Structure(functor, values):

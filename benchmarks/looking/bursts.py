@@ -20,11 +20,11 @@ from benchmarks.looking.onlookers import ANSWER_TIMEOUT, FLEET, NOBODY, TRACES, 
 from benchmarks.paired import Interval, interval
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched
-from commd.bus import Bus, open_bus
-from commd.errors import QueryFailed
-from schemas import keys
-from schemas.minds import MindView
-from schemas.records import Perception
+from commd.bus.bus import Bus, open_bus
+from commd.bus.errors import QueryFailed
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import Perception
 
 AGENT: Final = "busy"
 PROGRAM: Final = """\

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.processes import BenchmarkFailed
-from commd.bus import Bus, open_bus
-from commd.errors import QueryFailed
-from schemas import keys
-from schemas.minds import MindDecisions, MindDeeds, MindInputs, MindView
-from schemas.records import Health
+from commd.bus.bus import Bus, open_bus
+from commd.bus.errors import QueryFailed
+from schemas.wire import keys
+from schemas.wire.mind_records import MindDecisions, MindDeeds, MindInputs, MindView
+from schemas.wire.records import Health
 
 FLEET: Final = "looking"
 ANSWER_TIMEOUT: Final = 10.0

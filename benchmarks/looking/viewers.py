@@ -18,7 +18,7 @@ from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import Origin
 from benchmarks.terminal import in_a_terminal
-from commd.bus import open_bus
+from commd.bus.bus import open_bus
 from tests.support.ports import free_port
 from tests.support.processes import running
 

@@ -21,7 +21,7 @@ from benchmarks.held import pss
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import Origin
-from commd.bus import open_bus
+from commd.bus.bus import open_bus
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 

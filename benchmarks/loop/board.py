@@ -21,7 +21,7 @@ import zenoh
 
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched, watched
-from commd.session import session_config
+from commd.bus.session import session_config
 from tests.support.ports import free_port
 
 PATIENCE: Final = 20.0

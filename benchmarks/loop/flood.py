@@ -16,9 +16,9 @@ import zenoh
 
 from benchmarks.loop.board import Board, board
 from benchmarks.processes import BenchmarkFailed
-from schemas import keys
-from schemas.codec import BadRecord, codec
-from schemas.records import Health
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord, codec
+from schemas.wire.records import Health
 
 SECONDS: Final = 4.0
 """For which a rate is kept up."""

@@ -14,7 +14,7 @@ from benchmarks.loop import stages
 from benchmarks.loop.board import Board, board, payload
 from benchmarks.loop.raw import Raw, Sizes, raw
 from benchmarks.processes import BenchmarkFailed
-from schemas.records import Action, ActionStatus, Header, Perception
+from schemas.wire.records import Action, ActionStatus, Header, Perception
 
 PAUSE: Final = 0.008
 """Seconds between two exchanges: what one leaves to be done (an id synced to the disk) must not slow the next."""

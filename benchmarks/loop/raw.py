@@ -18,7 +18,7 @@ import zenoh
 
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import watched
-from commd.session import session_config
+from commd.bus.session import session_config
 
 PUT, BACK, ASK = "raw/put", "raw/back", "raw/ask"
 LONGEST: Final = 600.0

@@ -91,7 +91,7 @@ class _Session:
 
 
 def _stamp_session() -> None:
-    from commd import bus
+    from commd.bus import bus
 
     made = bus.Bus.__init__
 
@@ -102,10 +102,10 @@ def _stamp_session() -> None:
 
 
 def _stamp_the_bridge() -> None:
-    from bridged.body import Body
-    from bridged.desk import ActionDesk
-    from bridged.drivers.zenoh.sources import Sources
-    from commd.bus import Bus
+    from bridged.bridge.action_server import ActionDesk
+    from bridged.bridge.composite_driver import Body
+    from bridged.drivers.zenoh.subscriptions import Sources
+    from commd.bus.bus import Bus
 
     before(Sources, "_take", "ping taken", lambda _, name, sample: name == "ping")
     before(ActionDesk, "ask", "action taken", lambda _, agent, name, *more: name == "pong")
@@ -121,10 +121,10 @@ def _stamp_the_bridge() -> None:
 
 
 def _stamp_the_agent() -> None:
-    from agentd.host import Host
-    from agentd.keeping import Keeping
-    from agentd.mind.effects import PerformAction
-    from commd.perceiving import Perceiving
+    from agentd.mind.data.effects import PerformAction
+    from agentd.persistence.checkpointer import Keeping
+    from agentd.runtime.agent_host import Host
+    from commd.client.percept_sync import Perceiving
 
     def performs(name: str) -> Callable[[Any, Any], bool]:
         return lambda _, effect: isinstance(effect, PerformAction) and effect.name == name

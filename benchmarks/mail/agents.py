@@ -15,10 +15,10 @@ from typing import Final
 from benchmarks.mail.boards import FLEET, Boards, boards, member, until
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched, watched
-from commd.bus import Bus, open_bus
-from commd.errors import QueryFailed
-from schemas import keys
-from schemas.minds import MindView
+from commd.bus.bus import Bus, open_bus
+from commd.bus.errors import QueryFailed
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
 
 _TALKER: Final = """\
 {left}

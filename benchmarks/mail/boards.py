@@ -12,11 +12,11 @@ from typing import Final, Literal
 
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched, watched
-from commd.bus import Bus, Query, Token, boot_id, open_bus
-from schemas import keys
-from schemas.records import Header, Mail, Message, Receipt
-from schemas.terms import Term
-from schemas.text import read
+from commd.bus.bus import Bus, Query, Token, boot_id, open_bus
+from schemas.wire import keys
+from schemas.wire.records import Header, Mail, Message, Receipt
+from schemas.wire.term_text import read
+from schemas.wire.terms import Term
 from tests.support.ports import free_port
 
 FLEET: Final = "bench"

@@ -24,7 +24,7 @@ from benchmarks.processes import BenchmarkFailed, memory
 from benchmarks.serving import bare as bare_process
 from benchmarks.spread import Spread, spread
 from benchmarks.watched import watched
-from schemas.records import Message
+from schemas.wire.records import Message
 from tests.support.ports import free_port
 
 __all__ = ["Figures", "blocks", "goals", "measure", "pictures"]

@@ -10,11 +10,11 @@ from __future__ import annotations
 import sys
 import time
 
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_file
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_file
 from agentd.mind import Mind
-from agentd.mind.effects import PerformAction
-from agentd.mind.inputs import ActionDone, PerceptReplaced
+from agentd.mind.data.effects import PerformAction
+from agentd.mind.data.inputs import ActionDone, PerceptReplaced
 from agentd.values import literal
 
 _MANY = 100

@@ -19,11 +19,11 @@ from typing import Any, Final
 
 import msgspec
 
-from agentd import standalone
 from agentd.environment import Environment
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_file
-from agentd.run import DEEPEST_CALLS
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_file
+from agentd.standalone import standalone_team
+from agentd.standalone.command import DEEPEST_CALLS
 from benchmarks.processes import BenchmarkFailed, lines, started
 from benchmarks.reasoner.counter import Counter
 from benchmarks.reasoner.rows import ROWS, Row
@@ -41,7 +41,7 @@ class _Enough(Exception):
     pass
 
 
-class CountedTeam(standalone.Team):
+class CountedTeam(standalone_team.Team):
     """A team that counts what is executed in `COUNTED_TURNS` of its turns, then ends."""
 
     counts: Counts[CodeType]
@@ -78,7 +78,7 @@ def count(row: Row) -> CountedTeam:
     arguments: Sequence[str] = ("10", "1000000") if row.environment else ()
     programs = [(name, compile_program(parse_file(path), parse_file)) for name, path in row.paths()]
     if len(programs) == 1:
-        standalone.CYCLES_A_TURN = CYCLES_A_TURN  # an agent alone gives way only then
+        standalone_team.CYCLES_A_TURN = CYCLES_A_TURN  # an agent alone gives way only then
     team = CountedTeam(programs, out=lambda text: None, environment=environment, environment_arguments=arguments)
     try:
         team.run(None, True)

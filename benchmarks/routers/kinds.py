@@ -10,10 +10,10 @@ from typing import Final
 
 from benchmarks.mail.boards import until
 from benchmarks.routers.sites import BETWEEN_SITES, FLEET, Links, Site, probe
-from commd.bus import Bus, Query, open_bus
-from schemas import keys
-from schemas.records import Action, ActionStatus, Health, Perception, State
-from schemas.terms import Structure
+from commd.bus.bus import Bus, Query, open_bus
+from schemas.wire import keys
+from schemas.wire.records import Action, ActionStatus, Health, Perception, State
+from schemas.wire.terms import Structure
 
 TOGETHER: Final = 100
 """Messages of a batch."""

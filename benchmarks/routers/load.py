@@ -19,10 +19,10 @@ import zenoh
 
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched, watched
-from commd.session import session_config
-from schemas import keys
-from schemas.codec import codec
-from schemas.records import Header, Perception
+from commd.bus.session import session_config
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.records import Header, Perception
 from tests.support.ports import free_port
 
 FLEET: Final = "bench"
@@ -35,7 +35,7 @@ TICK: Final = 0.01
 SETTLE: Final = 1.5
 ROUTER: Final = """\
 import sys, time, zenoh
-from commd.session import session_config
+from commd.bus.session import session_config
 with zenoh.open(session_config("router", sys.argv[1], "router")):
     print("ready", flush=True)
     time.sleep(600)

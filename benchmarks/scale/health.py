@@ -12,10 +12,10 @@ from typing import Final
 
 import zenoh
 
-from commd.session import session_config
-from schemas import keys
-from schemas.codec import codec
-from schemas.records import Health
+from commd.bus.session import session_config
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.records import Health
 
 LATE: Final = 1.5
 """Seconds between two records of a daemon after which the second one is late: one is told each second."""

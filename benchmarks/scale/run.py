@@ -12,8 +12,8 @@ from typing import Final
 
 import msgspec
 
-from argosy.boards import places
-from argosy.processes import Setup, plan
+from argosy.processes.boards import places
+from argosy.processes.process_table import Setup, plan
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.scale import health as scale_health
 from benchmarks.scale import reading
@@ -22,7 +22,7 @@ from benchmarks.scale.found import Run
 from benchmarks.scale.mission import FLEET, Field, Vehicles, write_mission
 from benchmarks.scale.talkers import Told
 from benchmarks.watched import Watched, watched
-from schemas.mission import load_mission
+from schemas.mission.model import load_mission
 
 AT_ONCE: Final = 8
 """Simulators that start at the same time."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from argosy.processes import plan
+from argosy.processes.process_table import plan
 from benchmarks.flights import READY, SINGLE, Flight, setup_in, with_one_process
 from benchmarks.held import alone
 from benchmarks.parts import tell

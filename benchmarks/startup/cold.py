@@ -23,7 +23,7 @@ from benchmarks.results import ROOT
 CODE: Final = ("schemas", "commd", "bridged", "agentd", "argosy", "missions", "manifests")
 _MODULES: Final = """
 import json, sys
-import agentd.daemon, argosy.board, bridged.drivers.mavlink.kind
+import agentd.daemon, argosy.deploy.board_command, bridged.drivers.mavlink.registration
 found = {sys.executable}
 for module in list(sys.modules.values()):
     for name in ("__file__", "__cached__"):

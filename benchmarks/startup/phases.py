@@ -59,8 +59,8 @@ def main() -> int:
     import agentd.__main__ as command
 
     daemon: Any = import_module("agentd.daemon")
-    crew: Any = import_module("agentd.crew").Crew
-    roster: Any = import_module("agentd.roster").Roster
+    crew: Any = import_module("agentd.runtime.agent_group").Crew
+    roster: Any = import_module("agentd.runtime.agent_directory").Roster
 
     mark("imports")
     open_bus = daemon.open_bus

@@ -1,6 +1,6 @@
 """Drivers: how the bridge talks to robots.
 
-A driver is a module with the functions of `bridged.drivers.robot.DriverKind`. Ours stand in the table below; others are
+A driver is a module with the functions of `bridged.drivers.api.DriverKind`. Ours stand in the table below; others are
 found by the entry points of `argosy.drivers` (docs/drivers.md). Only those that a manifest names are imported.
 """
 
@@ -11,17 +11,17 @@ from functools import cache
 from importlib import import_module
 from typing import cast
 
-from bridged.arguments import order_problems
-from bridged.drivers.loading import load
-from bridged.drivers.robot import DriverKind, Order
-from schemas.findings import Finding
-from schemas.manifest import Manifest
-from schemas.mission import Robot
+from bridged.drivers.api import DriverKind, Order
+from bridged.drivers.argument_check import order_problems
+from bridged.drivers.registry import load
+from schemas.files.findings import Finding
+from schemas.manifest.loader import Manifest
+from schemas.mission.model import Robot
 
 OURS = {
-    "mavlink": "bridged.drivers.mavlink.kind",
-    "zenoh": "bridged.drivers.zenoh.kind",
-    "python": "bridged.drivers.python.kind",
+    "mavlink": "bridged.drivers.mavlink.registration",
+    "zenoh": "bridged.drivers.zenoh.registration",
+    "python": "bridged.drivers.python.registration",
 }
 GROUP = "argosy.drivers"
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from importlib import import_module
 
 VEHICLES = {
-    "copter": ("bridged.simulation.copter_command", "an ArduCopter on MAVLink"),
-    "turtle": ("bridged.simulation.turtle_command", "a turtle on Zenoh keys, as turtlesim's"),
+    "copter": ("bridged.simulation.copter.command", "an ArduCopter on MAVLink"),
+    "turtle": ("bridged.simulation.turtle.command", "a turtle on Zenoh keys, as turtlesim's"),
 }
 """What can be simulated: the module of its command, and what it is in words."""
 

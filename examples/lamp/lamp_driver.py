@@ -9,11 +9,11 @@ import asyncio
 from collections import deque
 from collections.abc import Iterable, Mapping
 
-from bridged.drivers.plain import PlainDriver
-from bridged.drivers.robot import Driver, Execution, Outcome, Setup, Value
-from schemas.findings import Finding
-from schemas.manifest import ActionEntry, Manifest
-from schemas.mission import Robot
+from bridged.drivers.api import Driver, Execution, Outcome, Setup, Value
+from bridged.drivers.simple import PlainDriver
+from schemas.files.findings import Finding
+from schemas.manifest.loader import ActionEntry, Manifest
+from schemas.mission.model import Robot
 
 PATIENCE, AGAIN = 5.0, 1.0
 """Seconds of silence after which the lamp is called again, and until then."""

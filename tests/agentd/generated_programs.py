@@ -10,8 +10,8 @@ from typing import TypeAlias, TypeVar
 
 from hypothesis import strategies as st
 
-from agentd.language.build_terms import NOT_IN_CONDITIONS
-from agentd.language.syntax import (
+from agentd.language.parser.build_terms import NOT_IN_CONDITIONS
+from agentd.language.syntax_tree.nodes import (
     And,
     Arithmetic,
     Belief,

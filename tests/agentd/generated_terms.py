@@ -6,10 +6,10 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from agentd.language.instantiate import instantiate
-from agentd.language.order import sorted_annots
-from agentd.language.signatures import DEFAULT, signature
-from agentd.language.terms import List, Literal, Var, elements, make_list
+from agentd.language.syntax_tree.signatures import DEFAULT, signature
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.order import sorted_annots
+from agentd.language.terms.terms import List, Literal, Var, elements, make_list
 from tests.agentd.generated_programs import terms as syntax_terms
 
 FEW_NAMES = ("a", "b", "c", "f", "g")

@@ -9,17 +9,17 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from agentd.checkpoint import Checkpoint, CheckpointError, Saving
-from agentd.host import Host, Part
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_program
-from agentd.memory import Memory, open_memory
-from agentd.mind.effects import TeamRequest
-from agentd.mind.inputs import Mail, TeamReply
-from agentd.roster import Roster
-from agentd.tracing.sources import Sources
-from commd.bus import Bus
-from commd.clock import Clock
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_program
+from agentd.mind.data.effects import TeamRequest
+from agentd.mind.data.inputs import Mail, TeamReply
+from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
+from agentd.persistence.restore import Memory, open_memory
+from agentd.runtime.agent_directory import Roster
+from agentd.runtime.agent_host import Host, Part
+from agentd.trace.program_sources import Sources
+from commd.bus.bus import Bus
+from commd.common.clock import Clock
 
 
 class Disk:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_program
-from agentd.language.printer import source_text
-from agentd.language.sources import SOURCE_PERCEPT, is_source
-from agentd.language.term_text import text
-from agentd.language.terms import Literal
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_program
+from agentd.language.syntax_tree.printer import source_text
+from agentd.language.terms.format import text
+from agentd.language.terms.source_annotations import SOURCE_PERCEPT, is_source
+from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
-from agentd.mind.beliefs import RuleClause
-from agentd.mind.keeping import Keeper
-from agentd.mind.kept_state import MindChanges, StoredMind
+from agentd.mind.beliefs.belief_base import RuleClause
+from agentd.mind.persistence.change_tracking import Keeper
+from agentd.mind.persistence.rows import MindChanges, StoredMind
 from tests.agentd.minds import World
 
 

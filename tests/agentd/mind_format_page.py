@@ -11,12 +11,12 @@ import tempfile
 from pathlib import Path
 from typing import Any, Final
 
-from agentd.language.parser import parse_formula
-from agentd.mind.inputs import Mail, PerceptReplaced
-from commd.bus import Bus
-from schemas import keys
-from schemas.minds import MindOrder
-from schemas.records import Outcome
+from agentd.language.parser.parser import parse_formula
+from agentd.mind.data.inputs import Mail, PerceptReplaced
+from commd.bus.bus import Bus
+from schemas.wire import keys
+from schemas.wire.mind_records import MindOrder
+from schemas.wire.records import Outcome
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import term
 from tests.docs.pages import ROOT

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.compile import compile_program
-from agentd.language.instantiate import instantiate
-from agentd.language.parser import parse_program, parse_term
+from agentd.conversion.log_format import line_of
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_program, parse_term
+from agentd.language.terms.from_ast import instantiate
 from agentd.mind import Mind
-from agentd.mind.effects import Effect, Log, Print
-from agentd.telling import line_of
+from agentd.mind.data.effects import Effect, Log, Print
 
 MOST_CYCLES = 5_000_000
 

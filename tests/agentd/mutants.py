@@ -8,14 +8,14 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from typing import Any, Final, TypeAlias
 
-from agentd.language.errors import SyntaxErrors
-from agentd.language.lexer import lexicon, tokenize
-from agentd.language.lexical import broken
-from agentd.language.parser import parse_program
-from agentd.language.printer import source_text
-from agentd.language.source import Source
-from agentd.language.syntax import Body, Plan, Position, Program, Trigger
-from agentd.language.tables import load
+from agentd.language.errors.lexical import broken
+from agentd.language.parser.lexer import lexicon, tokenize
+from agentd.language.parser.parse_tables import load
+from agentd.language.parser.parser import parse_program
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Body, Plan, Position, Program, Trigger
+from agentd.language.syntax_tree.printer import source_text
+from agentd.language.syntax_tree.source import Source
 from tests.agentd.generated_programs import FRAGMENTS, corpus
 
 Make: TypeAlias = Callable[[random.Random], str]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from commd.bus import Bus
-from schemas import keys
-from schemas.minds import DecisionView, Deed, MindDecisions, MindDeeds, MindInputs
+from commd.bus.bus import Bus
+from schemas.wire import keys
+from schemas.wire.mind_records import DecisionView, Deed, MindDecisions, MindDeeds, MindInputs
 
 PATIENCE = 20.0
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import count
 from typing import Any, TypeAlias
 
-from agentd.language.syntax import (
+from agentd.language.syntax_tree.nodes import (
     And,
     Arithmetic,
     Belief,

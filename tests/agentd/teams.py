@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.clocks import VirtualClock
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_program
-from agentd.standalone import Team
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_program
+from agentd.standalone.clocks import VirtualClock
+from agentd.standalone.standalone_team import Team
 
 
 class Stage:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from random import Random
 from typing import TypeVar
 
-from agentd.language.parser import parse_program
-from agentd.language.syntax import Rule
+from agentd.language.parser.parser import parse_program
+from agentd.language.syntax_tree.nodes import Rule
 from tests.agentd.generated_queries import Call, Case, Generator
 from tests.agentd.minds import run
 from tests.agentd.reference import Reference, Undetermined

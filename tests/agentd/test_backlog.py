@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from agentd.backlog import Backlog
-from agentd.mind.inputs import SignalRaised
+from agentd.mind.data.inputs import SignalRaised
+from agentd.runtime.lag_estimator import Backlog
 from tests.agentd.hosts import host_on
 from tests.support.buses import Connect, on_a_bus, until
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from agentd.analysis.external_knowledge import Arities
-from agentd.check import add_arguments, check_program, run
-from agentd.language.compile import DirectiveError
-from agentd.language.parser import parse_file, parse_program
-from agentd.paths import SourcePaths
-from agentd.stdlib.registry import missing_action
-from schemas.findings import Finding
-from schemas.shipped import shipped
+from agentd.check.command import add_arguments, check_program, run
+from agentd.check.external_knowledge import Arities
+from agentd.language.compiler.compile import DirectiveError
+from agentd.language.parser.parser import parse_file, parse_program
+from agentd.mind.data.registry import missing_action
+from agentd.runtime.program_paths import SourcePaths
+from schemas.files.findings import Finding
+from schemas.files.shipped_files import shipped
 
 ACTIONS: Arities = {"set_mode": 1, "takeoff": {1}, "land": 0, "goto": {2, 3}}
 PERCEPTS: Arities = {"state": {3}, "altitude": 1}

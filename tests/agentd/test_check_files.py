@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agentd.check import add_arguments, run
+from agentd.check.command import add_arguments, run
 
 MISTAKES = """
 !go. !lost. ever_said.

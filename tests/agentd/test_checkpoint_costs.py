@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from agentd.checkpoint import Checkpoint, Saving
-from agentd.mind.beliefs import Predicate
-from agentd.mind.inputs import BeliefAdded, GoalAdded, Mail, PerceptReplaced
-from agentd.mind.selection import take_event
+from agentd.mind.beliefs.belief_base import Predicate
+from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Mail, PerceptReplaced
+from agentd.mind.execution.event_selection import take_event
+from agentd.persistence.checkpoint import Checkpoint, Saving
 from tests.agentd.kept_minds import Life, begun
 from tests.agentd.minds import World, mind_of, run, term
 from tests.agentd.test_mind_costs import instructions

@@ -9,8 +9,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from agentd.language.terms import atom
-from agentd.mind.inputs import ActionDone, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
+from agentd.language.terms.terms import atom
+from agentd.mind.data.inputs import ActionDone, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
 from tests.agentd.kept_minds import Life, begun
 from tests.agentd.minds import term
 from tests.support.amount import some_of

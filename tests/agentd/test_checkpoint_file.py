@@ -15,10 +15,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agentd import checkpoint_file
-from agentd.checkpoint import ActionInFlight, Checkpoint, CheckpointError, Outgoing, Saving, remove
-from agentd.mind.inputs import GoalAdded
-from agentd.mind.kept_state import MindChanges
+from agentd.mind.data.inputs import GoalAdded
+from agentd.mind.persistence.rows import MindChanges
+from agentd.persistence import sqlite_file
+from agentd.persistence.checkpoint import ActionInFlight, Checkpoint, CheckpointError, Outgoing, Saving, remove
 from tests.agentd.kept_minds import Life, state_of
 from tests.agentd.minds import term
 
@@ -110,7 +110,7 @@ def test_the_last_number_taken_never_falls(path: Path) -> None:
 def test_of_each_sender_the_last_numberings_that_were_used_are_remembered(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.checkpoint.NUMBERINGS", 8)
+    monkeypatch.setattr("agentd.persistence.checkpoint.NUMBERINGS", 8)
     checkpoint = Checkpoint.open(path, "scout")
     for number in range(12):
         checkpoint.save(Saving(absorbed={("ann", f"n{number}"): 1, ("cid", "n"): number, ("ann", "n0"): number}))
@@ -157,8 +157,8 @@ def _copy(folder: Path, name: str = "copy") -> Path:
 _SAVER = """
 import sys
 from pathlib import Path
-from agentd.checkpoint import Checkpoint, Outgoing, Saving
-from agentd.mind.kept_state import MindChanges
+from agentd.persistence.checkpoint import Checkpoint, Outgoing, Saving
+from agentd.mind.persistence.rows import MindChanges
 checkpoint = Checkpoint.open(Path(sys.argv[1]), "scout")
 stored = checkpoint.read()
 number = 0 if stored is None else stored.next_seq["ann"]
@@ -268,7 +268,7 @@ def test_a_full_disk_is_told_nothing_is_lost_and_the_same_save_succeeds_when_the
 _LIMITED = """
 import resource, signal, sys
 from pathlib import Path
-from agentd.checkpoint import Checkpoint, CheckpointError, Outgoing, Saving
+from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Outgoing, Saving
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 checkpoint = Checkpoint.open(Path(sys.argv[1]), "scout")
 checkpoint.save(Saving(lives=1))
@@ -378,7 +378,7 @@ def test_a_file_of_another_agent_is_refused(path: Path) -> None:
 
 
 def test_a_file_that_is_in_use_is_refused(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checkpoint_file, "LOCK_PATIENCE", 0.05)
+    monkeypatch.setattr(sqlite_file, "LOCK_PATIENCE", 0.05)
     checkpoint = Checkpoint.open(path, "scout")
     with pytest.raises(CheckpointError, match="another process has it open"):
         Checkpoint.open(path, "scout")
@@ -398,7 +398,7 @@ def test_an_older_file_is_brought_to_the_present_version_once(path: Path, monkey
     checkpoint.save(FULL)
     checkpoint.close()
     script = "ALTER TABLE belief ADD COLUMN note TEXT DEFAULT 'none'; UPDATE belief SET note = 'migrated'"
-    monkeypatch.setattr(checkpoint_file, "MIGRATIONS", (*checkpoint_file.MIGRATIONS, script))
+    monkeypatch.setattr(sqlite_file, "MIGRATIONS", (*sqlite_file.MIGRATIONS, script))
     for _ in range(2):
         again = Checkpoint.open(path, "scout")
         assert again._database is not None
@@ -413,7 +413,7 @@ def test_a_migration_that_fails_leaves_the_file_as_it_was(path: Path, monkeypatc
     checkpoint.save(FULL)
     checkpoint.close()
     with monkeypatch.context() as patched:
-        patched.setattr(checkpoint_file, "MIGRATIONS", (*checkpoint_file.MIGRATIONS, "DELETE FROM belief; NONSENSE"))
+        patched.setattr(sqlite_file, "MIGRATIONS", (*sqlite_file.MIGRATIONS, "DELETE FROM belief; NONSENSE"))
         with pytest.raises(CheckpointError, match="NONSENSE"):
             Checkpoint.open(path, "scout")
     stored = Checkpoint.open(path, "scout").read()

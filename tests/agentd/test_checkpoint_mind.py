@@ -10,18 +10,18 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from agentd.language.parser import parse_plan
-from agentd.language.printer import source_text
-from agentd.language.signatures import signature
-from agentd.language.term_text import text
-from agentd.language.terms import Collection, Literal, Var, atom
-from agentd.mind.effects import SendMail
-from agentd.mind.failed import Failed
-from agentd.mind.inputs import BeliefAdded, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
-from agentd.mind.loading import register_functions
-from agentd.mind.plan_terms import add_plans, label_of, remove_plans
-from agentd.wire import perceived
-from schemas.records import Perception
+from agentd.conversion.term_conversion import perceived
+from agentd.language.parser.parser import parse_plan
+from agentd.language.syntax_tree.printer import source_text
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.format import text
+from agentd.language.terms.terms import Collection, Literal, Var, atom
+from agentd.mind.data.effects import SendMail
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
+from agentd.mind.execution.program_loading import register_functions
+from agentd.mind.plans.plan_terms import add_plans, label_of, remove_plans
+from schemas.wire.records import Perception
 from tests.agentd.generated_terms import any_terms, ground
 from tests.agentd.kept_minds import Life, begun, state_of
 from tests.agentd.minds import term

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from agentd.language.terms import Literal
-from agentd.mind.effects import SendMail
-from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded, SignalRaised
+from agentd.language.terms.terms import Literal
+from agentd.mind.data.effects import SendMail
+from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded, SignalRaised
 from tests.agentd.kept_minds import Life, begun
 from tests.agentd.minds import term
 

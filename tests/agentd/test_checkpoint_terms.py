@@ -10,13 +10,32 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentd.language import syntax
-from agentd.language.parser import parse_program
-from agentd.language.signatures import signature
-from agentd.language.sources import SELF, told_by
-from agentd.language.term_text import text
-from agentd.language.terms import EMPTY, Code, Collection, Expression, List, Literal, Open, Rest, Var, atom, make_list
-from agentd.mind.kept_terms import BadBytes, CannotKeep, read_terms, terms_from_bytes, terms_to_bytes, write_terms
+from agentd.language.parser.parser import parse_program
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.format import text
+from agentd.language.terms.source_annotations import SELF, told_by
+from agentd.language.terms.terms import (
+    EMPTY,
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Rest,
+    Var,
+    atom,
+    make_list,
+)
+from agentd.mind.persistence.term_codec import (
+    BadBytes,
+    CannotKeep,
+    read_terms,
+    terms_from_bytes,
+    terms_to_bytes,
+    write_terms,
+)
 from tests.agentd.generated_terms import any_terms, ground
 from tests.agentd.minds import term
 
@@ -119,7 +138,7 @@ def test_code_keeps_the_values_of_its_variables_whatever_they_are() -> None:
 
 def test_code_keeps_the_file_and_line_where_it_was_written() -> None:
     program = parse_program("a.\n\n\n+!g <- .print(1).\n", "mission/scout.asl")
-    (plan,) = [item for item in program.items if isinstance(item, syntax.Plan)]
+    (plan,) = [item for item in program.items if isinstance(item, nodes.Plan)]
     found = again(Code(plan)).syntax
     assert (found.position.file, found.position.line) == ("mission/scout.asl", 4)
 
@@ -174,7 +193,7 @@ def test_what_is_no_term_is_refused_in_words() -> None:
 
 
 def test_code_that_would_not_read_back_is_refused_when_it_is_kept_not_when_it_is_needed() -> None:
-    odd = syntax.Body((syntax.Step(syntax.Operator.ADD, syntax.Structure("No Name")),))
+    odd = nodes.Body((nodes.Step(nodes.Operator.ADD, nodes.Structure("No Name")),))
     with pytest.raises(CannotKeep, match="No Name"):
         terms_to_bytes([Code(odd)])
 

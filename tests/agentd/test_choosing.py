@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_program
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_program
 from agentd.mind import Mind
-from agentd.mind.choosing import Event
-from agentd.mind.decision_views import DecisionView
-from agentd.mind.inputs import GoalAdded, Mail
-from agentd.mind.intentions import Intention
-from agentd.mind.options import Option
+from agentd.mind.data.inputs import GoalAdded, Mail
+from agentd.mind.data.intention import Intention
+from agentd.mind.execution.option_selection import Option
+from agentd.mind.execution.selection_functions import Event
+from agentd.mind.introspection.decision_views import DecisionView
 from tests.agentd.minds import World, mind_of, run, term
 
 PLANS = """

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from agentd.crew import Crew
 from agentd.daemon import prepare
-from agentd.mind.inputs import SignalRaised
-from commd.clock import Clock
+from agentd.mind.data.inputs import SignalRaised
+from agentd.runtime.agent_group import Crew
+from commd.common.clock import Clock
 from commd.daemon import serve as serve_commd
-from commd.presence import ROUTER_GRACE
-from schemas import keys
-from schemas.mission import Mission, load_mission
+from commd.liveness.presence import ROUTER_GRACE
+from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
 from tests.support.buses import ended, session, until
 
 MISSION = """\
@@ -185,7 +185,7 @@ def test_a_router_that_restarts_takes_no_agent_with_it(boards: Boards, board: st
 def test_without_a_router_for_long_only_those_of_the_same_daemon_are_there(
     boards: Boards, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.presence.BUS_GRACE", 1.0)
+    monkeypatch.setattr("commd.liveness.presence.BUS_GRACE", 1.0)
 
     async def body() -> None:
         async with AsyncExitStack() as agents, boards.commd("pi2"):

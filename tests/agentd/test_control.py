@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from agentd import control
-from agentd.mind.inputs import Mail, PerceptReplaced
-from commd.bus import Bus, open_bus
-from schemas import keys
-from schemas.minds import MindOrder, MindView
-from schemas.records import Outcome
+from agentd.mind.data.inputs import Mail, PerceptReplaced
+from agentd.runtime import operator_control
+from commd.bus.bus import Bus, open_bus
+from schemas.wire import keys
+from schemas.wire.mind_records import MindOrder, MindView
+from schemas.wire.records import Outcome
 from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import term
 from tests.support.buses import Connect, on_a_bus, served, until
@@ -186,7 +186,7 @@ def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(tmp_pa
 
 
 def test_pausing_again_does_not_move_the_end(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(control, "LONGEST_PAUSE", 1.0)
+    monkeypatch.setattr(operator_control, "LONGEST_PAUSE", 1.0)
 
     async def body(connect: Connect) -> None:
         bob = await desk(connect, tmp_path)
@@ -211,7 +211,7 @@ def test_pausing_again_does_not_move_the_end(tmp_path: Path, endpoint: str, monk
 def test_a_step_that_is_not_made_is_not_told_as_made(
     tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(control, "STEP_PATIENCE", 0.05)
+    monkeypatch.setattr(operator_control, "STEP_PATIENCE", 0.05)
 
     async def body(connect: Connect) -> None:
         bob = await desk(connect, tmp_path)
@@ -238,7 +238,7 @@ def test_without_leave_of_the_mission_nothing_is_done(tmp_path: Path, endpoint: 
         bob = await host_on(agents, "bob", PROGRAM, tmp_path)
         await served(operator, keys.control("test", "bob"))
         for do in ("pause", "step", "resume", "goal", "belief"):
-            assert await order(operator, "bob", do, "say(1)") == Outcome(ok=False, reason=control.NOT_ALLOWED)
+            assert await order(operator, "bob", do, "say(1)") == Outcome(ok=False, reason=operator_control.NOT_ALLOWED)
         assert bob.host.view().state != "paused"
         assert bob.prints == []
         await bob.end()
@@ -262,7 +262,7 @@ def test_an_order_to_everybody_is_no_order(tmp_path: Path, endpoint: str) -> Non
 
 
 def test_nobody_forgets_a_paused_mind(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(control, "LONGEST_PAUSE", 0.5)
+    monkeypatch.setattr(operator_control, "LONGEST_PAUSE", 0.5)
 
     async def body(connect: Connect) -> None:
         bob = await desk(connect, tmp_path)
@@ -279,7 +279,7 @@ def test_nobody_forgets_a_paused_mind(tmp_path: Path, endpoint: str, monkeypatch
 
 
 def test_a_pause_ends_when_too_much_waits(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(control, "MOST_WAITING", 10)
+    monkeypatch.setattr(operator_control, "MOST_WAITING", 10)
 
     async def body(connect: Connect) -> None:
         bob = await desk(connect, tmp_path)

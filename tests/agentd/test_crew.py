@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from agentd.agent_files import MOST_SAVED, AgentFiles, NotAllowed, state_folder
-from agentd.crew import MOST_MADE
-from agentd.directory import Directory
+from agentd.extensions.file_access import MOST_SAVED, AgentFiles, NotAllowed, state_folder
+from agentd.runtime.agent_group import MOST_MADE
+from agentd.standalone.service_directory import Directory
 from tests.agentd.test_daemon import mission
 from tests.support.buses import session
 from tests.support.processes import running

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from agentd import host
-from agentd.host import BATCH, SLICE, Ran, reason
 from agentd.mind import Mind
-from agentd.mind.effects import Effect
-from commd.clock import Clock
+from agentd.mind.data.effects import Effect
+from agentd.runtime import agent_host
+from agentd.runtime.agent_host import BATCH, SLICE, Ran, reason
+from commd.common.clock import Clock
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import mind_of
 from tests.support.buses import Connect, on_a_bus, until
@@ -191,7 +191,7 @@ def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_togeth
         shares[mind.name] = share
         return reason(mind, clock, share, ran)
 
-    monkeypatch.setattr(host, "reason", noted)
+    monkeypatch.setattr(agent_host, "reason", noted)
 
     async def body(connect: Connect) -> None:
         bus = await connect("a")

@@ -11,15 +11,15 @@ from typing import Any
 
 import pytest
 
-from agentd.language.terms import List, Literal, Var
-from agentd.look import LAST_DECISIONS
-from agentd.mind.decision_views import DecisionView, FailureView
-from agentd.mind.effects import PerformAction
-from agentd.mind.holding import held, held_all, short_text
-from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded
-from agentd.mind.selection import take_event, take_event_recorded
-from agentd.viewing import decisions_of
-from agentd.why import Narrator
+from agentd.conversion.introspection import LAST_DECISIONS
+from agentd.conversion.mind_view import decisions_of
+from agentd.language.terms.terms import List, Literal, Var
+from agentd.mind.data.effects import PerformAction
+from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded
+from agentd.mind.execution.event_selection import take_event, take_event_recorded
+from agentd.mind.introspection.decision_views import DecisionView, FailureView
+from agentd.mind.introspection.term_snapshot import held, held_all, short_text
+from agentd.standalone.decision_printer import Narrator
 from tests.agentd.minds import World, mind_of, run, term
 
 

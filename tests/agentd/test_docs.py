@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from agentd import Environment
-from agentd.stdlib import registry
+from agentd.mind.data import registry
 from tests.agentd.teams import Stage
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.mind.effects import CancelAction, PerformAction
-from agentd.mind.inputs import ActionDone
+from agentd.mind.data.effects import CancelAction, PerformAction
+from agentd.mind.data.inputs import ActionDone
 from tests.agentd.minds import run, term
 
 

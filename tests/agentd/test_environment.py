@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from agentd import ActionFailed, Deferred, Environment, literal
-from agentd.clocks import WallClock
-from agentd.percept_board import PerceptBoard
-from agentd.standalone import Team
-from agentd.user_code import UserCodeError, load_class
-from agentd.world import World
+from agentd.environment.environment_host import World
+from agentd.environment.percepts import PerceptBoard
+from agentd.extensions.user_code import UserCodeError, load_class
+from agentd.standalone.clocks import WallClock
+from agentd.standalone.standalone_team import Team
 from tests.agentd.teams import Stage
 
 
@@ -228,8 +228,8 @@ def test_another_thread_settles_an_action_and_changes_percepts(tmp_path: Path) -
             return later
 
     lines: list[str] = []
-    from agentd.language.compile import compile_program
-    from agentd.language.parser import parse_program
+    from agentd.language.compiler.compile import compile_program
+    from agentd.language.parser.parser import parse_program
 
     program = compile_program(parse_program("!s. +!s <- work; ?worked; .print(done); .stopMAS(0, 7).", "bob.asl"))
     assert Team([("bob", program)], out=lines.append, environment=Threaded()).run(60.0, False) == 7

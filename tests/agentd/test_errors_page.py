@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from agentd.analysis.kinds import Kind
-from agentd.check import add_arguments, run
+from agentd.check.command import add_arguments, run
+from agentd.check.finding_kinds import Kind
 
 PAGE = (Path(__file__).parents[2] / "docs" / "errors.md").read_text(encoding="utf-8")
 SHOWN = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)

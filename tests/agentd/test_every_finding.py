@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from agentd.analysis.kinds import Kind
-from agentd.check import add_arguments, run
+from agentd.check.command import add_arguments, run
+from agentd.check.finding_kinds import Kind
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "tests" / "data" / "check"

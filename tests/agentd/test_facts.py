@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from agentd.analysis.includes import Includes
-from agentd.analysis.survey import survey
-from agentd.check import check_program
-from agentd.language import facts, parser
-from agentd.language.compile import compile_program
-from agentd.language.errors import SyntaxErrors
-from agentd.language.facts import GroundFact
-from agentd.language.instantiate import instantiate
-from agentd.language.source import Source
-from agentd.language.syntax import Belief, Directive, Position, Program
-from agentd.language.terms import List, Literal
+from agentd.check.command import check_program
+from agentd.check.includes import Includes
+from agentd.check.survey import survey
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser import fact_runs, parser
+from agentd.language.parser.fact_runs import GroundFact
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Belief, Directive, Position, Program
+from agentd.language.syntax_tree.source import Source
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.terms import List, Literal
 from agentd.mind.mind import Mind
 from tests.agentd.generated_programs import corpus
 from tests.agentd.mutants import characters, tokens
@@ -172,8 +172,8 @@ def test_a_mind_and_a_check_read_facts_without_parsing_each(monkeypatch: pytest.
     text = f"{_large()}!s.\n+!s : pos(2999, X, T, [_|R]) <- .print(X, T, R).\n"
     program = parser.parse_program(text, "a.asl")
     parsed = []
-    parse = facts.FactRun.parse
-    monkeypatch.setattr(facts.FactRun, "parse", lambda run: (parsed.append(run), parse(run)))
+    parse = fact_runs.FactRun.parse
+    monkeypatch.setattr(fact_runs.FactRun, "parse", lambda run: (parsed.append(run), parse(run)))
     mind = Mind("a", compile_program(program))
     assert len([*mind.beliefs.facts()]) == 3000
     assert not parsed

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_program
+from agentd.conversion.log_format import lines_of
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_program
 from agentd.mind import Mind
-from agentd.mind.effects import Log, PerformAction
-from agentd.mind.inputs import ActionDone
-from agentd.telling import lines_of
+from agentd.mind.data.effects import Log, PerformAction
+from agentd.mind.data.inputs import ActionDone
 from tests.agentd.minds import World
 
 REPORTS = {

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.clocks import VirtualClock
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_program
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_program
 from agentd.mind import Mind
-from agentd.mind.effects import Log, Print, SendMail
-from agentd.mind.inputs import Mail, PerceptAdded
-from agentd.standalone import Team
+from agentd.mind.data.effects import Log, Print, SendMail
+from agentd.mind.data.inputs import Mail, PerceptAdded
+from agentd.standalone.clocks import VirtualClock
+from agentd.standalone.standalone_team import Team
 from tests.agentd.minds import mind_of, run, term
 
 FLOOD = """

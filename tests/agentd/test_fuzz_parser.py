@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_file
-from agentd.language.syntax import Program
+from agentd.language.parser.parser import parse_file
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Program
 from tests.agentd import mutants
 from tests.agentd.mutants import mutant
 from tests.agentd.trials import Pace, try_to_read, try_to_run

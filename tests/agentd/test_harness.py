@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from agentd.clocks import VirtualClock
-from agentd.paths import SourcePaths
-from agentd.standalone import Team
+from agentd.runtime.program_paths import SourcePaths
+from agentd.standalone.clocks import VirtualClock
+from agentd.standalone.standalone_team import Team
 from tests.agentd.teams import Stage
 
 HARNESS = Path(__file__).parents[1] / "data" / "harness"

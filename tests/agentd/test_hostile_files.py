@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language.parser import parse_file
-from argosy.recording.mcap_records import BadRecording, McapFile
-from schemas.files import read_bounded, read_text
-from schemas.findings import Findings
+from agentd.language.parser.parser import parse_file
+from argosy.recording.file.mcap_records import BadRecording, McapFile
+from schemas.files.findings import Findings
+from schemas.files.text_files import read_bounded, read_text
 from tests.agentd.teams import Stage
 
 REFUSED = r"no regular file \(a pipe, socket or device\): name a file"

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from agentd.checkpoint import CheckpointError, Saving
-from agentd.keeping import Keeping
-from agentd.language.terms import atom
-from agentd.memory import open_memory
-from agentd.mind.inputs import Mail as Told
-from commd.bus import Bus, Query
-from schemas import keys
-from schemas.records import Action, Mail, Message, Receipt, Refusal
-from schemas.terms import Structure
+from agentd.language.terms.terms import atom
+from agentd.mind.data.inputs import Mail as Told
+from agentd.persistence.checkpoint import CheckpointError, Saving
+from agentd.persistence.checkpointer import Keeping
+from agentd.persistence.restore import open_memory
+from commd.bus.bus import Bus, Query
+from schemas.wire import keys
+from schemas.wire.records import Action, Mail, Message, Receipt, Refusal
+from schemas.wire.terms import Structure
 from tests.agentd.hosts import host_on
 from tests.agentd.test_mailing import a_desk, numbered
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
@@ -86,7 +86,7 @@ def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_event_o
 def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.keeping.LAST_PATIENCE", 0.1)
+    monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.1)
 
     async def body(connect: Connect) -> None:
         asker = await connect("board", "commd")
@@ -110,7 +110,7 @@ def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
 def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.inbox.PATIENCE", 0.5)
+    monkeypatch.setattr("agentd.mail.inbox.PATIENCE", 0.5)
     program = HEARS + "+!say(N) <- .send(c, tell, N); .print(said(N)).\n"
 
     async def body(connect: Connect) -> None:
@@ -155,7 +155,7 @@ def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_the
 def test_a_save_that_does_not_end_is_told_and_no_action_waits_for_it_or_is_remembered(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.keeping.SLOW", 0.2)
+    monkeypatch.setattr("agentd.persistence.checkpointer.SLOW", 0.2)
 
     async def body(connect: Connect) -> None:
         agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
@@ -199,9 +199,9 @@ def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_message
 
 
 def test_an_atomic_plan_is_kept_whole(endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.keeping.BUSY_PATIENCE", 0.0)
-    monkeypatch.setattr("agentd.keeping.OTHERS_EVERY", 0.0)
-    monkeypatch.setattr("agentd.host.SLICE", 1)
+    monkeypatch.setattr("agentd.persistence.checkpointer.BUSY_PATIENCE", 0.0)
+    monkeypatch.setattr("agentd.persistence.checkpointer.OTHERS_EVERY", 0.0)
+    monkeypatch.setattr("agentd.runtime.agent_host.SLICE", 1)
     program = "n(0). m(0). !go.\n@a[atomic] +!go : n(N) <- -+n(N+1); -+m(N+1); !!go.\n"
 
     async def body(connect: Connect) -> None:
@@ -224,7 +224,7 @@ def test_an_atomic_plan_is_kept_whole(endpoint: str, tmp_path: Path, monkeypatch
 def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.outbox.MOST_FOR_ONE", 3)
+    monkeypatch.setattr("agentd.mail.outbox.MOST_FOR_ONE", 3)
     program = """\
 !go.
 +!go <- for (.range(I, 1, 5)) { !t(I) }; .print(end).
@@ -346,7 +346,7 @@ def test_what_cannot_be_read_of_mail_and_actions_is_told_and_left_out_once(endpo
 def test_an_atomic_plan_is_kept_whole_though(
     ends: str, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.host.ATOMIC_END", 20.0)
+    monkeypatch.setattr("agentd.runtime.agent_host.ATOMIC_END", 20.0)
     program = """\
 +!kqml_received(_, tell, go, _) <- !!go.
 @p[atomic] +!go <- +begun; for (.range(I, 1, 5000)) { .print(I) }; +ended.
@@ -380,7 +380,7 @@ def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     for name in ("LAST_PATIENCE", "CLOSE_PATIENCE"):
-        monkeypatch.setattr(f"agentd.keeping.{name}", 0.3)
+        monkeypatch.setattr(f"agentd.persistence.checkpointer.{name}", 0.3)
 
     async def body(connect: Connect) -> None:
         agent = await host_on(await connect("a"), "a", HEARS, tmp_path)

@@ -8,12 +8,12 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from agentd.inbox import Inbox, MessageRefused, Numbered
-from agentd.outbox import LARGEST, Outbox, Unsendable
-from commd.bus import Bus, Query
-from commd.letters import adds_up
-from schemas import keys
-from schemas.records import Header, Mail, Message, Receipt, Refusal
+from agentd.mail.inbox import Inbox, MessageRefused, Numbered
+from agentd.mail.outbox import LARGEST, Outbox, Unsendable
+from commd.bus.bus import Bus, Query
+from commd.mail.message import adds_up
+from schemas.wire import keys
+from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
 
 
@@ -177,7 +177,7 @@ def test_a_receiver_with_much_mail_does_not_keep_the_others_from_theirs(endpoint
 def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_mail(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.outbox.RETRY_MOST", 0.1)
+    monkeypatch.setattr("agentd.mail.outbox.RETRY_MOST", 0.1)
 
     def breaks(message: Message, why: str) -> None:
         raise KeyError(why)
@@ -231,8 +231,8 @@ def test_a_message_that_is_too_large_or_cannot_be_written_is_not_taken(endpoint:
 def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or_not_at_all(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.outbox.MOST_FOR_ONE", 10)
-    monkeypatch.setattr("agentd.outbox.MOST_BYTES", 5000)
+    monkeypatch.setattr("agentd.mail.outbox.MOST_FOR_ONE", 10)
+    monkeypatch.setattr("agentd.mail.outbox.MOST_BYTES", 5000)
 
     async def body(connect: Connect) -> None:
         outbox, _ = an_outbox(await connect("a"))
@@ -359,7 +359,7 @@ def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(endpoint: s
 def test_what_is_not_absorbed_in_time_is_to_be_sent_again_and_is_not_fed_twice(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.inbox.PATIENCE", 0.2)
+    monkeypatch.setattr("agentd.mail.inbox.PATIENCE", 0.2)
 
     async def body(connect: Connect) -> None:
         reader = await a_reader(connect)
@@ -449,7 +449,7 @@ def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes
 
 
 def test_the_last_numberings_of_a_sender_are_remembered(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.inbox.NUMBERINGS", 8)
+    monkeypatch.setattr("agentd.mail.inbox.NUMBERINGS", 8)
 
     async def body(connect: Connect) -> None:
         reader = await a_reader(connect)

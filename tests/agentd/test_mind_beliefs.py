@@ -6,13 +6,13 @@ import random
 
 import pytest
 
-from agentd.language.parser import parse_formula
-from agentd.language.signatures import signature
-from agentd.language.term_text import text
-from agentd.language.terms import Var
-from agentd.mind.annotations import with_source
-from agentd.mind.beliefs import BeliefBase
-from agentd.mind.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced
+from agentd.language.parser.parser import parse_formula
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.format import text
+from agentd.language.terms.terms import Var
+from agentd.mind.beliefs.annotations import with_source
+from agentd.mind.beliefs.belief_base import BeliefBase
+from agentd.mind.data.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced
 from tests.agentd.minds import run, term
 
 EVENTS = '+p(X,Y)[source(S)] <- .print("+", X, Y, S). -p(X,Y)[source(S)] <- .print("-", X, Y, S).'

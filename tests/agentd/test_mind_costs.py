@@ -12,7 +12,15 @@ from typing import Any
 import pytest
 
 from agentd.mind import Mind
-from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded, PerceptRemoved, PerceptReplaced
+from agentd.mind.data.inputs import (
+    ActionDone,
+    BeliefAdded,
+    GoalAdded,
+    Mail,
+    PerceptAdded,
+    PerceptRemoved,
+    PerceptReplaced,
+)
 from tests.agentd.minds import World, mind_of, run, term
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.mind.effects import CancelAction, PerformAction, Print
-from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded
-from agentd.wire import to_wire
-from schemas.terms import Variable
+from agentd.conversion.term_conversion import to_wire
+from agentd.mind.data.effects import CancelAction, PerformAction, Print
+from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded
+from schemas.wire.terms import Variable
 from tests.agentd.minds import mind_of, run, term
 
 

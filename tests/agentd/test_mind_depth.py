@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.mind.inputs import Mail
+from agentd.mind.data.inputs import Mail
 from tests.agentd.minds import World, mind_of, run, term
 
 

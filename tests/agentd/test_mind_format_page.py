@@ -11,8 +11,8 @@ from typing import Any
 
 import msgspec
 
-from agentd.tracing.given_terms import KINDS, UNWRITTEN
-from schemas import minds
+from agentd.trace.input_records import KINDS, UNWRITTEN
+from schemas.wire import mind_records
 from tests.agentd.mind_format_page import PAGE, SHOWN, example, fields, part, script, shown, steady
 
 
@@ -33,7 +33,7 @@ def test_the_example_is_what_an_agent_says_and_the_script_reads_it(tmp_path: Pat
 
 def test_the_example_is_the_record_and_no_more() -> None:
     said = json.loads(part("example").removeprefix("```json\n").removesuffix("```\n"))
-    view = msgspec.convert(said, minds.MindView, strict=True)
+    view = msgspec.convert(said, mind_records.MindView, strict=True)
     again = json.loads(msgspec.json.encode(view))
     assert steady(again) == said, "no field is unknown to the record"
 
@@ -52,5 +52,5 @@ def test_each_kind_of_input_and_deed_is_in_the_tables_and_no_other() -> None:
     assert {name for row in rows for name in re.findall(r"\w+", row)} == {*KINDS, UNWRITTEN}
     deeds = text.partition("**`trace/deeds`**")[2].partition("**`trace/decisions`**")[0]
     told = {name for row in re.findall(r"^\| (`[^|]*`) \|", deeds, re.M) for name in re.findall(r"\w+", row)}
-    kinds = next(field for field in msgspec.structs.fields(minds.Deed) if field.name == "kind")
+    kinds = next(field for field in msgspec.structs.fields(mind_records.Deed) if field.name == "kind")
     assert told == set(kinds.type.__args__)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.mind.effects import Effect
-from agentd.mind.inputs import ActionDone, Input, Mail, PerceptReplaced, TimeRead
+from agentd.mind.data.effects import Effect
+from agentd.mind.data.inputs import ActionDone, Input, Mail, PerceptReplaced, TimeRead
 from tests.agentd.minds import mind_of, term
 
 PROGRAM = """

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from agentd.mind.inputs import Mail
+from agentd.mind.data.inputs import Mail
 from tests.agentd.minds import World, mind_of, term
 from tests.agentd.teams import Stage
 from tests.agentd.test_daemon import mission

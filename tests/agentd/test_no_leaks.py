@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from agentd.mind import Mind
-from agentd.mind.inputs import ActionDone, GoalAdded, Mail, TeamReply
+from agentd.mind.data.inputs import ActionDone, GoalAdded, Mail, TeamReply
 from tests.agentd.minds import World, mind_of, term
 from tests.support.amount import some_of
 

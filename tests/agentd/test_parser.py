@@ -1,4 +1,4 @@
-"""AgentSpeak text becomes the syntax tree that `agentd.language.syntax` describes."""
+"""AgentSpeak text becomes the syntax tree that `agentd.language.syntax_tree.nodes` describes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language import tables
-from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import (
+from agentd.language.parser import parse_tables
+from agentd.language.parser.parser import (
     parse_file,
     parse_formula,
     parse_literal,
@@ -18,8 +17,8 @@ from agentd.language.parser import (
     parse_term,
     parse_trigger,
 )
-from agentd.language.printer import source_text
-from agentd.language.syntax import (
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import (
     And,
     Arithmetic,
     Belief,
@@ -51,6 +50,7 @@ from agentd.language.syntax import (
     Variable,
     While,
 )
+from agentd.language.syntax_tree.printer import source_text
 from tests.agentd.minds import run
 
 CORPUS = Path(__file__).parent.parent / "conformance"
@@ -527,23 +527,28 @@ def test_a_program_of_1000_plans_parses_in_time() -> None:
 
 
 def test_the_shipped_tables_are_those_of_the_grammar() -> None:
-    grammar = Path(tables.__file__).with_name(tables.GRAMMAR).read_text(encoding="utf-8")
-    shipped, made = tables.load(), tables.compile_grammar(grammar)
-    assert shipped.digest == made.digest, "run: python -m agentd.language.tables > agentd/language/grammar.json"
+    grammar = Path(parse_tables.__file__).with_name(parse_tables.GRAMMAR).read_text(encoding="utf-8")
+    shipped, made = parse_tables.load(), parse_tables.compile_grammar(grammar)
+    assert shipped.digest == made.digest, (
+        "run: python -m agentd.language.parser.parse_tables > agentd/language/parser/grammar.json"
+    )
     assert len(shipped.states) == len(made.states)
     assert sorted(map(repr, shipped.rules)) == sorted(map(repr, made.rules))
 
 
 def test_tables_survive_being_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     grammar = 'program: "a" program | NAME\nlone_expression: NAME\nlone_literal: NAME\nlone_plan: NAME\n'
-    made = tables.compile_grammar(grammar + "lone_trigger: NAME\nNAME: /[b-z]+/\n")
-    texts = {tables.GRAMMAR: grammar + "lone_trigger: NAME\nNAME: /[b-z]+/\n", tables.TABLES: tables.dump(made)}
-    monkeypatch.setattr(tables, "_resource", texts.__getitem__)
-    tables.load.cache_clear()
+    made = parse_tables.compile_grammar(grammar + "lone_trigger: NAME\nNAME: /[b-z]+/\n")
+    texts = {
+        parse_tables.GRAMMAR: grammar + "lone_trigger: NAME\nNAME: /[b-z]+/\n",
+        parse_tables.TABLES: parse_tables.dump(made),
+    }
+    monkeypatch.setattr(parse_tables, "_resource", texts.__getitem__)
+    parse_tables.load.cache_clear()
     try:
-        assert tables.load() == made
-        texts[tables.GRAMMAR] += "// edited\n"
-        tables.load.cache_clear()
-        assert tables.load().digest != made.digest
+        assert parse_tables.load() == made
+        texts[parse_tables.GRAMMAR] += "// edited\n"
+        parse_tables.load.cache_clear()
+        assert parse_tables.load().digest != made.digest
     finally:
-        tables.load.cache_clear()
+        parse_tables.load.cache_clear()

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language.compile import DirectiveError
-from agentd.paths import SourcePaths, read_folders
+from agentd.language.compiler.compile import DirectiveError
+from agentd.runtime.program_paths import SourcePaths, read_folders
 
 
 @pytest.fixture

@@ -10,15 +10,15 @@ from typing import Any, cast
 
 import pytest
 
-from agentd.language.terms import Literal, atom
-from agentd.mind.effects import PerformAction
-from agentd.mind.inputs import ActionDone, Mail
-from agentd.performing import NoJournal, Performing
-from agentd.wire import BadTerm, to_wire
-from commd.acting import Acting
-from commd.bus import Bus, Query
-from schemas import keys
-from schemas.records import FINAL_STATES, Action, ActionStatus, Cancel, State
+from agentd.conversion.term_conversion import BadTerm, to_wire
+from agentd.language.terms.terms import Literal, atom
+from agentd.mind.data.effects import PerformAction
+from agentd.mind.data.inputs import ActionDone, Mail
+from agentd.runtime.action_client import NoJournal, Performing
+from commd.bus.bus import Bus, Query
+from commd.client.actions import Acting
+from schemas.wire import keys
+from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cancel, State
 from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import run
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
@@ -85,7 +85,7 @@ async def a_life(connect: Connect, source: str, folder: Path) -> Hosted:
 
 @pytest.fixture(autouse=True)
 def short_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.keeping.LAST_PATIENCE", 0.1)
+    monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.1)
 
 
 FLIES = """\
@@ -399,5 +399,5 @@ def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
             assert await alone.ended() == [ActionDone(7, False, "goto: nested too deeply", "refused")]
 
     if defect:
-        monkeypatch.setattr("agentd.performing.to_wire", broken)
+        monkeypatch.setattr("agentd.runtime.action_client.to_wire", broken)
     asyncio.run(body())

@@ -6,12 +6,12 @@ from typing import Any
 
 from hypothesis import HealthCheck, given, settings
 
-from agentd.language.instantiate import instantiate
-from agentd.language.parser import parse_literal, parse_plan, parse_program, parse_term, parse_trigger
-from agentd.language.printer import source_text
-from agentd.language.syntax import Plan, Program, Structure, Term, Trigger
-from agentd.language.term_text import text
-from agentd.language.terms import equal
+from agentd.language.parser.parser import parse_literal, parse_plan, parse_program, parse_term, parse_trigger
+from agentd.language.syntax_tree.nodes import Plan, Program, Structure, Term, Trigger
+from agentd.language.syntax_tree.printer import source_text
+from agentd.language.terms.format import text
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.terms import equal
 from tests.agentd.generated_programs import literals, plans, programs, terms, triggers
 from tests.agentd.generated_terms import printable
 from tests.support.amount import some_of

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from agentd.language.printer import source_text
-from agentd.language.signatures import signature
-from agentd.language.terms import Collection, Literal, Var, atom
-from agentd.language.to_syntax import NoSyntax, ToSyntax
-from agentd.mind.effects import Log
-from agentd.mind.program_text import program_text
-from agentd.wire import from_wire, to_wire
+from agentd.conversion.term_conversion import from_wire, to_wire
+from agentd.language.syntax_tree.printer import source_text
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.terms import Collection, Literal, Var, atom
+from agentd.language.terms.to_ast import NoSyntax, ToSyntax
+from agentd.mind.data.effects import Log
+from agentd.mind.plans.program_text import program_text
 from tests.agentd.generated_programs import terms
 from tests.agentd.minds import World, mind_of, term
 from tests.support.amount import some_of

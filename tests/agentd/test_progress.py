@@ -6,7 +6,7 @@ from time import process_time, sleep
 
 import pytest
 
-from agentd.progress import loading, told_if_long
+from agentd.conversion.slow_notice import loading, told_if_long
 
 
 def _work(seconds: float) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from agentd.__main__ import main
-from agentd.language.errors import SyntaxErrors
-from agentd.projects.parser import parse_project
-from agentd.projects.syntax import Project
+from agentd.jason_project.project_parser import parse_project
+from agentd.jason_project.syntax import Project
+from agentd.language.syntax_tree.errors import SyntaxErrors
 
 
 def _parse(text: str) -> Project:

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from agentd.language.term_text import text
-from agentd.mind.effects import Log, Print, SendMail
-from agentd.mind.inputs import Mail
-from agentd.stdlib.registry import ACTIONS, FUNCTIONS, function, internal_action
+from agentd.language.terms.format import text
+from agentd.mind.data.effects import Log, Print, SendMail
+from agentd.mind.data.inputs import Mail
+from agentd.mind.data.registry import ACTIONS, FUNCTIONS, function, internal_action
 from tests.agentd.minds import World, mind_of, term
 
 BOB = """

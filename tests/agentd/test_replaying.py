@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agentd.language.parser import parse_formula
-from agentd.language.terms import EMPTY, Literal, atom, make_list
-from agentd.mind.effects import Effect, PerformAction, SendMail, TeamRequest
-from agentd.mind.failed import Failed
-from agentd.mind.inputs import (
+from agentd.conversion.term_conversion import perceived
+from agentd.language.parser.parser import parse_formula
+from agentd.language.terms.terms import EMPTY, Literal, atom, make_list
+from agentd.mind.data.effects import Effect, PerformAction, SendMail, TeamRequest
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.inputs import (
     ActionDone,
     BeliefAdded,
     GoalAdded,
@@ -31,14 +32,13 @@ from agentd.mind.inputs import (
     TimeRead,
     TooDeep,
 )
-from agentd.replaying import CannotReplay, acts, compare, replay
-from agentd.tracing.course import MOST_BYTES
-from agentd.tracing.given_terms import UNWRITTEN, Unreadable, read, written
-from agentd.tracing.readings import CameBack, Interrupted, MailRefused, NamesRead
-from agentd.wire import perceived
-from schemas.codec import codec
-from schemas.minds import DecisionView, MindDecisions, MindInput
-from schemas.records import Perception
+from agentd.replay.replay import CannotReplay, acts, compare, replay
+from agentd.trace.environment_reads import CameBack, Interrupted, MailRefused, NamesRead
+from agentd.trace.input_log import MOST_BYTES
+from agentd.trace.input_records import UNWRITTEN, Unreadable, read, written
+from schemas.wire.codec import codec
+from schemas.wire.mind_records import DecisionView, MindDecisions, MindInput
+from schemas.wire.records import Perception
 from tests.agentd.minds import term
 from tests.agentd.traced import Traced
 from tests.support.amount import some_of

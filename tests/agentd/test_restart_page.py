@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agentd import inbox, keeping, outbox, performing
-from agentd.language.compile import compile_program
-from agentd.language.parser import parse_program
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_program
+from agentd.mail import inbox, outbox
 from agentd.mind import Mind
-from commd import acting, presence
+from agentd.persistence import checkpointer
+from agentd.runtime import action_client
+from commd.client import actions
+from commd.liveness import presence
 
 PAGE = (Path(__file__).parents[2] / "docs" / "restart.md").read_text()
 
@@ -24,15 +27,15 @@ def test_the_program_of_the_page_can_be_run() -> None:
 
 def test_the_figures_of_the_page_are_those_of_the_code() -> None:
     said = {
-        f"for at most {performing.ANSWER_PATIENCE:g} s in all",
-        f"for {keeping.ACTION_PATIENCE:g} s at most",
-        f"nothing, for {acting.BUS_GRACE:g} s",
+        f"for at most {action_client.ANSWER_PATIENCE:g} s in all",
+        f"for {checkpointer.ACTION_PATIENCE:g} s at most",
+        f"nothing, for {actions.BUS_GRACE:g} s",
         f"back within {presence.AGENT_GRACE:g} s",
-        f"at most {1 / keeping.MAIL_EVERY:g} times a second",
-        f"at the latest after {keeping.BUSY_PATIENCE:g} s",
+        f"at most {1 / checkpointer.MAIL_EVERY:g} times a second",
+        f"at the latest after {checkpointer.BUSY_PATIENCE:g} s",
         f"{outbox.MOST_FOR_ONE:,} messages to this receiver, or {outbox.MOST_BYTES // 2**20} MB",
         f"more than {outbox.LARGEST // 2**20} MB encoded",
     }
     assert [one for one in said if one not in PAGE] == []
-    assert 1 / keeping.OTHERS_EVERY == 2
+    assert 1 / checkpointer.OTHERS_EVERY == 2
     assert inbox.NUMBERINGS == 1_000

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from agentd.roster import Roster
-from commd.bus import Query
-from schemas import keys
-from schemas.records import BoardServices
+from agentd.runtime.agent_directory import Roster
+from commd.bus.bus import Query
+from schemas.wire import keys
+from schemas.wire.records import BoardServices
 from tests.support.buses import FLEET, Connect, on_a_bus, served
 
 

@@ -6,9 +6,9 @@ import asyncio
 import time
 from pathlib import Path
 
-from commd.bus import open_bus
-from schemas import keys
-from schemas.minds import MindView
+from commd.bus.bus import open_bus
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
 from tests.support.processes import running
 
 MISSION = """\

@@ -8,10 +8,10 @@ from typing import Any, cast
 
 import pytest
 
-from agentd.services import AT_ONCE, NotDone, Services
-from commd.bus import Bus
-from commd.errors import QueryTimeout
-from schemas.records import BoardServices, ServiceRequest
+from agentd.runtime.service_client import AT_ONCE, NotDone, Services
+from commd.bus.bus import Bus
+from commd.bus.errors import QueryTimeout
+from schemas.wire.records import BoardServices, ServiceRequest
 
 
 class Directories:
@@ -40,7 +40,7 @@ def asking(directories: Directories) -> Services:
 def test_a_directory_that_does_not_answer_is_given_up_by_all_at_the_same_time(
     agents: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.services.PATIENCE", 0.5)
+    monkeypatch.setattr("agentd.runtime.service_client.PATIENCE", 0.5)
 
     async def body() -> None:
         services = asking(Directories())
@@ -71,7 +71,7 @@ def test_those_who_ask_a_silent_board_hold_up_nobody_who_asks_another() -> None:
 
 
 def test_a_crowd_is_answered_in_turn_however_long_that_takes_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.services.PATIENCE", 1.0)
+    monkeypatch.setattr("agentd.runtime.service_client.PATIENCE", 1.0)
 
     async def body() -> None:
         directories = Directories(takes=0.25)

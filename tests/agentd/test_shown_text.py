@@ -6,11 +6,11 @@ import logging
 
 import pytest
 
-from agentd.host import Host
-from agentd.mind.effects import Print
-from commd.logs import LineFormatter
-from schemas.findings import Finding
-from schemas.terminal import escape_line, escape_lines
+from agentd.mind.data.effects import Print
+from agentd.runtime.agent_host import Host
+from commd.process.log_handler import LineFormatter
+from schemas.files.findings import Finding
+from schemas.files.terminal import escape_line, escape_lines
 from tests.agentd.teams import Stage
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\r\u009b31m\u202eERROR\nERROR bridged orders robot=uav1 lost"
@@ -36,7 +36,7 @@ def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.M
 
     host = Host.__new__(Host)
     host._tracing, host.part, host._prints = Told(), Told(), []  # type: ignore[assignment]
-    monkeypatch.setattr("agentd.host.stdout", Out)
+    monkeypatch.setattr("agentd.runtime.agent_host.stdout", Out)
     for plain in (False, True):
         host._carry_out(Print(HOSTILE, plain=plain))
     assert written == 2 * [

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.mind.library import Library
-from agentd.stdlib.registry import FUNCTIONS, find_action
+from agentd.mind.data.registry import FUNCTIONS, find_action
+from agentd.mind.plans.builtins import Library
 from tests.agentd.minds import World, mind_of
 
 ACTIONS = {

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language.error_context import ErrorContext
-from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import MOST_PROBLEMS, parse_file, parse_program, parse_term
-from agentd.language.token_patterns import Row, rows
+from agentd.language.errors.error_context import ErrorContext
+from agentd.language.errors.token_patterns import Row, rows
+from agentd.language.parser.parser import MOST_PROBLEMS, parse_file, parse_program, parse_term
+from agentd.language.syntax_tree.errors import SyntaxErrors
 from tests.agentd.mistakes import MISTAKES
 
 CORPUS = Path(__file__).parent.parent / "conformance" / "syntax_errors"

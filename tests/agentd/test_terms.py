@@ -7,14 +7,14 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 
-from agentd.language.instantiate import instantiate
-from agentd.language.order import compare, distinct, ordered, sorted_annots
-from agentd.language.parser import parse_term
-from agentd.language.signatures import signature
-from agentd.language.terms import Literal, equal
-from agentd.wire import BadTerm, from_wire, to_wire
-from schemas.codec import Codec, Wire
-from schemas.records import Perception
+from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
+from agentd.language.parser.parser import parse_term
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.order import compare, distinct, ordered, sorted_annots
+from agentd.language.terms.terms import Literal, equal
+from schemas.wire.codec import Codec, Wire
+from schemas.wire.records import Perception
 from tests.agentd.generated_terms import any_terms, ground, made_again
 from tests.support.amount import some_of
 

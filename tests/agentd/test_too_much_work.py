@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.mind import execution, mind, selection, waiting, work
-from agentd.mind.inputs import Mail
+from agentd.mind import mind
+from agentd.mind.beliefs import work_limit
+from agentd.mind.data.inputs import Mail
+from agentd.mind.execution import event_selection, execution, waiting
 from tests.agentd.minds import World, mind_of, run, term
 
 MANY = " ".join(f"q({n})." for n in range(40))
@@ -14,8 +16,8 @@ MANY = " ".join(f"q({n})." for n in range(40))
 @pytest.fixture
 def short_of_breath(monkeypatch: pytest.MonkeyPatch) -> None:
     """Give formulas a tenth of the steps that they have: what is without end takes a tenth of the time."""
-    for module in (execution, mind, selection, waiting, work):
-        monkeypatch.setattr(module, "MOST_STEPS", work.MOST_STEPS // 10)
+    for module in (execution, mind, event_selection, waiting, work_limit):
+        monkeypatch.setattr(module, "MOST_STEPS", work_limit.MOST_STEPS // 10)
 
 
 @pytest.mark.usefixtures("short_of_breath")
@@ -44,7 +46,7 @@ def test_a_formula_without_end_fails_its_plan_with_too_much_work(formula: str) -
 
 def test_a_formula_has_two_million_steps() -> None:
     program = "!s. +!s <- .count(.range(X,1,LAST), C); .print(C). -!s[error(E)] <- .print(E)."
-    assert work.MOST_STEPS == 2_000_000
+    assert work_limit.MOST_STEPS == 2_000_000
     assert run(program.replace("LAST", "1990000")).prints == ["1990000"]
     assert run(program.replace("LAST", "2010000")).prints == ["too_much_work"]
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from agentd.mind.inputs import Mail
-from agentd.replaying import CannotReplay, compare, replay
-from agentd.tracing import course as courses
-from agentd.tracing import tracing as tracings
-from commd.bus import Bus, open_bus
-from schemas import keys
+from agentd.mind.data.inputs import Mail
+from agentd.replay.replay import CannotReplay, compare, replay
+from agentd.trace import input_log as courses
+from agentd.trace import publisher as tracings
+from commd.bus.bus import Bus, open_bus
+from schemas.wire import keys
 from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import term
 from tests.agentd.recorders import Recorder

@@ -7,12 +7,12 @@ from typing import Any
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from agentd.language.order import is_in, sorted_annots
-from agentd.language.signatures import signature
-from agentd.language.term_text import text
-from agentd.language.terms import EMPTY, List, Literal, Rest, Var, elements, equal
-from agentd.mind.resolving import resolve
-from agentd.mind.unifier import Trail, undo, unify
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.format import text
+from agentd.language.terms.order import is_in, sorted_annots
+from agentd.language.terms.terms import EMPTY, List, Literal, Rest, Var, elements, equal
+from agentd.mind.beliefs.term_copy import resolve
+from agentd.mind.beliefs.unification import Trail, undo, unify
 from tests.agentd.generated_terms import ground, plain_pairs, variables_of
 from tests.agentd.minds import run
 from tests.support.amount import some_of

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.language.parser import parse_program
-from agentd.language.printer import source_text
+from agentd.language.parser.parser import parse_program
+from agentd.language.syntax_tree.printer import source_text
 
 VALID = (
     "+!g : true <- true.",

@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from agentd.language.term_text import flat_text, text
-from agentd.look import MOST_BELIEFS, BadParameter, Look
-from agentd.mind.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptReplaced
-from agentd.mind.keeping import Keeper
-from agentd.viewing import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
-from commd.bus import Bus
-from commd.errors import QueryFailed
-from schemas import keys
-from schemas.minds import BeliefView, MindView
+from agentd.conversion.introspection import MOST_BELIEFS, BadParameter, Look
+from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
+from agentd.language.terms.format import flat_text, text
+from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptReplaced
+from agentd.mind.persistence.change_tracking import Keeper
+from commd.bus.bus import Bus
+from commd.bus.errors import QueryFailed
+from schemas.wire import keys
+from schemas.wire.mind_records import BeliefView, MindView
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import World, mind_of, term
 from tests.support.buses import Connect, on_a_bus, served, until
@@ -85,7 +85,7 @@ def test_a_mind_that_is_not_kept_tells_the_age_of_what_came_between_two_looks() 
 
 
 def test_old_ages_get_coarse_and_the_memory_for_them_stays_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.mind.kept_beliefs.MOST_MARKS", 64)
+    monkeypatch.setattr("agentd.mind.persistence.belief_store.MOST_MARKS", 64)
     world = kept("")
     for second in range(1, 1001):
         world.feed(BeliefAdded(term(f"at({second})")))

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from agentd.waking import Wake
+from agentd.runtime.wakeup_timer import Wake
 
 
 def in_time(main: Callable[[], Coroutine[Any, Any, Any]]) -> Any:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from agentd.clocks import VirtualClock
-from agentd.paths import SourcePaths
-from agentd.standalone import Team
-from agentd.why import Narrator
+from agentd.runtime.program_paths import SourcePaths
+from agentd.standalone.clocks import VirtualClock
+from agentd.standalone.decision_printer import Narrator
+from agentd.standalone.standalone_team import Team
 
 PAGE = (Path(__file__).parents[2] / "docs" / "why.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)

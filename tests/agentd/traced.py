@@ -6,16 +6,16 @@ from collections.abc import Callable, Collection
 from datetime import UTC
 from typing import Any
 
-from agentd.language.compile import CompiledProgram, compile_program
-from agentd.language.parser import parse_program
+from agentd.language.compiler.compile import CompiledProgram, compile_program
+from agentd.language.parser.parser import parse_program
 from agentd.mind import Mind
-from agentd.mind.effects import Effect
-from agentd.mind.inputs import Input
-from agentd.tracing.birth import Birth
-from agentd.tracing.course import Course, Stretch
-from agentd.tracing.sources import Sources
-from schemas.codec import codec
-from schemas.minds import MindInputs
+from agentd.mind.data.effects import Effect
+from agentd.mind.data.inputs import Input
+from agentd.trace.initial_state import Birth
+from agentd.trace.input_log import Course, Stretch
+from agentd.trace.program_sources import Sources
+from schemas.wire.codec import codec
+from schemas.wire.mind_records import MindInputs
 
 
 class Traced:

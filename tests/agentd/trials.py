@@ -10,19 +10,19 @@ from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from typing import Any, Final
 
-from agentd.analysis.external_knowledge import from_team
-from agentd.analysis.subjects import read_survey
-from agentd.check import Robot, check_program, findings_of
-from agentd.language.compile import DirectiveError, compile_program
-from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_program
-from agentd.language.printer import source_text
-from agentd.language.syntax import Program
+from agentd.check.command import Robot, check_program, findings_of
+from agentd.check.external_knowledge import from_team
+from agentd.check.programs import read_survey
+from agentd.language.compiler.compile import DirectiveError, compile_program
+from agentd.language.parser.parser import parse_program
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Program
+from agentd.language.syntax_tree.printer import source_text
 from agentd.mind import Mind
-from agentd.mind.effects import PerformAction, TeamRequest
-from agentd.mind.inputs import ActionDone, TeamReply
-from agentd.paths import SourcePaths
-from agentd.run import DEEPEST_CALLS
+from agentd.mind.data.effects import PerformAction, TeamRequest
+from agentd.mind.data.inputs import ActionDone, TeamReply
+from agentd.runtime.program_paths import SourcePaths
+from agentd.standalone.command import DEEPEST_CALLS
 from tests.agentd.generated_programs import corpus
 
 HANG: Final = 20.0

@@ -16,16 +16,17 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from argosy import flight, processes
 from argosy.__main__ import main
-from commd.bus import Bus, Query, open_bus
-from commd.clock import Clock
-from commd.process import report_health
-from schemas import keys
-from schemas.minds import IntentionView, MindView
-from schemas.mission import load_mission
-from schemas.records import ActionStatus, Health, Outcome, Perception, StopOrder
-from schemas.terms import Term
+from argosy.processes import process_table
+from argosy.run import mission_runner
+from commd.bus.bus import Bus, Query, open_bus
+from commd.common.clock import Clock
+from commd.process.process import report_health
+from schemas.mission.model import load_mission
+from schemas.wire import keys
+from schemas.wire.mind_records import IntentionView, MindView
+from schemas.wire.records import ActionStatus, Health, Outcome, Perception, StopOrder
+from schemas.wire.terms import Term
 
 HERE = str(Path(__file__).resolve())
 FAULT, CUE = os.environ.get("FAULT", ""), Path(os.environ.get("CUE", ""))
@@ -154,8 +155,8 @@ def simulate() -> None:
 def run(arguments: list[str]) -> int:
     """`argosy run` with the stand-ins in the table of processes."""
 
-    def command(kind: str) -> processes.Kind:
-        original = next(one for one in processes.KINDS if one.name == kind)
+    def command(kind: str) -> process_table.Kind:
+        original = next(one for one in process_table.KINDS if one.name == kind)
         if kind in ("commd", "recorder"):
             return original
         return replace(
@@ -163,8 +164,8 @@ def run(arguments: list[str]) -> int:
             command=lambda setup, subject: ["doubles", kind, setup.file, setup.router, str(setup.speed)],
         )
 
-    flight.STARTUP_PATIENCE = float(os.environ.get("STARTUP_PATIENCE", flight.STARTUP_PATIENCE))
-    processes.KINDS = tuple(command(kind.name) for kind in processes.KINDS)
+    mission_runner.STARTUP_PATIENCE = float(os.environ.get("STARTUP_PATIENCE", mission_runner.STARTUP_PATIENCE))
+    process_table.KINDS = tuple(command(kind.name) for kind in process_table.KINDS)
     sys.path.insert(0, str(Path(HERE).parent))
     os.environ["PYTHONPATH"] = str(Path(HERE).parent)
     return main(["run", *arguments])

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from argosy.journal import Journal
-from argosy.measure import Meter
-from argosy.picture import Picture
-from argosy.processes import Setup
-from argosy.status import Status
-from schemas import keys
-from schemas.minds import IntentionView, MindView
-from schemas.mission import load_mission
-from schemas.records import ActionStatus, Health, Perception, State
-from schemas.terms import Term
+from argosy.cli.journal import Journal
+from argosy.fleet_model.picture import Picture
+from argosy.processes.process_table import Setup
+from argosy.processes.resource_usage import Meter
+from argosy.run.run_status import Status
+from schemas.mission.model import load_mission
+from schemas.wire import keys
+from schemas.wire.mind_records import IntentionView, MindView
+from schemas.wire.records import ActionStatus, Health, Perception, State
+from schemas.wire.terms import Term
 
 MISSION = Path(__file__).parents[2] / "missions" / "single_uav.yaml"
 HOME, AWAY = (-27.604033, -48.518363), (-27.603683, -48.518052)

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from argosy.aloft import in_the_air, last_line
-from argosy.endings import Ending
-from argosy.lines import Left, Line, Ordered, of_a_bridge, read_line
-from argosy.summary import summary
-from schemas.mission import Failsafe
-from schemas.terms import Term
+from argosy.run.armed_warnings import in_the_air, last_line
+from argosy.run.end_conditions import Ending
+from argosy.run.output_lines import Left, Line, Ordered, of_a_bridge, read_line
+from argosy.run.summary import summary
+from schemas.mission.model import Failsafe
+from schemas.wire.terms import Term
 from tests.argosy.recorded import Recording
 
 FAILED = Ending(1, "failed: for a test")

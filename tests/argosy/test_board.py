@@ -18,14 +18,14 @@ import pytest
 import agentd.daemon
 import bridged.daemon
 import commd.daemon
-from argosy import board
-from argosy.board import Parts
-from commd import router_config
-from commd.errors import BusClosed
-from commd.notify import Member, Unit
-from commd.router_config import router_settings
-from schemas.findings import Finding, Findings
-from schemas.mission import Mission, load_mission
+from argosy.deploy import board_command
+from argosy.deploy.board_command import Parts
+from commd.bus.errors import BusClosed
+from commd.process.systemd import Member, Unit
+from commd.router import config
+from commd.router.config import router_settings
+from schemas.files.findings import Finding, Findings
+from schemas.mission.model import Mission, load_mission
 from tests.support.buses import until
 from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
@@ -69,7 +69,7 @@ def test_a_program_that_stops_its_team_ends_no_board(tmp_path: Path) -> None:
 
 def test_every_option_of_the_three_daemons_is_one_of_the_board() -> None:
     parser = argparse.ArgumentParser()
-    board.add_arguments(parser)
+    board_command.add_arguments(parser)
     args = vars(parser.parse_args([str(_MISSION)]))
     for daemon in (commd.daemon, bridged.daemon, agentd.daemon):
         own = argparse.ArgumentParser()
@@ -93,7 +93,7 @@ class _Doubles:
     def __init__(self) -> None:
         self.ended: list[str] = []
 
-    def obedient(self, name: str, code: int = 0) -> board.Serve:
+    def obedient(self, name: str, code: int = 0) -> board_command.Serve:
         async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member) -> int:
             unit.ready(name)
             await stop.wait()
@@ -104,7 +104,7 @@ class _Doubles:
 
         return serve
 
-    def failing(self, error: BaseException | int) -> board.Serve:
+    def failing(self, error: BaseException | int) -> board_command.Serve:
         async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member) -> int:
             if isinstance(error, int):
                 return error
@@ -118,7 +118,7 @@ def _run(
     stop_at_once: bool = False,
     stop_when_ready: bool = False,
     environment: dict[str, str] | None = None,
-    **parts: board.Serve,
+    **parts: board_command.Serve,
 ) -> int:
     async def everything() -> int:
         unit, stop = Unit(environment or {}), asyncio.Event()
@@ -189,7 +189,7 @@ def test_a_part_that_does_not_end_is_told_and_left(
         await asyncio.sleep(1000)
         return 0
 
-    monkeypatch.setattr(board, "LEAVE", 0.05)
+    monkeypatch.setattr(board_command, "LEAVE", 0.05)
     doubles = _Doubles()
     assert _run(stop_when_ready=True, commd=doubles.obedient("commd"), agentd=stubborn) == 1
     assert "agentd did not end within 0.05 s" in caplog.text
@@ -210,7 +210,7 @@ def test_the_service_manager_knows_the_parts_as_one_unit(tmp_path: Path) -> None
 def test_agents_and_bridges_begin_when_the_router_serves() -> None:
     begun: list[str] = []
 
-    def noting(name: str) -> board.Serve:
+    def noting(name: str) -> board_command.Serve:
         async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member) -> int:
             begun.append(name)
             await asyncio.sleep(0.1)
@@ -231,7 +231,7 @@ def test_with_a_routers_file_agents_and_bridges_go_in_where_the_router_opens_for
     mission = load_mission(tmp_path / "mission.yaml")
     with tempfile.TemporaryDirectory() as short:  # the name of a unix socket has 108 bytes at most
         settings = router_settings(mission, "local", socket=f"{short}/router.sock", keys=None)
-        (tmp_path / "router.json5").write_text(router_config.write(settings))
+        (tmp_path / "router.json5").write_text(config.write(settings))
         where = ("--config", str(tmp_path / "router.json5"), "--state", str(tmp_path / "state"))
         with running("argosy", "board", str(mission.path), *where) as one:
             one.says("[a] begun", 60)

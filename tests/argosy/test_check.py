@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from argosy.__main__ import main
-from argosy.check import at_start, check_mission
+from argosy.check.command import at_start, check_mission
 from tests.argosy.conftest import MISSIONS
 from tests.bridged.plugins import install
 from tests.support.amount import some_of

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
-from argosy.check import check_mission
+from argosy.check.command import check_mission
 
 MISSION = """\
 mission: pair

@@ -12,13 +12,14 @@ from typing import Any
 
 import pytest
 
-from argosy.diagnosis import Facts, RobotFacts, Said
-from argosy.doctor import CHECKS, show
-from argosy.doctor_fleet import clocks, daemons, disks, links, mail, versions
-from argosy.doctor_robots import failsafes, percepts, vehicles
-from argosy.roll import Row
-from schemas.mission import load_mission
-from schemas.records import (
+from argosy.doctor.command import CHECKS, show
+from argosy.doctor.daemon_checks import clocks, daemons, disks, links, mail, versions
+from argosy.doctor.findings import Facts, RobotFacts, Said
+from argosy.doctor.robot_checks import failsafes, percepts, vehicles
+from argosy.fleet_model.fleet_status import Row
+from schemas.mission.model import load_mission
+from schemas.version import RELEASE
+from schemas.wire.records import (
     BoardReport,
     DeadLetter,
     Header,
@@ -30,7 +31,6 @@ from schemas.records import (
     Queue,
     Refusal,
 )
-from schemas.release import RELEASE
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon
 

@@ -9,14 +9,14 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from argosy.endings import ANSWERED, NOTHING_LEFT, Ending, Endings
-from argosy.summary import summary
-from argosy.supervise import Supervisor
-from schemas import keys
-from schemas.minds import MindView
-from schemas.mission import NO_STEPS
-from schemas.records import Note
-from schemas.terms import Atom
+from argosy.processes.supervisor import Supervisor
+from argosy.run.end_conditions import ANSWERED, NOTHING_LEFT, Ending, Endings
+from argosy.run.summary import summary
+from schemas.mission.model import NO_STEPS
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import Note
+from schemas.wire.terms import Atom
 from tests.argosy.recorded import Recording
 from tests.argosy.test_live import in_flight, screen
 

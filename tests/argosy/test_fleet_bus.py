@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from argosy.fleet_bus import Boards, FleetBus
-from commd.bus import Bus
-from commd.errors import BusClosed
-from schemas.mission import read_mission
-from schemas.records import Header, Health, Mailboxes
+from argosy.cli.fleet_bus import Boards, FleetBus
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed
+from schemas.mission.model import read_mission
+from schemas.wire.records import Header, Health, Mailboxes
 
 
 def asked(monkeypatch: pytest.MonkeyPatch, *, opening: Exception | None = None, asking: Exception) -> list[str]:
@@ -58,7 +58,7 @@ class Heard:
     """What a fleet's bus takes from two boards, of which `pi2` is reached at the second attempt."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("argosy.fleet_bus.DIAL_AGAIN", 0.0)
+        monkeypatch.setattr("argosy.cli.fleet_bus.DIAL_AGAIN", 0.0)
         self.bus, self.at_pi2 = object.__new__(FleetBus), object.__new__(FleetBus)
         self.taken: list[Callable[..., None]] = []
         """What each board calls, as its session is declared to."""

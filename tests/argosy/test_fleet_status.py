@@ -14,14 +14,14 @@ import pytest
 from rich.console import Console
 
 from argosy.__main__ import main
-from argosy.metrics import Fleet
-from argosy.roll import MOST, SILENT, Roll
-from argosy.status_lines import line, summary, to_json
-from argosy.status_table import table
-from schemas import keys
+from argosy.fleet_model.fleet_status import MOST, SILENT, Roll
+from argosy.status.lines import line, summary, to_json
+from argosy.status.metrics_command import Fleet
+from argosy.status.table import table
 from schemas.humanize import json_lines, span
-from schemas.mission import Mission, load_mission
-from schemas.records import Health
+from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.records import Health
 from tests.support.processes import ROOT, Daemon
 
 MISSION = """\

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 import pytest
 
 from argosy.__main__ import main as argosy
-from commd import router_config
-from commd.bus import Bus, Query, open_bus
-from commd.reach import why_not
-from commd.tls import Tls, files_in
-from schemas import keys
-from schemas.records import Outcome, Perception, StopOrder
+from commd.bus.bus import Bus, Query, open_bus
+from commd.bus.connect_diagnosis import why_not
+from commd.bus.tls import Tls, files_in
+from commd.router import config as router_config
+from schemas.wire import keys
+from schemas.wire.records import Outcome, Perception, StopOrder
 from tests.support.buses import until
 from tests.support.secured import Secured
 

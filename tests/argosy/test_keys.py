@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main as argosy
-from argosy.extras import install_command
-from commd.tls import files_in, identity_of
-from schemas.findings import Findings
+from argosy.cli.extras import install_command
+from commd.bus.tls import files_in, identity_of
+from schemas.files.findings import Findings
 
 MISSION = """\
 mission: rescue
@@ -181,7 +181,9 @@ def test_a_revocation_that_was_interrupted_is_told_and_finished(made: Desk, tmp_
 
 
 def test_the_first_keys_are_made_again_after_an_interruption(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("argosy.authority.Authority.secret", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(
+        "argosy.keys.certificate_authority.Authority.secret", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+    )
     assert desk("init") != 0
     assert (desk.keys / "fleet.json").exists()
     monkeypatch.undo()
@@ -198,7 +200,7 @@ def test_a_key_without_its_certificate_is_told_and_renewed(made: Desk) -> None:
 
 
 def test_first_keys_are_made_by_one_command_at_a_time(desk: Desk) -> None:
-    from argosy.key_folder import alone
+    from argosy.keys.key_store import alone
 
     with alone(desk.keys):
         assert desk("init") == 2
@@ -295,7 +297,7 @@ def test_a_mission_of_one_machine_needs_no_keys(desk: Desk) -> None:
 
 
 def test_two_commands_do_not_change_the_keys_at_once(made: Desk) -> None:
-    from argosy.key_folder import alone
+    from argosy.keys.key_store import alone
 
     with alone(made.keys):
         assert made("renew", "pi1") == 2

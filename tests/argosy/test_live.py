@@ -19,10 +19,10 @@ from typing import cast
 import pytest
 from rich.console import Console
 
-from argosy.live import Screen
-from argosy.processes import Kind, Process
-from argosy.supervise import Child
-from schemas.records import ActionStatus
+from argosy.processes.process_table import Kind, Process
+from argosy.processes.supervisor import Child
+from argosy.run.screen import Screen
+from schemas.wire.records import ActionStatus
 from tests.argosy.conftest import DOUBLES
 from tests.argosy.recorded import Recording, flight
 

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from argosy.__main__ import main
-from argosy.mail import board_lines
-from schemas import keys
-from schemas.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt, Refusal
-from schemas.terms import Atom, Structure
+from argosy.mail.command import board_lines
+from schemas.wire import keys
+from schemas.wire.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt, Refusal
+from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import Receiver, board, message, post
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
 

@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
-from argosy.operator_bus import bridges
+from argosy.cli.operator_bus import bridges
 from bridged.daemon import serve
-from commd.bus import open_bus
-from schemas.manifest import load_manifest
-from schemas.manifest_text import document
-from schemas.mission import read_mission
-from schemas.shipped import shipped
+from commd.bus.bus import open_bus
+from schemas.files.shipped_files import shipped
+from schemas.manifest.loader import load_manifest
+from schemas.manifest.text import document
+from schemas.mission.model import read_mission
 
 MISSION = """
 mission: pond

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from argosy import metrics
 from argosy.__main__ import main
-from argosy.metrics import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page, _is_loopback
-from argosy.roll import Row
-from schemas.records import Health
+from argosy.fleet_model.fleet_status import Row
+from argosy.status import metrics_command
+from argosy.status.metrics_command import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page, _is_loopback
+from schemas.wire.records import Health
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 
@@ -109,7 +109,7 @@ def test_only_get_metrics_has_an_answer_and_what_is_too_long_none(request_: byte
 
 
 def test_callers_that_say_nothing_are_bounded_and_give_their_place_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(metrics, "REQUEST_PATIENCE", 120.0)
+    monkeypatch.setattr(metrics_command, "REQUEST_PATIENCE", 120.0)
 
     async def body() -> None:
         page = Page(lambda: b"page\n")

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from commd.bus import open_bus
+from commd.bus.bus import open_bus
 from commd.client import join, parse
-from schemas import keys
+from schemas.wire import keys
 from tests.support.notify_socket import NotifySocket
 from tests.support.processes import running
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from argosy.journal import Journal
-from argosy.observe import Observer
-from argosy.picture import Picture
-from commd import reminding
-from commd.bus import open_bus
-from schemas import keys
-from schemas.mission import read_mission
-from schemas.records import Perception
+from argosy.cli.journal import Journal
+from argosy.fleet_model.picture import Picture
+from argosy.fleet_model.snapshot import Observer
+from commd.bus.bus import open_bus
+from commd.common import repeated_log
+from schemas.mission.model import read_mission
+from schemas.wire import keys
+from schemas.wire.records import Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, session, subscribed, until
 
 MISSION = f"mission: {FLEET}\nagents: {{a: {{program: a.asl}}}}\n"
@@ -25,7 +25,7 @@ MISSION = f"mission: {FLEET}\nagents: {{a: {{program: a.asl}}}}\n"
 def test_that_the_router_is_away_and_back_is_told_in_the_run_and_in_the_log(
     endpoint: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reminding, "AGAIN", (0.05, 0.1, 600.0))
+    monkeypatch.setattr(repeated_log, "AGAIN", (0.05, 0.1, 600.0))
     caplog.set_level("INFO")
     journal = Journal(lambda: 0.0)
     picture = Picture(read_mission(MISSION, Path("m.yaml")), journal, lambda: 0.0)

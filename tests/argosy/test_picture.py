@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 from contextlib import suppress
 
-from argosy.endings import Ending
-from argosy.journal import MAX_LOGGED, Journal
-from argosy.summary import summary
-from schemas import keys
-from schemas.records import Note, Perception
-from schemas.terminal import printable
+from argosy.cli.journal import MAX_LOGGED, Journal
+from argosy.run.end_conditions import Ending
+from argosy.run.summary import summary
+from schemas.files.terminal import printable
+from schemas.wire import keys
+from schemas.wire.records import Note, Perception
 from tests.argosy.recorded import Recording, flight
 
 

@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
-from argosy.plot import read_scene
-from argosy.recording.facts import End, Facts
-from argosy.recording.intake import Heard
-from argosy.recording.reader import open_recording
-from argosy.recording.writer import RecordingWriter
-from schemas import keys
-from schemas.codec import codec
-from schemas.minds import Deed, MindDeeds
-from schemas.records import ActionStatus, Header, Perception, Record, State
-from schemas.terms import Term
+from argosy.plot.command import read_scene
+from argosy.recording.file.metadata import End, Facts
+from argosy.recording.file.reader import open_recording
+from argosy.recording.file.write_queue import Heard
+from argosy.recording.file.writer import RecordingWriter
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.mind_records import Deed, MindDeeds
+from schemas.wire.records import ActionStatus, Header, Perception, Record, State
+from schemas.wire.terms import Term
 
 FLEET, SPEED, BEGUN = "sar", 5.0, 1_790_000_000_000_000_000
 HOME, VICTIM = (-27.604033, -48.518363), (-27.6036, -48.5180)

@@ -8,14 +8,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from argosy import recovery as module
-from argosy.endings import Ending, Endings
-from argosy.processes import plan
-from argosy.recovery import Recovery
-from argosy.restarts import Restarts
-from argosy.supervise import Child, Supervisor
-from argosy.watchdog import Watchdog
-from schemas.terms import Atom
+from argosy.processes.process_table import plan
+from argosy.processes.restarts import Restarts
+from argosy.processes.supervisor import Child, Supervisor
+from argosy.run import recovery as module
+from argosy.run.end_conditions import Ending, Endings
+from argosy.run.recovery import Recovery
+from argosy.run.watchdog import Watchdog
+from schemas.wire.terms import Atom
 from tests.argosy.recorded import Recording
 from tests.argosy.test_live import in_flight
 

@@ -9,15 +9,15 @@ import msgspec
 import pytest
 
 from argosy.__main__ import main
-from argosy.referee import drops_of, judge
-from argosy.surroundings import servo_log, victims
-from bridged.simulation.servo_log import ServoMove
-from bridged.simulation.world import Victim
-from commd.bus import Bus
-from schemas import keys
-from schemas.mission import World, load_mission
-from schemas.records import Perception
-from schemas.terms import Term
+from argosy.processes.search_world import servo_log, victims
+from argosy.simulate.referee import drops_of, judge
+from bridged.simulation.copter.servo_log import ServoMove
+from bridged.simulation.copter.world import Victim
+from commd.bus.bus import Bus
+from schemas.mission.model import World, load_mission
+from schemas.wire import keys
+from schemas.wire.records import Perception
+from schemas.wire.terms import Term
 from tests.argosy.recording.recorders import recording, seen
 from tests.support.buses import FLEET, Connect, on_a_bus, subscribed
 

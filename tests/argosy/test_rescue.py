@@ -10,8 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from agentd.replaying import replay
-from argosy.recording.reader import open_recording
+from agentd.replay.replay import replay
+from argosy.recording.file.reader import open_recording
 from tests.soak_rescue import fly, told
 
 ROOT = Path(__file__).parents[2]

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from argosy import restarts
-from argosy.journal import Journal
-from argosy.processes import Kind, Process
-from argosy.restarts import MOST, Restarts
-from argosy.supervise import Child, Supervisor
+from argosy.cli.journal import Journal
+from argosy.processes import restarts
+from argosy.processes.process_table import Kind, Process
+from argosy.processes.restarts import MOST, Restarts
+from argosy.processes.supervisor import Child, Supervisor
 
 DAEMON = Kind("daemon", lambda setup: [], lambda setup, subject: [])
 SIMULATOR = replace(DAEMON, name="simulator", daemon=False)

@@ -17,10 +17,10 @@ from pathlib import Path
 import psutil
 import pytest
 
-from argosy.extras import install_command
-from commd.bus import open_bus
-from schemas import keys
-from schemas.records import RunState
+from argosy.cli.extras import install_command
+from commd.bus.bus import open_bus
+from schemas.wire import keys
+from schemas.wire.records import RunState
 from tests.argosy.conftest import DOUBLES, Running, Start
 from tests.support.promises import least
 

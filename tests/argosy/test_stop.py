@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 from argosy.__main__ import main
-from commd.bus import Bus, Query, open_bus
-from commd.router_config import write
-from schemas import keys
-from schemas.records import Outcome, StopOrder
+from commd.bus.bus import Bus, Query, open_bus
+from commd.router.config import write
+from schemas.wire import keys
+from schemas.wire.records import Outcome, StopOrder
 from tests.support.secured import Secured
 
 

@@ -9,8 +9,8 @@ import sys
 import time
 from collections.abc import Awaitable, Callable
 
-from argosy.processes import Kind, Process
-from argosy.supervise import MAX_LINE, Child, Supervisor
+from argosy.processes.process_table import Kind, Process
+from argosy.processes.supervisor import MAX_LINE, Child, Supervisor
 
 KIND = Kind("thing", lambda setup: [], lambda setup, subject: [])
 

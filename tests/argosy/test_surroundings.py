@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from argosy.processes import Setup, plan
-from argosy.surroundings import camera_arguments, check_world
-from schemas.findings import Findings
-from schemas.mission import Mission, read_mission
+from argosy.processes.process_table import Setup, plan
+from argosy.processes.search_world import camera_arguments, check_world
+from schemas.files.findings import Findings
+from schemas.mission.model import Mission, read_mission
 
 WORLD = "world: {victims: 8, seed: 3, area: [-27.6038, -48.5193, -27.6029, -48.5173]}"
 TEXT = """

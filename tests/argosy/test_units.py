@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from argosy.__main__ import main
-from argosy.unit_files import WATCHDOG, Board, templates
-from argosy.units import write
-from commd import router_config
-from schemas.findings import Findings
-from schemas.mission import Mission, load_mission
+from argosy.deploy.unit_files import WATCHDOG, Board, templates
+from argosy.deploy.units_command import write
+from commd.router import config
+from schemas.files.findings import Findings
+from schemas.mission.model import Mission, load_mission
 from tests.support.analyzed import analyzed, exposure, installed
 
 MOST = 2.0
@@ -94,7 +94,7 @@ def test_a_board_gets_its_units_its_router_and_the_files_of_its_part_of_the_miss
     settings = json.loads((out / "etc/argosy/survey/router.json5").read_text())
     assert settings["listen"]["endpoints"][0].startswith("unixsock-stream//run/argosy/survey/router.sock")
     assert settings["access_control"]["default_permission"] == "deny"
-    read = router_config.read(out / "etc/argosy/survey/router.json5")
+    read = config.read(out / "etc/argosy/survey/router.json5")
     assert read.secured
     assert read.tls is not None
     assert str(read.tls.key) == "/etc/argosy/survey/keys/key.pem"

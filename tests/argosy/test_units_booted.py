@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from argosy.unit_files import Board
-from argosy.units import write
-from schemas.mission import load_mission
+from argosy.deploy.unit_files import Board
+from argosy.deploy.units_command import write
+from schemas.mission.model import load_mission
 from tests.support.booted import Machine, NoMachine, booted
 
 MISSION = """\

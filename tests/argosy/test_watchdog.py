@@ -10,11 +10,11 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from argosy import watchdog
-from argosy.processes import Kind, Process
-from argosy.supervise import Child, Supervisor
-from argosy.watchdog import Watchdog, is_stopped
-from schemas import keys
+from argosy.processes.process_table import Kind, Process
+from argosy.processes.supervisor import Child, Supervisor
+from argosy.run import watchdog
+from argosy.run.watchdog import Watchdog, is_stopped
+from schemas.wire import keys
 from tests.argosy.recorded import Recording
 
 

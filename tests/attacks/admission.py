@@ -15,10 +15,10 @@ from contextlib import ExitStack, contextmanager, suppress
 import zenoh
 
 from argosy.__main__ import main as argosy
-from commd.admission import FORGED, KNOWN_LISTENERS, KNOWN_REFILL
-from commd.bus import Bus
-from commd.reach import why_not
-from commd.session import owner_of, session_config
+from commd.bus.bus import Bus
+from commd.bus.connect_diagnosis import why_not
+from commd.bus.session import owner_of, session_config
+from commd.router.admission import FORGED, KNOWN_LISTENERS, KNOWN_REFILL
 from tests.attacks.world import Attack, Row, World, health_of
 from tests.support.buses import until
 

@@ -11,12 +11,12 @@ from typing import Any
 import zenoh
 
 from argosy.__main__ import main as argosy
-from commd.reach import why_not
-from commd.session import session_config
-from commd.tls import Tls, files_in
-from schemas import keys
-from schemas.minds import MindView
-from schemas.records import BoardServices, LiveManifest, Outcome, Perception, Receipt, StopOrder
+from commd.bus.connect_diagnosis import why_not
+from commd.bus.session import session_config
+from commd.bus.tls import Tls, files_in
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import BoardServices, LiveManifest, Outcome, Perception, Receipt, StopOrder
 from tests.attacks.world import NAME, Attack, Row, World, ask, health_of, letter, put_until
 from tests.support.buses import until
 from tests.support.ports import free_port

@@ -8,13 +8,13 @@ from contextlib import AsyncExitStack
 
 import zenoh
 
-from commd.bus import Bus, Query, open_bus
+from commd.bus.bus import Bus, Query, open_bus
 from commd.client import Client, join
-from schemas import keys
-from schemas.minds import Deed, MindDecisions, MindDeeds, MindInput, MindInputs, MindView
-from schemas.records import ActionStatus, Health, Mail, Message, Receipt
-from schemas.terms import Atom, Structure
-from schemas.text import write
+from schemas.wire import keys
+from schemas.wire.mind_records import Deed, MindDecisions, MindDeeds, MindInput, MindInputs, MindView
+from schemas.wire.records import ActionStatus, Health, Mail, Message, Receipt
+from schemas.wire.term_text import write
+from schemas.wire.terms import Atom, Structure
 from tests.attacks.world import NAME, Attack, Row, World, ask, health_of
 from tests.commd.old_comm import OldCommNode
 from tests.support.buses import until

@@ -9,8 +9,8 @@ from statistics import median
 
 import zenoh
 
-from schemas import keys
-from schemas.records import (
+from schemas.wire import keys
+from schemas.wire.records import (
     Action,
     ActionStatus,
     BoardServices,

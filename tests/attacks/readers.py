@@ -6,9 +6,9 @@ import asyncio
 import time
 from itertools import pairwise
 
-from schemas import keys
-from schemas.minds import MindView
-from schemas.records import Health
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import Health
 from tests.attacks.world import NAME, Attack, Row, World, ask, health_of
 from tests.support.buses import until
 from tests.support.ports import free_port

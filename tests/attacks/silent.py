@@ -13,8 +13,8 @@ from pathlib import Path
 import zenoh
 from zenoh.handlers import FifoChannel
 
-from commd.session import session_config, session_id
-from commd.tls import files_in
+from commd.bus.session import session_config, session_id
+from commd.bus.tls import files_in
 
 ROUNDS = 20.0
 """Each second."""

@@ -8,14 +8,14 @@ from contextlib import AbstractAsyncContextManager
 
 import pytest
 
-from argosy.diagnosis import Said
-from argosy.doctor_access import findings
-from commd import denials
+from argosy.doctor.access_checks import findings
+from argosy.doctor.findings import Said
+from commd.bus import access_probe
+from commd.bus.errors import AccessDenied
 from commd.client import Client, NotJoined, UnknownReceiver, join
-from commd.errors import AccessDenied
-from schemas import keys
-from schemas.minds import MindView
-from schemas.mission import read_mission
+from schemas.mission.model import read_mission
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
 from tests.attacks.admission import ADMISSION
 from tests.attacks.links import LINKS
 from tests.attacks.mail import MAIL
@@ -112,8 +112,8 @@ def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(
 def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(denials, "SETTLING", 0.05)
-    monkeypatch.setattr(denials, "PATIENCE", 0.3)
+    monkeypatch.setattr(access_probe, "SETTLING", 0.05)
+    monkeypatch.setattr(access_probe, "PATIENCE", 0.3)
 
     async def body() -> None:
         async with world.member("pi1", "a") as bus:

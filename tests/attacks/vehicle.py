@@ -9,8 +9,8 @@ from tempfile import TemporaryDirectory
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.signing import Signing, key_of
-from schemas.records import Note
+from bridged.drivers.mavlink.transport.signing import Signing, key_of
+from schemas.wire.records import Note
 from tests.attacks.world import Attack, Row, World
 from tests.bridged.radio import COPTER, Ride, Speaker, place, riding
 from tests.support.buses import until

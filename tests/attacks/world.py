@@ -11,11 +11,11 @@ from typing import Any, TypeAlias, TypeVar
 
 import zenoh
 
-from commd.bus import Bus, open_bus
-from commd.session import session_config
-from commd.tls import Tls
-from schemas import keys
-from schemas.records import Health, Mail, Mailboxes, Message, Perception, Record
+from commd.bus.bus import Bus, open_bus
+from commd.bus.session import session_config
+from commd.bus.tls import Tls
+from schemas.wire import keys
+from schemas.wire.records import Health, Mail, Mailboxes, Message, Perception, Record
 from tests.support.buses import until
 from tests.support.processes import Daemon
 from tests.support.secured import FLEET, Secured

@@ -17,7 +17,7 @@ from benchmarks.imperative.plan import programs, variant
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT
 from benchmarks.watched import Watched
-from schemas.mission import load_mission
+from schemas.mission.model import load_mission
 
 SPEED = 20
 

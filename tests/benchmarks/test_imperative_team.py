@@ -12,8 +12,8 @@ import pytest
 from benchmarks.imperative.rescuer import Rescuer
 from benchmarks.imperative.scout import Scout
 from commd.client import Unanswered
-from schemas.records import ActionStatus
-from schemas.terms import Structure, Term
+from schemas.wire.records import ActionStatus
+from schemas.wire.terms import Structure, Term
 
 AT_ONCE = 1000.0
 """Times the speed of the mission: five minutes pass in 0.3 s."""

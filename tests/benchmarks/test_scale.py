@@ -14,9 +14,9 @@ from benchmarks.scale.health import Records, errors, gaps, grown, late
 from benchmarks.scale.mission import Vehicles
 from benchmarks.scale.run import run
 from benchmarks.spread import Spread
-from schemas import keys
-from schemas.codec import codec
-from schemas.records import Health
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.records import Health
 
 MISSED = {
     "actions timed out",

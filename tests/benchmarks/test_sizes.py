@@ -13,7 +13,7 @@ from benchmarks.paper.bare import bare_agentspeak, bare_python
 from benchmarks.paper.sizes import AGENTSPEAK, MISSIONS, PYTHON, Figures, Source, count, goals, measure
 from benchmarks.peers import Size
 from benchmarks.results import ROOT
-from schemas.mission import load_mission
+from schemas.mission.model import load_mission
 
 
 def test_a_program_is_counted_as_gzip_and_wc_count_it() -> None:

@@ -10,7 +10,7 @@ from typing import Any, cast
 import msgspec
 import pytest
 
-from argosy.surroundings import servo_log
+from argosy.processes.search_world import servo_log
 from benchmarks import results
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Flight, setup_in
 from benchmarks.paper import usage
@@ -21,7 +21,7 @@ from benchmarks.parts import PARTS
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT
 from benchmarks.sampling import AGENT, Sample, Sampler
-from schemas.mission import load_mission
+from schemas.mission.model import load_mission
 
 SPEED = 10.0
 

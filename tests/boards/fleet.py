@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
 
-from schemas.mission import Mission, load_mission
+from schemas.mission.model import Mission, load_mission
 from tests.boards.network import GROUND, Network
 from tests.support.processes import ROOT, Daemon
 

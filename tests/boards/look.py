@@ -14,11 +14,11 @@ from typing import Any
 
 import msgspec
 
-from commd.bus import Bus, open_bus
-from commd.errors import BusClosed
-from schemas import keys
-from schemas.minds import MindView
-from schemas.records import Mailboxes
+from commd.bus.bus import Bus, open_bus
+from commd.bus.errors import BusClosed
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import Mailboxes
 
 PATIENCE = 3.0
 """Seconds for one answer."""

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from argosy.firewall import firewall_unit, rules_path, table
-from argosy.unit_files import Board
-from argosy.units import write
-from commd.admission import AT_ONCE, UNHEARD
-from schemas.mission import load_mission
+from argosy.deploy.firewall import firewall_unit, rules_path, table
+from argosy.deploy.unit_files import Board
+from argosy.deploy.units_command import write
+from commd.router.admission import AT_ONCE, UNHEARD
+from schemas.mission.model import load_mission
 from tests.boards.conftest import needs_namespaces
 from tests.boards.network import GROUND, NEEDED, Network
 from tests.support.analyzed import analyzed

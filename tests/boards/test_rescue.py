@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from argosy.referee import judge_run
+from argosy.simulate.referee import judge_run
 from tests.boards.fleet import Fleet
 from tests.boards.network import Network
 from tests.support.processes import ROOT

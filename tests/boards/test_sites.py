@@ -30,9 +30,9 @@ ROUTER = "tcp/127.0.0.1:7447"
 """Of each board, for its own daemons."""
 _BUS = """\
 import asyncio, sys, time
-from commd.bus import open_bus
+from commd.bus.bus import open_bus
 from schemas import keys
-from schemas.records import Perception
+from schemas.wire.records import Perception
 async def main(what, endpoint, count):
     key = keys.percept("letters", "uav1", "global_pos")
     async with open_bus(endpoint, fleet="letters", name=what, daemon="test", stamp=time.time_ns, patience=20) as bus:

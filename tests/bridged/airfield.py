@@ -10,14 +10,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from bridged.daemon import serve
-from bridged.drivers.mavlink.address import LinkAddress
-from bridged.drivers.mavlink.link import open_link
-from bridged.simulation.vehicle import Vehicle
-from commd.bus import Bus, Reply, open_bus
-from schemas import keys
-from schemas.mission import Mission, read_mission
-from schemas.records import Action, ActionStatus, Perception
-from schemas.terms import Term
+from bridged.drivers.mavlink.transport.address import LinkAddress
+from bridged.drivers.mavlink.transport.link import open_link
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from commd.bus.bus import Bus, Reply, open_bus
+from schemas.mission.model import Mission, read_mission
+from schemas.wire import keys
+from schemas.wire.records import Action, ActionStatus, Perception
+from schemas.wire.terms import Term
 from tests.bridged.sky import HOME, MISSION
 from tests.support.buses import until
 from tests.support.ports import free_port

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bridged.bridge.manifest_loader import load_robot_manifest
 from bridged.drivers import check_manifest
-from bridged.ini_manifests import translate_pair
-from bridged.manifests import load_robot_manifest
-from schemas.manifest import Manifest
+from bridged.paper_format.ini_manifests import translate_pair
+from schemas.manifest.loader import Manifest
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 

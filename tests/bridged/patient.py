@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bridged.board import PerceptBoard
-from bridged.desk import ActionDesk
-from bridged.drivers.robot import Execution, Order, Outcome, Value
-from bridged.lease import Lease
-from bridged.ledger import Ledger
-from schemas.manifest import ActionEntry, Manifest, RobotEntry
-from schemas.records import Action, ActionStatus
+from bridged.bridge.action_log import Ledger
+from bridged.bridge.action_server import ActionDesk
+from bridged.bridge.lease import Lease
+from bridged.bridge.percepts import PerceptBoard
+from bridged.drivers.api import Execution, Order, Outcome, Value
+from schemas.manifest.loader import ActionEntry, Manifest, RobotEntry
+from schemas.wire.records import Action, ActionStatus
 
 
 class Patient:

@@ -8,14 +8,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from bridged.drivers.robot import Execution, Outcome, Reading, Setup, Value
+from bridged.drivers.api import Execution, Outcome, Reading, Setup, Value
 from bridged.drivers.zenoh.driver import ZenohDriver
-from bridged.drivers.zenoh.kind import check_manifest
-from commd.bus import Bus
-from commd.clock import Clock
-from commd.raw import Sample
-from schemas.manifest import Manifest, read_manifest
-from schemas.mission import Robot
+from bridged.drivers.zenoh.registration import check_manifest
+from commd.bus.bus import Bus
+from commd.bus.raw import Sample
+from commd.common.clock import Clock
+from schemas.manifest.loader import Manifest, read_manifest
+from schemas.mission.model import Robot
 from tests.support.buses import Connect, on_a_bus, served, subscribed, until
 
 MANIFEST = """

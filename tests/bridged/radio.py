@@ -11,13 +11,13 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.api import Reading, Setup
 from bridged.drivers.mavlink.driver import MavlinkDriver
-from bridged.drivers.mavlink.signing import Signing
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
-from bridged.drivers.robot import Reading, Setup
-from commd.clock import Clock
-from schemas.manifest import Manifest, load_manifest
-from schemas.mission import Robot, read_mission
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.signing import Signing
+from commd.common.clock import Clock
+from schemas.manifest.loader import Manifest, load_manifest
+from schemas.mission.model import Robot, read_mission
 
 COPTER = load_manifest("arducopter")
 BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)

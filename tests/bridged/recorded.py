@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.wire import Framer, WireCounters
+from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
 
 DATA = Path(__file__).parent.parent / "data"
 PX4 = "px4/quad_flight"

@@ -6,8 +6,8 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.modes import ModeTable
-from bridged.drivers.mavlink.vehicle import Place
+from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
+from bridged.drivers.mavlink.vehicle.state import Place
 from tests.bridged.sky import HOME, Message
 
 SEND_EVERY = 0.2

@@ -9,18 +9,18 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.body import Body
-from bridged.bridge import Bridge
+from bridged.bridge.bridge import Bridge
+from bridged.bridge.composite_driver import Body
 from bridged.drivers.mavlink.driver import MavlinkDriver
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
-from bridged.simulation.faults import Air, Faults
-from bridged.simulation.geo import Place
-from bridged.simulation.vehicle import Vehicle
-from commd.clock import Clock
-from schemas.manifest import Manifest, load_manifest
-from schemas.mission import read_mission
-from schemas.records import Action, ActionStatus, Perception
-from schemas.terms import Term
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.simulation.copter.fault_injection import Air, Faults
+from bridged.simulation.copter.geodesy import Place
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from commd.common.clock import Clock
+from schemas.manifest.loader import Manifest, load_manifest
+from schemas.mission.model import read_mission
+from schemas.wire.records import Action, ActionStatus, Perception
+from schemas.wire.terms import Term
 
 HOME = Place(-27.604033, -48.518363, 21.0)
 GOAL = (-27.603683, -48.518052, 40)

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from bridged.daemon import serve
-from bridged.simulation.turtle import Turtle
-from bridged.simulation.turtle_process import simulate
-from commd.bus import Bus, open_bus
-from schemas import keys
-from schemas.mission import Mission, load_mission
-from schemas.records import Action, ActionStatus, Health, Perception
-from schemas.terms import Term
+from bridged.simulation.turtle.process import simulate
+from bridged.simulation.turtle.turtle import Turtle
+from commd.bus.bus import Bus, open_bus
+from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.records import Action, ActionStatus, Health, Perception
+from schemas.wire.terms import Term
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 

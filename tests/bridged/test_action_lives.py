@@ -10,10 +10,10 @@ import pytest
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.flight import Call, Flight, Steps, Task
-from bridged.drivers.mavlink.offers import GLOBAL_TARGET, MESSAGES, Offer
-from bridged.jobs import MAX_FOLLOWERS
-from schemas.records import Action, ActionStatus, Header
+from bridged.bridge.running_action import MAX_FOLLOWERS
+from bridged.drivers.mavlink.actions.context import Call, Flight, Steps, Task
+from bridged.drivers.mavlink.manifest.capabilities import GLOBAL_TARGET, MESSAGES, Offer
+from schemas.wire.records import Action, ActionStatus, Header
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 
 

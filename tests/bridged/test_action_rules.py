@@ -9,12 +9,12 @@ import pytest
 from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.desk import MAX_RUNNING
-from bridged.drivers.robot import Outcome
-from bridged.progress import MAX_FEEDBACK
-from schemas.durations import Duration
-from schemas.manifest import Manifest, Retry, load_manifest
-from schemas.terms import Atom
+from bridged.bridge.action_server import MAX_RUNNING
+from bridged.bridge.feedback import MAX_FEEDBACK
+from bridged.drivers.api import Outcome
+from schemas.files.durations import Duration
+from schemas.manifest.loader import Manifest, Retry, load_manifest
+from schemas.wire.terms import Atom
 from tests.bridged.patient import Desk
 from tests.bridged.sky import GOAL, Sky
 

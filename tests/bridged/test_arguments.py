@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from bridged.arguments import BadArgument, read_arguments, signature
-from schemas.manifest import ActionEntry, Argument, read_manifest
-from schemas.text import read
+from bridged.drivers.argument_check import BadArgument, read_arguments, signature
+from schemas.manifest.loader import ActionEntry, Argument, read_manifest
+from schemas.wire.term_text import read
 
 MANIFEST = """
 [robot]

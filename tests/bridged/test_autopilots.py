@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.robot import Order, Outcome
-from bridged.orders import Step
-from bridged.simulation.faults import Faults
+from bridged.bridge.safety_orders import Step
+from bridged.drivers.api import Order, Outcome
+from bridged.simulation.copter.fault_injection import Faults
 from tests.bridged.recorded import PX4, packets
 from tests.bridged.sky import GOAL, Sky
 from tests.bridged.test_orders import leaving, passing

@@ -10,7 +10,7 @@ import pytest
 
 from bridged.drivers import check_manifest
 from bridged.drivers.python.driver import PythonDriver
-from schemas.manifest import find_manifest, read_manifest
+from schemas.manifest.loader import find_manifest, read_manifest
 from tests.bridged.plugins import install
 from tests.bridged.sky import GOAL, Sky
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from bridged.drivers.mavlink.modes import COMING_HOME
-from bridged.orders import FIRST_HEARD, Step
+from bridged.bridge.safety_orders import FIRST_HEARD, Step
+from bridged.drivers.mavlink.vehicle.flight_modes import COMING_HOME
 from tests.bridged.sky import Sky
 from tests.bridged.test_orders import flown, leaving, mode_of, passing, take_over
 
@@ -35,7 +35,7 @@ def test_a_bridge_that_stops_says_that_its_vehicle_comes_home_by_others(sky: Sky
 def test_a_bridge_that_is_started_again_and_stops_at_once_hears_its_vehicle_first(
     sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bridged.orders.AGAIN", 0.001)
+    monkeypatch.setattr("bridged.bridge.safety_orders.AGAIN", 0.001)
     assert sky.do("goto", -27.6036, -48.5180, 20).state == "succeeded"
     again = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
 
@@ -55,7 +55,7 @@ def test_a_bridge_that_is_started_again_and_stops_at_once_hears_its_vehicle_firs
 def test_a_bridge_that_stops_waits_in_bounds_for_a_vehicle_never_heard(
     tmp_path: Path, answered: bool, wall: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bridged.orders.AGAIN", 0.001)
+    monkeypatch.setattr("bridged.bridge.safety_orders.AGAIN", 0.001)
 
     async def body(sky: Sky) -> None:
         sky.we_hear = lambda message: False

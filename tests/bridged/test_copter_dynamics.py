@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from bridged.simulation.modes import Mode
-from bridged.simulation.motion import Vector
-from bridged.simulation.tasks import Landed
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_modes import Mode
+from bridged.simulation.copter.flight_tasks import Landed
 from tests.bridged.virtual_copter import Station
 
 RECORDED: dict[str, Any] = json.loads((Path(__file__).parent.parent / "data" / "dynamics.json").read_text())

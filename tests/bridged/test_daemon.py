@@ -15,18 +15,18 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.daemon import serve
+from bridged.drivers.api import Reading, Setup
 from bridged.drivers.mavlink.driver import MavlinkDriver
-from bridged.drivers.mavlink.wire import Encoder
-from bridged.drivers.robot import Reading, Setup
-from commd.bus import Bus
-from commd.clock import Clock
-from commd.errors import AlreadyRunning
-from commd.presence import Presence
-from schemas import keys
-from schemas.manifest import ActionDescription, load_manifest
-from schemas.mission import read_mission
-from schemas.percepts import PerceptSet
-from schemas.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
+from bridged.drivers.mavlink.transport.framing import Encoder
+from commd.bus.bus import Bus
+from commd.bus.errors import AlreadyRunning
+from commd.common.clock import Clock
+from commd.liveness.presence import Presence
+from schemas.manifest.loader import ActionDescription, load_manifest
+from schemas.mission.model import read_mission
+from schemas.wire import keys
+from schemas.wire.percept_set import PerceptSet
+from schemas.wire.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
 from tests.bridged.airfield import Airfield, on_the_airfield, present, until
 from tests.bridged.sky import MISSION
 from tests.support.ports import free_port
@@ -311,7 +311,7 @@ def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_
         lives.append(Presence(agents, board_of))
         return lives[-1]
 
-    monkeypatch.setattr("bridged.watch.Presence", watching)
+    monkeypatch.setattr("bridged.bridge.agent_monitor.Presence", watching)
 
     async def body(field: Airfield) -> None:
         async with field.router(), field.client("watcher") as watcher:
@@ -336,7 +336,7 @@ def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_
 def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_another_agent_is_alive(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.presence.ROUTER_GRACE", 1.0)
+    monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
 
     async def body(field: Airfield) -> None:
         async with field.router(), field.client("other") as other:
@@ -364,7 +364,7 @@ def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_anothe
 def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_heard_again(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("bridged.orders.ORDER_PATIENCE", 1.0)
+    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 1.0)
 
     async def body(field: Airfield) -> None:
         async with field.router(), field.client("watcher") as watcher:

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from bridged.drivers.robot import Execution, Outcome
-from bridged.statuses import MAX_FIGURES, MAX_ID, MAX_REASON
-from schemas.codec import codec
-from schemas.records import ActionStatus
+from bridged.bridge.action_status import MAX_FIGURES, MAX_ID, MAX_REASON
+from bridged.drivers.api import Execution, Outcome
+from schemas.wire.codec import codec
+from schemas.wire.records import ActionStatus
 from tests.bridged.patient import Desk
 
 

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from schemas.mission import read_mission
+from schemas.mission.model import read_mission
 from tests.bridged.studio import Studio, in_the_studio
 from tests.support.buses import until
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.records import ActionStatus
+from schemas.wire.records import ActionStatus
 from tests.faults.real import REAL
 from tests.faults.rows import Ended, Row
 from tests.faults.virtual import VIRTUAL

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.modes import Mode
+from bridged.simulation.copter.flight_modes import Mode
 from tests.bridged.sky import GOAL, MISSION, Message, Sky
 from tests.bridged.test_setpoints_and_outputs import manifest as manifest_with_raw_commands
 

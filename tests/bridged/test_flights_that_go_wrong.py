@@ -14,7 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from argosy.__main__ import main
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 

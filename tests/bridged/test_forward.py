@@ -11,9 +11,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.forward import target_of
-from bridged.drivers.mavlink.signing import Signing, key_of
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.forwarding import target_of
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.signing import Signing, key_of
 from tests.bridged.radio import BEAT, STATION_BEAT, Speaker, place, riding, spoken_as
 from tests.support.buses import until
 from tests.support.ports import free_port

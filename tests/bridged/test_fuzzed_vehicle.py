@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.wire import Framer, WireCounters
+from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
 from tests.bridged.sky import GOAL, Sky
 from tests.support.amount import some_of
 

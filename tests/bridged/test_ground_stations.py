@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.link import Link, LinkAddress, open_link
+from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
 from tests.support.ports import free_port
 from tests.support.promises import least
 

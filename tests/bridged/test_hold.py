@@ -9,19 +9,19 @@ from typing import Any
 
 import zenoh
 
-from bridged import body as body_module
-from bridged.bridge import Bridge
+from bridged.bridge import composite_driver as body_module
+from bridged.bridge.bridge import Bridge
+from bridged.bridge.live_manifest import RunningManifest
+from bridged.bridge.robot_setup import order_findings
 from bridged.drivers import check_manifest
-from bridged.drivers.robot import Outcome
+from bridged.drivers.api import Outcome
 from bridged.drivers.zenoh.driver import ZenohDriver
-from bridged.live import RunningManifest
-from bridged.preparation import order_findings
-from commd.bus import Bus
-from commd.clock import Clock
-from schemas.manifest import read_manifest
-from schemas.mission import read_mission
-from schemas.records import Action, ActionStatus, ManifestChange
-from schemas.terms import Term
+from commd.bus.bus import Bus
+from commd.common.clock import Clock
+from schemas.manifest.loader import read_manifest
+from schemas.mission.model import read_mission
+from schemas.wire.records import Action, ActionStatus, ManifestChange
+from schemas.wire.terms import Term
 from tests.support.buses import on_a_bus, until
 
 MANIFEST = """

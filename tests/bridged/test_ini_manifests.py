@@ -8,14 +8,14 @@ import pytest
 from msgspec.structs import replace
 
 from argosy.__main__ import main
-from bridged.arguments import read_arguments
+from bridged.bridge.manifest_loader import load_robot_manifest
 from bridged.drivers import check_manifest
-from bridged.drivers.mavlink.mavros import CALLS, TOPICS, below_mavros
-from bridged.ini_manifests import translate_pair
-from bridged.manifests import load_robot_manifest
-from schemas.findings import Findings
-from schemas.manifest import ActionEntry, Manifest, PerceptEntry, load_manifest, read_manifest
-from schemas.manifest_text import write_toml
+from bridged.drivers.argument_check import read_arguments
+from bridged.paper_format.ini_manifests import translate_pair
+from bridged.paper_format.mavros_names import CALLS, TOPICS, below_mavros
+from schemas.files.findings import Findings
+from schemas.manifest.loader import ActionEntry, Manifest, PerceptEntry, load_manifest, read_manifest
+from schemas.manifest.text import write_toml
 from tests.bridged.ini_pairs import MISSIONS, of_the_uav, pair, service
 
 SAME = {

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from bridged.service import BY_HAND, is_by_hand
-from commd.bus import Bus
-from schemas import keys
-from schemas.records import Action, ActionStatus, Cancel, Header
+from bridged.bridge.bus_endpoints import BY_HAND, is_by_hand
+from commd.bus.bus import Bus
+from schemas.wire import keys
+from schemas.wire.records import Action, ActionStatus, Cancel, Header
 from tests.bridged.airfield import Airfield, on_the_airfield, present, until
 from tests.bridged.sky import MISSION
 

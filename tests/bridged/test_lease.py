@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bridged.lease import IDLE, Lease
-from bridged.orders import Step
-from schemas.records import ActionStatus
-from schemas.terms import Atom
+from bridged.bridge.lease import IDLE, Lease
+from bridged.bridge.safety_orders import Step
+from schemas.wire.records import ActionStatus
+from schemas.wire.terms import Atom
 from tests.bridged.sky import GOAL, MISSION, Sky
 
 RANKED = MISSION.replace("    link:", "    lease: {priority: [other]}\n    link:")

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from commd.bus import Bus
-from commd.clock import Clock
-from commd.process import report_health
-from schemas import keys
-from schemas.terms import Atom
+from commd.bus.bus import Bus
+from commd.common.clock import Clock
+from commd.process.process import report_health
+from schemas.wire import keys
+from schemas.wire.terms import Atom
 from tests.bridged.airfield import Airfield, on_the_airfield, present, until
 from tests.bridged.sky import MISSION
 from tests.support.buses import subscribed

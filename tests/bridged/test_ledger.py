@@ -11,9 +11,9 @@ from unittest.mock import Mock
 
 import pytest
 
-from bridged import ledger as module
-from bridged.ledger import KEEP, Entry, Ledger
-from schemas.records import Action, ActionStatus
+from bridged.bridge import action_log as module
+from bridged.bridge.action_log import KEEP, Entry, Ledger
+from schemas.wire.records import Action, ActionStatus
 
 
 def soon(wish: Callable[[], bool], what: str) -> None:
@@ -107,9 +107,11 @@ def rewritten(ledger: Ledger) -> bool:
 def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("bridged.ledger.REWRITE_AT", 1)
+    monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
     ledger = Ledger(tmp_path / "uav1.actions")
-    monkeypatch.setattr("bridged.ledger.Path.replace", Mock(side_effect=OSError(28, "No space left on device")))
+    monkeypatch.setattr(
+        "bridged.bridge.action_log.Path.replace", Mock(side_effect=OSError(28, "No space left on device"))
+    )
     ledger.begin(begun("a:1"))
     soon(lambda: rewritten(ledger), "the new file")
     ledger.begin(begun("a:2"))
@@ -125,7 +127,7 @@ def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
 def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bridged.ledger.REWRITE_AT", 1)
+    monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
     wall, path, written, write = Wall(), tmp_path / "uav1.actions", Event(), module._write
     ledger = Ledger(path, wall)
 
@@ -133,7 +135,7 @@ def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
         write(fresh, entries)
         assert written.wait(30)
 
-    monkeypatch.setattr("bridged.ledger._write", slow)
+    monkeypatch.setattr("bridged.bridge.action_log._write", slow)
     ledger.begin(begun("a:1"))
     ledger.begin(begun("a:2"))
     ledger.finish("a", ended("a:1"))
@@ -154,7 +156,7 @@ def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
 def test_a_file_whose_ids_are_all_of_the_last_hour_is_written_anew_only_when_it_has_doubled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bridged.ledger.REWRITE_AT", 1000)
+    monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1000)
     rewrites, write = list[int](), module._write
     ledger = Ledger(tmp_path / "uav1.actions")
 
@@ -162,7 +164,7 @@ def test_a_file_whose_ids_are_all_of_the_last_hour_is_written_anew_only_when_it_
         rewrites.append(len(entries))
         write(fresh, entries)
 
-    monkeypatch.setattr("bridged.ledger._write", counted)
+    monkeypatch.setattr("bridged.bridge.action_log._write", counted)
     for number in range(2000):
         ledger.finish("a", ended(f"a:{number}"))
         if ledger._rewriting is not None:
@@ -188,7 +190,7 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
         if ours:
             synced.append(seen.st_size)
 
-    monkeypatch.setattr("bridged.ledger.os.fsync", slow)
+    monkeypatch.setattr("bridged.bridge.action_log.os.fsync", slow)
     ledger.begin(begun("a:0"))
     ledger.keep()
     assert busy.wait(30)
@@ -210,7 +212,7 @@ def test_a_sync_that_fails_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     ledger = Ledger(tmp_path / "uav1.actions")
-    monkeypatch.setattr("bridged.ledger.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
+    monkeypatch.setattr("bridged.bridge.action_log.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
     ledger.begin(begun("a:1"))
     ledger.keep()
     soon(lambda: bool(caplog.records), "the log line")

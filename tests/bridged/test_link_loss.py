@@ -10,15 +10,15 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
-from bridged.drivers.mavlink import endpoint
-from bridged.drivers.mavlink.address import LinkAddress
-from bridged.drivers.mavlink.link import Link, open_link
-from bridged.drivers.mavlink.link_state import LinkState
-from bridged.drivers.mavlink.sockets import UdpSocket
-from bridged.drivers.mavlink.wire import Encoder
-from bridged.drivers.robot import Reading
-from schemas.manifest import read_manifest
-from schemas.terms import Atom
+from bridged.drivers.api import Reading
+from bridged.drivers.mavlink.transport import endpoint
+from bridged.drivers.mavlink.transport.address import LinkAddress
+from bridged.drivers.mavlink.transport.framing import Encoder
+from bridged.drivers.mavlink.transport.link import Link, open_link
+from bridged.drivers.mavlink.transport.link_state import LinkState
+from bridged.drivers.mavlink.transport.sockets import UdpSocket
+from schemas.manifest.loader import read_manifest
+from schemas.wire.terms import Atom
 from tests.bridged.radio import BEAT, Ride, Speaker, place, riding
 from tests.support.buses import until
 from tests.support.ports import free_port

@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.failsafe import our_ids
-from bridged.drivers.mavlink.kind import check_robot
-from bridged.drivers.mavlink.link import LinkError
-from bridged.drivers.mavlink.telemetry import FOR_PERCEPTS_ONLY, MessageFields
-from bridged.drivers.mavlink.wire import Encoder
-from schemas.manifest import read_manifest
-from schemas.mission import Failsafe, Ids
+from bridged.drivers.mavlink.manifest.message_fields import FOR_PERCEPTS_ONLY, MessageFields
+from bridged.drivers.mavlink.registration import check_robot
+from bridged.drivers.mavlink.transport.framing import Encoder
+from bridged.drivers.mavlink.transport.link import LinkError
+from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
+from schemas.manifest.loader import read_manifest
+from schemas.mission.model import Failsafe, Ids
 from tests.bridged.radio import BEAT, COPTER, STATION_BEAT, Speaker, place, riding, robot_of, spoken_as
 from tests.support.buses import until
 from tests.support.ports import free_port

@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bridged.live import RunningManifest
-from bridged.manifests import load_robot_manifest
-from commd.bus import Bus
-from schemas import keys
-from schemas.codec import Wire, codec
-from schemas.findings import Finding, Findings
-from schemas.manifest import Manifest, read_document, read_manifest
-from schemas.percepts import PerceptSet
-from schemas.records import LiveManifest, ManifestChange, Perception
-from schemas.shipped import shipped_names
+from bridged.bridge.live_manifest import RunningManifest
+from bridged.bridge.manifest_loader import load_robot_manifest
+from commd.bus.bus import Bus
+from schemas.files.findings import Finding, Findings
+from schemas.files.shipped_files import shipped_names
+from schemas.manifest.loader import Manifest, read_document, read_manifest
+from schemas.wire import keys
+from schemas.wire.codec import Wire, codec
+from schemas.wire.percept_set import PerceptSet
+from schemas.wire.records import LiveManifest, ManifestChange, Perception
 from tests.bridged.airfield import Airfield, on_the_airfield, present, until
 
 TEXT = """

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from bridged.drivers import check_manifest
-from bridged.drivers.mavlink.offers import CALLS, COMMANDS, MESSAGES
-from schemas.findings import Findings
-from schemas.manifest import read_manifest
+from bridged.drivers.mavlink.manifest.capabilities import CALLS, COMMANDS, MESSAGES
+from schemas.files.findings import Findings
+from schemas.manifest.loader import read_manifest
 
 ROBOT = '[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\n'
 CALL_NAMES, COMMAND_NAMES = ", ".join(CALLS), ", ".join(COMMANDS)

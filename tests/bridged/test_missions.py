@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink import missions
-from bridged.drivers.mavlink.mission_items import Item, read_items
-from bridged.simulation.mission import Item as Stored
-from schemas.records import ActionStatus
-from schemas.terms import Term
+from bridged.drivers.mavlink.actions import mission_actions
+from bridged.drivers.mavlink.actions.mission_items import Item, read_items
+from bridged.simulation.copter.mission import Item as Stored
+from schemas.wire.records import ActionStatus
+from schemas.wire.terms import Term
 from tests.bridged.sky import HOME, MISSION, Message, Passes, Sky
 
 NEAR, FAR = [-27.603683, -48.518052, 20], [-27.6038, -48.5182, 15]
@@ -478,7 +478,9 @@ def test_items_whose_limits_cannot_be_kept_are_refused_under_limits(tmp_path: Pa
     assert (final.state, final.reason) == ("refused", f"item 2 of the mission: {said}")
     [high] = read_items([TERRAIN], 3)
     flight = sky.driver._conversation.flight  # the manifest that ships has no items with frames
-    assert missions.outside(flight, (high,)).startswith("item 1 of the mission: an altitude above terrain cannot be")
+    assert mission_actions.outside(flight, (high,)).startswith(
+        "item 1 of the mission: an altitude above terrain cannot be"
+    )
 
 
 def test_without_limits_home_may_be_moved(sky: Sky) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.parameters import spellings
-from bridged.simulation.faults import Faults
-from schemas.terms import Term
+from bridged.drivers.mavlink.actions.parameters import spellings
+from bridged.simulation.copter.fault_injection import Faults
+from schemas.wire.terms import Term
 from tests.bridged.sky import MISSION, Message, Sky
 
 
@@ -147,7 +147,7 @@ def test_a_fence_that_is_acknowledged_and_stays_off_is_no_success(sky: Sky) -> N
 
 
 def _from_others(message: Message) -> Message:
-    from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
+    from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 
     (back,) = Framer(WireCounters()).feed(Encoder(254, 190).pack(message))
     return back

@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 from typing import TypeVar
 
-from schemas import keys
-from schemas.records import Action, ActionStatus, Cancel, LiveManifest, ManifestChange, Outcome, Record, StopOrder
+from schemas.wire import keys
+from schemas.wire.records import Action, ActionStatus, Cancel, LiveManifest, ManifestChange, Outcome, Record, StopOrder
 from tests.bridged.studio import Studio, in_the_studio
 from tests.support.buses import served, until
 

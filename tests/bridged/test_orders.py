@@ -10,10 +10,10 @@ from typing import Literal
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.bridge.idle_monitor import Idleness
+from bridged.bridge.safety_orders import UNATTENDED, Step
+from bridged.drivers.api import Execution, Order
 from bridged.drivers.mavlink.driver import MavlinkDriver
-from bridged.drivers.robot import Execution, Order
-from bridged.idle import Idleness
-from bridged.orders import UNATTENDED, Step
 from tests.bridged.sky import Sky, is_command
 
 LOITER, GUIDED, LAND = 5, 4, 9

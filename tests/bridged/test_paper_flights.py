@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from schemas.terms import Term, Variable
+from schemas.wire.terms import Term, Variable
 from tests.bridged.ini_pairs import of_the_uav, pair
 from tests.bridged.sky import Sky
 

@@ -6,10 +6,10 @@ import asyncio
 import json
 from pathlib import Path
 
-from commd.bus import Bus
-from schemas import keys
-from schemas.records import Perception
-from schemas.terms import Atom, Variable
+from commd.bus.bus import Bus
+from schemas.wire import keys
+from schemas.wire.records import Perception
+from schemas.wire.terms import Atom, Variable
 from tests.bridged.airfield import Airfield, on_the_airfield, present, until
 from tests.bridged.sky import MISSION
 from tests.support.buses import subscribed

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from bridged.drivers.mavlink.mavros import CALLS, TOPICS, Heard, Taken
-from bridged.ini_manifests import translate_pair
-from schemas.findings import Findings
-from schemas.ini_arguments import TYPES
-from schemas.manifest import Field
+from bridged.paper_format.ini_manifests import translate_pair
+from bridged.paper_format.mavros_names import CALLS, TOPICS, Heard, Taken
+from schemas.files.findings import Findings
+from schemas.manifest.ini_arguments import TYPES
+from schemas.manifest.loader import Field
 
 PAGE = (Path(__file__).parents[2] / "docs" / "paper-manifests.md").read_text(encoding="utf-8")
 

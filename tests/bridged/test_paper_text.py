@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from bridged.arguments import BadArgument, read_arguments
-from bridged.drivers.robot import Reading
-from bridged.paper_text import percept_value
-from bridged.translation import Translator
-from schemas.codec import codec
-from schemas.records import Perception
-from schemas.terms import Atom, Structure, Term, Variable
+from bridged.bridge.translation import Translator
+from bridged.drivers.api import Reading
+from bridged.drivers.argument_check import BadArgument, read_arguments
+from bridged.paper_format.text_values import percept_value
+from schemas.wire.codec import codec
+from schemas.wire.records import Perception
+from schemas.wire.terms import Atom, Structure, Term, Variable
 from tests.bridged.ini_pairs import pair, service
 
 

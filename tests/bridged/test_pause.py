@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from bridged.drivers.mavlink.modes import ARDUPLANE
-from bridged.drivers.robot import Order, Outcome
-from bridged.orders import Step
-from schemas.manifest import Manifest, load_manifest
-from schemas.records import ActionStatus
-from schemas.terms import Atom
+from bridged.bridge.safety_orders import Step
+from bridged.drivers.api import Order, Outcome
+from bridged.drivers.mavlink.vehicle.flight_modes import ARDUPLANE
+from schemas.manifest.loader import Manifest, load_manifest
+from schemas.wire.records import ActionStatus
+from schemas.wire.terms import Atom
 from tests.bridged.sky import GOAL, MISSION, Sky
 from tests.bridged.test_missions import TOUR
 from tests.bridged.test_orders import HOME_AT_LAST, mode_of, passing, take_over

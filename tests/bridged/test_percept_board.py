@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bridged.board import MAX_BELIEFS, PerceptBoard
-from bridged.drivers.robot import Reading
-from schemas.manifest import Manifest, read_manifest
-from schemas.percepts import PerceptSet
-from schemas.records import Header, Perception
+from bridged.bridge.percepts import MAX_BELIEFS, PerceptBoard
+from bridged.drivers.api import Reading
+from schemas.manifest.loader import Manifest, read_manifest
+from schemas.wire.percept_set import PerceptSet
+from schemas.wire.records import Header, Perception
 
 MANIFEST = """
 [robot]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import socket
 from pathlib import Path
 
-from bridged.preparation import prepare, prepare_all
-from schemas.findings import Findings
-from schemas.mission import read_mission
+from bridged.bridge.robot_setup import prepare, prepare_all
+from schemas.files.findings import Findings
+from schemas.mission.model import read_mission
 from tests.bridged.sky import MISSION
 from tests.support.processes import running
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.orders import Orders, Step
+from bridged.bridge.safety_orders import Orders, Step
 from tests.bridged.sky import MISSION, Sky, is_command
 
 

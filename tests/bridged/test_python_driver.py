@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from bridged.drivers import loading
+from bridged.drivers import registry
 from bridged.drivers.python.actions import MAX_RATE, Call
 from bridged.drivers.python.driver import PythonDriver
-from schemas.findings import Findings
-from schemas.manifest import read_manifest
+from schemas.files.findings import Findings
+from schemas.manifest.loader import read_manifest
 from tests.bridged.plugins import install
 from tests.bridged.workshop import MISSION, Workshop, checked, in_the_workshop, problems
 from tests.support.buses import until
@@ -443,7 +443,7 @@ def test_another_manifest_is_taken_over_without_losing_a_percept(tmp_path: Path)
 def test_a_plug_in_whose_import_does_not_end_is_a_finding_within_a_bound(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(loading, "PATIENCE", 0.3)
+    monkeypatch.setattr(registry, "PATIENCE", 0.3)
     caplog.set_level("INFO")
     install(
         monkeypatch,

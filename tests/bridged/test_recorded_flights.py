@@ -7,18 +7,18 @@ from collections import Counter
 
 import pytest
 
-from bridged.board import PerceptBoard
-from bridged.drivers.mavlink.calls import call_of
-from bridged.drivers.mavlink.commands import Identity
-from bridged.drivers.mavlink.conversation import Conversation
-from bridged.drivers.mavlink.flight import Task
-from bridged.drivers.mavlink.offers import offer_of
-from bridged.drivers.mavlink.vehicle import Place
-from bridged.drivers.robot import Outcome, Value
-from schemas.manifest import load_manifest
-from schemas.percepts import PerceptSet
-from schemas.records import Perception
-from schemas.text import write
+from bridged.bridge.percepts import PerceptBoard
+from bridged.drivers.api import Outcome, Value
+from bridged.drivers.mavlink.actions.context import Task
+from bridged.drivers.mavlink.manifest.action_binding import call_of
+from bridged.drivers.mavlink.manifest.capabilities import offer_of
+from bridged.drivers.mavlink.session import Conversation
+from bridged.drivers.mavlink.vehicle.commands import Identity
+from bridged.drivers.mavlink.vehicle.state import Place
+from schemas.manifest.loader import load_manifest
+from schemas.wire.percept_set import PerceptSet
+from schemas.wire.records import Perception
+from schemas.wire.term_text import write
 from tests.bridged.recorded import DATA, RECORDINGS, moments, packet_count, packets
 
 MANIFEST = load_manifest("arducopter")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bridged.simulation.faults import Faults
-from schemas.terms import Atom
+from bridged.simulation.copter.fault_injection import Faults
+from schemas.wire.terms import Atom
 from tests.bridged.sky import Sky
 
 

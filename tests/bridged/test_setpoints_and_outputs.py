@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.faults import Faults
-from bridged.simulation.mission import Item as Stored
-from schemas.manifest import Manifest, load_manifest, read_manifest
+from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.copter.mission import Item as Stored
+from schemas.manifest.loader import Manifest, load_manifest, read_manifest
 from tests.bridged.sky import GOAL, MISSION, Message, Sky, is_command
 
 MORE = """

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bridged.drivers.mavlink.signed_streams import MINUTE
-from bridged.drivers.mavlink.signing import Signing, Timestamps, key_of, now_10us
+from bridged.drivers.mavlink.transport.signed_streams import MINUTE
+from bridged.drivers.mavlink.transport.signing import Signing, Timestamps, key_of, now_10us
 from tests.bridged.radio import BEAT, COPTER, Speaker, riding
 from tests.bridged.test_ground_stations import copter
 from tests.support.buses import until

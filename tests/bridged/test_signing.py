@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.signed_streams import AHEAD, LATEST, MINUTE, OUTDATED, SignedStreams
-from bridged.drivers.mavlink.signing import (
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.signed_streams import AHEAD, LATEST, MINUTE, OUTDATED, SignedStreams
+from bridged.drivers.mavlink.transport.signing import (
     FAR_AHEAD,
     RESERVE,
     Signing,
@@ -17,7 +18,6 @@ from bridged.drivers.mavlink.signing import (
     key_of,
     read_key,
 )
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
 
 KEY = key_of(b"argo")
 BEAT = dialect.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)

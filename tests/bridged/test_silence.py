@@ -38,7 +38,7 @@ def test_a_vehicle_that_is_heard_and_not_armed_is_left_as_that(tmp_path: Path) -
 def test_a_vehicle_lost_while_armed_is_left_as_armed_when_last_heard(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bridged.orders.ORDER_PATIENCE", 0.01)
+    monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.01)
     said = left(silent(Sky(tmp_path).flying(), 20))
     assert re.match(r"armed when last heard (19|20|21) s ago, and it has not confirmed rtl: ", said), said
 

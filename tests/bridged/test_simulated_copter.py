@@ -7,10 +7,10 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.geo import FlatMap
-from bridged.simulation.modes import Mode
-from bridged.simulation.motion import Vector
-from bridged.simulation.tasks import Landed
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_modes import Mode
+from bridged.simulation.copter.flight_tasks import Landed
+from bridged.simulation.copter.geodesy import FlatMap
 from tests.bridged.virtual_copter import FIELD, Station
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
-from bridged.simulation.geo import FlatMap, Place
-from bridged.simulation.motion import Vector
-from bridged.simulation.parameters import Parameters
-from bridged.simulation.vehicle import Vehicle
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.geodesy import FlatMap, Place
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.copter.protocol.parameters import Parameters
 from tests.bridged.virtual_copter import FIELD, Station
 from tests.support.amount import some_of
 

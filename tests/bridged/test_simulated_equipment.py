@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.signed_streams import MINUTE
-from bridged.drivers.mavlink.signing import Signing, key_of, now_10us
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
-from bridged.simulation.battery import ChargeState
-from bridged.simulation.faults import Faults
-from bridged.simulation.modes import Mode
-from bridged.simulation.motion import Vector
-from bridged.simulation.parameters import Parameters
-from bridged.simulation.tasks import Landed
-from bridged.simulation.vehicle import Vehicle
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.signed_streams import MINUTE
+from bridged.drivers.mavlink.transport.signing import Signing, key_of, now_10us
+from bridged.simulation.copter.battery import ChargeState
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.copter.flight_modes import Mode
+from bridged.simulation.copter.flight_tasks import Landed
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from bridged.simulation.copter.protocol.parameters import Parameters
 from tests.bridged.virtual_copter import FIELD, Station
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4

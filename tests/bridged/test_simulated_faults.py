@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
-from bridged.simulation.faults import HELD_S, TABLE, Air, Character, Cut, Faults
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.simulation.copter.fault_injection import HELD_S, TABLE, Air, Character, Cut, Faults
 
 PACKETS = 4000
 

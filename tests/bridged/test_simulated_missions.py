@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.modes import Mode
-from bridged.simulation.motion import Vector
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_modes import Mode
 from tests.bridged.virtual_copter import Station
 
 ACCEPTED, UNSUPPORTED, FAILED = 0, 3, 4

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.link import Link, LinkAddress, open_link
-from bridged.drivers.mavlink.signing import Signing, key_of
+from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
+from bridged.drivers.mavlink.transport.signing import Signing, key_of
 from tests.bridged.test_ground_stations import copter
 from tests.support.ports import free_port
 

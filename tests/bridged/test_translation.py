@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from bridged.drivers.robot import Reading
-from bridged.translation import Translator
-from schemas.manifest import read_manifest
-from schemas.terms import Atom, Number
+from bridged.bridge.translation import Translator
+from bridged.drivers.api import Reading
+from schemas.manifest.loader import read_manifest
+from schemas.wire.terms import Atom, Number
 
 
 def perceived(args: str, message: Mapping[str, object]) -> tuple[Any, ...] | str:

@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 import zenoh
 
-from bridged.simulation.turtle import FIELD, STEP, Pen, Turtle, svg
-from commd.bus import open_bus
-from commd.raw import Sample
-from schemas import keys
-from schemas.mission import load_mission, read_mission
-from schemas.records import ActionStatus, Cancel, Outcome, StopOrder
+from bridged.simulation.turtle.turtle import FIELD, STEP, Pen, Turtle, svg
+from commd.bus.bus import open_bus
+from commd.bus.raw import Sample
+from schemas.mission.model import load_mission, read_mission
+from schemas.wire import keys
+from schemas.wire.records import ActionStatus, Cancel, Outcome, StopOrder
 from tests.bridged.studio import MISSIONS, Studio, in_the_studio
 from tests.support.buses import served, subscribed, until
 from tests.support.processes import running

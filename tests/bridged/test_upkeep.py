@@ -12,19 +12,19 @@ from typing import Any
 
 import pytest
 
-from bridged import upkeep
+from bridged.bridge import driver_supervisor
 from bridged.daemon import leave, serve
-from bridged.drivers.mavlink import sockets
-from bridged.drivers.mavlink.link import LinkAddress, LinkError, open_link
-from bridged.drivers.mavlink.wire import Encoder
-from commd.notify import Loop, Unit
-from schemas import keys
-from schemas.findings import Findings
-from schemas.manifest import find_manifest
-from schemas.mission import Mission, read_mission
-from schemas.percepts import PerceptSet
-from schemas.records import Health, Perception
-from schemas.terms import Atom
+from bridged.drivers.mavlink.transport import sockets
+from bridged.drivers.mavlink.transport.framing import Encoder
+from bridged.drivers.mavlink.transport.link import LinkAddress, LinkError, open_link
+from commd.process.systemd import Loop, Unit
+from schemas.files.findings import Findings
+from schemas.manifest.loader import find_manifest
+from schemas.mission.model import Mission, read_mission
+from schemas.wire import keys
+from schemas.wire.percept_set import PerceptSet
+from schemas.wire.records import Health, Perception
+from schemas.wire.terms import Atom
 from tests.bridged.airfield import Airfield, on_the_airfield, until
 from tests.bridged.plugins import install
 from tests.bridged.radio import BEAT, Speaker
@@ -37,8 +37,8 @@ from tests.support.ports import free_port
 
 SONAR = """
 import asyncio
-from bridged.drivers.plain import PlainDriver
-from bridged.drivers.robot import Execution
+from bridged.drivers.simple import PlainDriver
+from bridged.drivers.api import Execution
 
 echo, trouble, runs = asyncio.Event(), [], []
 
@@ -87,8 +87,8 @@ def sonar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     points = {"argosy.drivers": {"sonar": "my_sonar"}, "argosy.python.simulated": {"bench": "my_bench"}}
     points["argosy.python"] = points["argosy.python.simulated"]
     install(monkeypatch, tmp_path, {"my_sonar": SONAR, "my_bench": counting}, points)
-    monkeypatch.setattr(upkeep, "PAUSES", (0.1, 0.1))
-    monkeypatch.setattr(upkeep, "LASTS", 0.2)
+    monkeypatch.setattr(driver_supervisor, "PAUSES", (0.1, 0.1))
+    monkeypatch.setattr(driver_supervisor, "LASTS", 0.2)
     from bridged.drivers import find_driver
 
     find_driver.cache_clear()
@@ -212,7 +212,7 @@ def serving(mission: Mission, endpoint: str, state: Path, *robots: str) -> tuple
 def test_a_link_that_cannot_be_opened_at_the_start_takes_no_other_robot_down_and_is_opened_when_it_can_be(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(upkeep, "PAUSES", (0.1, 0.5))
+    monkeypatch.setattr(driver_supervisor, "PAUSES", (0.1, 0.5))
     port, device = free_port(), tmp_path / "telemetry"
 
     async def body(connect: Connect) -> None:
@@ -345,7 +345,7 @@ def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_
         member = Unit(manager.environment(watchdog=8), lambda: at).member("bridged")
         opens, works = member.loop(), member.loop()
         driver: Any = Slow(opens)
-        running = asyncio.create_task(upkeep.Upkeep("r", "slow", driver, print, opens).keep_apart())
+        running = asyncio.create_task(driver_supervisor.Upkeep("r", "slow", driver, print, opens).keep_apart())
         await asyncio.sleep(0.01)
         before = len(manager.fields("WATCHDOG"))
         for _ in range(10):
@@ -369,16 +369,16 @@ def test_a_link_whose_name_nobody_looks_up_is_given_up_for_now_and_may_come(
         monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", never)
         with pytest.raises(LinkError, match="cannot be opened: the name service does not answer") as caught:
             await open_link(LinkAddress.parse(link), lambda *_: None, system=255, component=190)
-        assert upkeep.may_come(caught.value)
+        assert driver_supervisor.may_come(caught.value)
 
     monkeypatch.setattr(sockets, "LOOKUP_TIMEOUT_S", 0.05)
     asyncio.run(asyncio.wait_for(body(), 30))
 
 
 def test_what_may_come_by_waiting_is_a_device_or_a_name() -> None:
-    assert upkeep.may_come(_caused(FileNotFoundError(2, "no such file")))
-    assert not upkeep.may_come(_caused(OSError(98, "address already in use")))
-    assert not upkeep.may_come(OSError("a driver's own words"))
+    assert driver_supervisor.may_come(_caused(FileNotFoundError(2, "no such file")))
+    assert not driver_supervisor.may_come(_caused(OSError(98, "address already in use")))
+    assert not driver_supervisor.may_come(OSError("a driver's own words"))
 
 
 def _caused(cause: OSError) -> LinkError:

@@ -10,18 +10,18 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.api import Setup
+from bridged.drivers.mavlink.actions.context import Call
 from bridged.drivers.mavlink.driver import MavlinkDriver
-from bridged.drivers.mavlink.flight import Call
-from bridged.drivers.mavlink.modes import MODE_TABLES
-from bridged.drivers.mavlink.peer import Peer
-from bridged.drivers.mavlink.vehicle_address import BACK_WITHIN, VehicleAddress
-from bridged.drivers.mavlink.ways_down import leads_down, may_lead_down
-from bridged.drivers.mavlink.wire import Encoder
-from bridged.drivers.robot import Setup
-from commd.clock import Clock
-from schemas.manifest import load_manifest
-from schemas.mission import read_mission
-from schemas.records import Note
+from bridged.drivers.mavlink.transport.framing import Encoder
+from bridged.drivers.mavlink.transport.link_peers import Peer
+from bridged.drivers.mavlink.transport.vehicle_address import BACK_WITHIN, VehicleAddress
+from bridged.drivers.mavlink.vehicle.descent_actions import leads_down, may_lead_down
+from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
+from commd.common.clock import Clock
+from schemas.manifest.loader import load_manifest
+from schemas.mission.model import read_mission
+from schemas.wire.records import Note
 from tests.bridged.radio import Speaker, place, riding
 from tests.bridged.sky import MISSION
 from tests.support.buses import until

@@ -10,7 +10,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers import check_manifest
-from bridged.drivers.mavlink.modes import (
+from bridged.drivers.mavlink.vehicle.flight_modes import (
     ARDUCOPTER,
     ARDUPLANE,
     ARDUPLANE_VTOL,
@@ -20,7 +20,7 @@ from bridged.drivers.mavlink.modes import (
     contradiction,
     table_of,
 )
-from schemas.manifest import load_manifest
+from schemas.manifest.loader import load_manifest
 from tests.bridged.scripted import Scripted
 from tests.bridged.sky import MISSION, Sky
 

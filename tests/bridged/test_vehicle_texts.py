@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.texts import MAX_DISTINCT, Said, Texts, Warnings
-from bridged.simulation.faults import Faults
-from bridged.simulation.modes import Mode
-from bridged.simulation.vehicle import Vehicle
-from schemas.terms import Atom
+from bridged.drivers.mavlink.vehicle.status_texts import MAX_DISTINCT, Said, Texts, Warnings
+from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.copter.flight_modes import Mode
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from schemas.wire.terms import Atom
 from tests.bridged.sky import GOAL, HOME, Message, Sky
 
 WARNING, CRITICAL, INFO = 4, 2, 6

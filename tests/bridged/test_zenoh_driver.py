@@ -14,10 +14,10 @@ import msgspec
 import pytest
 import zenoh
 
-from bridged.drivers.robot import Outcome
-from commd.bus import Bus, open_bus
-from commd.raw import BACKLOG, LARGEST, REPLIES, Sample, _Queue
-from schemas.manifest import read_manifest
+from bridged.drivers.api import Outcome
+from commd.bus.bus import Bus, open_bus
+from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, _Queue
+from schemas.manifest.loader import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
 
 
@@ -107,7 +107,7 @@ def test_a_payload_that_is_too_large_is_not_taken_in(endpoint: str) -> None:
 
 
 def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bridged.drivers.zenoh.sources.PATIENCE", 0.05)
+    monkeypatch.setattr("bridged.drivers.zenoh.subscriptions.PATIENCE", 0.05)
 
     async def body(pond: Pond) -> None:
         await until(lambda: bool(pond.driver.notes()), "the silence is told")
@@ -337,8 +337,8 @@ def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(endpoint
 
 
 def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.raw.ROOM", 100)
-    monkeypatch.setattr("commd.raw._read_sample", lambda sample: sample)
+    monkeypatch.setattr("commd.bus.raw.ROOM", 100)
+    monkeypatch.setattr("commd.bus.raw._read_sample", lambda sample: sample)
 
     async def body() -> None:
         told: list[Sample] = []

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bridged.arguments import read_arguments
 from bridged.drivers import check_manifest
-from bridged.drivers.zenoh.kind import check_robot
-from bridged.drivers.zenoh.payloads import CODECS, BadPayload
-from bridged.drivers.zenoh.vocabulary import payload_of
-from schemas.manifest import read_manifest
-from schemas.mission import Robot
-from schemas.terms import Term
+from bridged.drivers.argument_check import read_arguments
+from bridged.drivers.zenoh.manifest_validation import payload_of
+from bridged.drivers.zenoh.payload_codecs import CODECS, BadPayload
+from bridged.drivers.zenoh.registration import check_robot
+from schemas.manifest.loader import read_manifest
+from schemas.mission.model import Robot
+from schemas.wire.terms import Term
 
 HEAD = '[robot]\ndriver = "zenoh"\n'
 DRIVE = HEAD + '[actions.drive]\nparams = [{name = "a"}, {name = "b"}]\n'

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.wire import Encoder, Framer, WireCounters
-from bridged.simulation.boot import BootKind
-from bridged.simulation.geo import Place
-from bridged.simulation.modes import Mode
-from bridged.simulation.motion import Vector
-from bridged.simulation.vehicle import Vehicle
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.simulation.copter.boot import BootKind
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_modes import Mode
+from bridged.simulation.copter.geodesy import Place
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 
 FIELD = Place(-27.604033, -48.518363, 21.0)
 STEP = 0.1

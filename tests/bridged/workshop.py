@@ -6,13 +6,13 @@ import asyncio
 from collections.abc import Callable
 from pathlib import Path
 
-from bridged.bridge import Bridge
+from bridged.bridge.bridge import Bridge
 from bridged.drivers import check_manifest
-from commd.clock import Clock
-from schemas.manifest import Manifest, read_manifest
-from schemas.mission import read_mission
-from schemas.records import Action, ActionStatus, Perception
-from schemas.terms import Term
+from commd.common.clock import Clock
+from schemas.manifest.loader import Manifest, read_manifest
+from schemas.mission.model import read_mission
+from schemas.wire.records import Action, ActionStatus, Perception
+from schemas.wire.terms import Term
 from tests.support.buses import until
 
 MISSION = """

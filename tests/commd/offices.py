@@ -8,14 +8,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from commd.bus import Bus, Query
-from commd.errors import QueryFailed
-from commd.mail_clock import MailClock
-from commd.mailroom import Mailroom, open_mailroom
-from commd.peers import Air, FixedDirectory
-from schemas import keys
-from schemas.mission import MailRules
-from schemas.records import Header, Mail, Mailboxes, Message, Receipt
+from commd.bus.bus import Bus, Query
+from commd.bus.errors import QueryFailed
+from commd.mail.age_clock import MailClock
+from commd.mail.service import Mailroom, open_mailroom
+from commd.mail.transport import Air, FixedDirectory
+from schemas.mission.model import MailRules
+from schemas.wire import keys
+from schemas.wire.records import Header, Mail, Mailboxes, Message, Receipt
 from tests.support.buses import FLEET, Connect, served
 
 TWO_BOARDS = {"a": "pi1", "b": "pi2", "c": "pi1"}

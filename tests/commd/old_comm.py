@@ -6,8 +6,8 @@ import asyncio
 import socket
 from collections.abc import Callable, Sequence
 
-from commd.peers import Deliver
-from schemas.records import Message, Receipt, Refusal
+from commd.mail.transport import Deliver
+from schemas.wire.records import Message, Receipt, Refusal
 
 
 class OldCommNode:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from commd.bus import Bus, Query
-from schemas import keys
-from schemas.records import BoardServices, Mail, Message, Receipt, ServiceRequest
+from commd.bus.bus import Bus, Query
+from schemas.wire import keys
+from schemas.wire.records import BoardServices, Mail, Message, Receipt, ServiceRequest
 
 Answer = Receipt | str | None
 """A receipt, an error, or no answer at all."""

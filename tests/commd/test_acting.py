@@ -7,14 +7,14 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from commd.acting import SILENCE, Acting
-from commd.bridge_watch import BridgeWatch
-from commd.bus import Bus, Query
-from commd.clock import Clock
-from commd.perceiving import Perceiving
-from commd.process import report_health
-from schemas import keys
-from schemas.records import Action, ActionStatus, Cancel, Perception
+from commd.bus.bus import Bus, Query
+from commd.client.actions import SILENCE, Acting
+from commd.client.percept_sync import Perceiving
+from commd.common.clock import Clock
+from commd.liveness.bridge_presence import BridgeWatch
+from commd.process.process import report_health
+from schemas.wire import keys
+from schemas.wire.records import Action, ActionStatus, Cancel, Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
 
 Served = Callable[[Query[Action]], Awaitable[None]]
@@ -93,8 +93,8 @@ def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_agai
 def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.acting.SILENCE", 0.2)
-    monkeypatch.setattr("commd.acting.BUS_GRACE", 0.5)
+    monkeypatch.setattr("commd.client.actions.SILENCE", 0.2)
+    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
     asked: list[int] = []
 
     async def serve(query: Query[Action]) -> None:
@@ -113,7 +113,7 @@ def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_th
 
 
 def test_an_action_that_nobody_serves_fails_after_the_grace(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.acting.BUS_GRACE", 0.5)
+    monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
 
     async def body(connect: Connect) -> None:
         acting, *_ = await act(connect, None)
@@ -146,7 +146,7 @@ def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
 
 
 def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.acting.AFTER_PATIENCE", 10.0)
+    monkeypatch.setattr("commd.client.actions.AFTER_PATIENCE", 10.0)
 
     async def body(connect: Connect) -> None:
         async def serve(query: Query[Action]) -> None:
@@ -223,7 +223,7 @@ def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(endpoint: s
 def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.acting.RETRY", 0.5)
+    monkeypatch.setattr("commd.client.actions.RETRY", 0.5)
     begun: list[str] = []
 
     async def begin(query: Query[Action]) -> None:
@@ -305,7 +305,7 @@ def test_an_argument_that_no_wire_carries_fails_the_action_at_once(endpoint: str
 def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.acting.ASKERS_MARGIN", 0.2)
+    monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.2)
 
     async def serve(query: Query[Action]) -> None:
         assert query.record is not None
@@ -340,7 +340,7 @@ def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(endpoint: str) 
 def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_when_it_speaks(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.bridge_watch.SILENCE", 2.0)
+    monkeypatch.setattr("commd.liveness.bridge_presence.SILENCE", 2.0)
 
     async def serve(query: Query[Action]) -> None:
         assert query.record is not None

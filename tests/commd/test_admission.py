@@ -12,13 +12,13 @@ from typing import cast
 
 import pytest
 
-from commd import admission as module
-from commd.admission import ALLOWANCE, FORGED, Admission, open_admission
-from commd.bus import Bus
-from commd.errors import BusClosed
-from commd.reach import attempt
-from commd.session import owner_of, session_config, session_id
-from schemas.mission import read_mission
+from commd.bus.bus import Bus
+from commd.bus.connect_diagnosis import attempt
+from commd.bus.errors import BusClosed
+from commd.bus.session import owner_of, session_config, session_id
+from commd.router import admission as module
+from commd.router.admission import ALLOWANCE, FORGED, Admission, open_admission
+from schemas.mission.model import read_mission
 from tests.support.buses import until
 from tests.support.fleet_keys import FleetKeys
 

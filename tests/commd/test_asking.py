@@ -9,11 +9,10 @@ from typing import Any
 import pytest
 
 from benchmarks.watched import watched
-from commd import inbox
-from commd.client import Client, NotSent, SendTimeout, Unanswered, join, parse, write
-from commd.inbox import NOT_DONE, Seen
-from schemas.records import Receipt
-from schemas.terms import Structure
+from commd.client import Client, NotSent, SendTimeout, Unanswered, join, parse, receive_mail, write
+from commd.client.receive_mail import NOT_DONE, Seen
+from schemas.wire.records import Receipt
+from schemas.wire.terms import Structure
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.commd.test_client import as_planner, mail
 from tests.support.buses import until
@@ -69,7 +68,7 @@ def test_nobody_answers(endpoint: str) -> None:
 def test_who_asks_with_a_message_in_hand_has_the_answer_that_stands_behind_it(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(inbox, "ANSWER_WITHIN", 40.0)
+    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 40.0)
 
     async def body(me: Client, commd: ScriptedCommd) -> None:
         held = asyncio.create_task(commd.offer(mail(1), patience=50))

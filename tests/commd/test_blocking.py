@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from commd import blocking
-from commd.client import NotJoined, UnknownReceiver
-from schemas import keys
-from schemas.mission import load_mission, read_mission
-from schemas.records import Receipt, Refusal
+from commd.client import NotJoined, UnknownReceiver, blocking
+from schemas.mission.model import load_mission, read_mission
+from schemas.wire import keys
+from schemas.wire.records import Receipt, Refusal
 from tests.bridged.studio import Studio, in_the_studio
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.commd.test_client import mail

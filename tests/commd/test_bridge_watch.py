@@ -8,7 +8,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from commd.bridge_watch import BridgeWatch
+from commd.liveness.bridge_presence import BridgeWatch
 
 
 class Said:
@@ -29,8 +29,8 @@ class Said:
 
 
 def test_a_router_that_comes_and_goes_again_is_no_loss_of_the_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.bridge_watch.ROUTER_GRACE", 1.0)
-    monkeypatch.setattr("commd.bridge_watch.DEBOUNCE", 0.01)
+    monkeypatch.setattr("commd.liveness.bridge_presence.ROUTER_GRACE", 1.0)
+    monkeypatch.setattr("commd.liveness.bridge_presence.DEBOUNCE", 0.01)
 
     async def body() -> None:
         said = Said()

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from commd import checkup
-from commd.bus import Bus
-from commd.checkup import FILLER, Checkups, measure, measure_all, room
-from commd.errors import QueryFailed, QueryTimeout
-from schemas import keys
-from schemas.records import BoardReport, Checkup
+from commd.bus.bus import Bus
+from commd.bus.errors import QueryFailed, QueryTimeout
+from commd.router import self_check
+from commd.router.self_check import FILLER, Checkups, measure, measure_all, room
+from schemas.wire import keys
+from schemas.wire.records import BoardReport, Checkup
 from tests.support.buses import FLEET, Connect, on_a_bus, served, session
 from tests.support.ports import free_port
 
@@ -63,7 +63,7 @@ def test_a_slow_link_shows_its_rate(monkeypatch: pytest.MonkeyPatch) -> None:
     async def slow(bus: Bus, board: str, filler: str, timeout: float) -> tuple[float, float]:
         return 0.02 + len(filler) / 100_000, 0.5
 
-    monkeypatch.setattr(checkup, "_round_trip", slow)
+    monkeypatch.setattr(self_check, "_round_trip", slow)
     report = asyncio.run(measure(None, "pi2"))  # type: ignore[arg-type]
     assert report.rate == pytest.approx(100_000)
     assert (report.round_trip, report.slowest, report.ahead) == (0.02, 0.02, 0.5)
@@ -78,7 +78,7 @@ def test_a_link_that_loses_some_round_trips_and_the_filler_says_so(monkeypatch: 
             raise QueryTimeout(board, timeout)
         return took, took / 10
 
-    monkeypatch.setattr(checkup, "_round_trip", lossy)
+    monkeypatch.setattr(self_check, "_round_trip", lossy)
     report = asyncio.run(measure(None, "pi2"))  # type: ignore[arg-type]
     assert (report.answered, report.asked, report.round_trip, report.slowest) == (3, 5, 0.1, 0.5)
     assert report.ahead == pytest.approx(0.01), "the fastest tells the clock best"
@@ -96,7 +96,7 @@ def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited_for_b
             await asyncio.Event().wait()
             raise AssertionError
 
-        monkeypatch.setattr(checkup, "_round_trip", never)
+        monkeypatch.setattr(self_check, "_round_trip", never)
         reports = await measure_all(await connect("y"), ["pi1", "pi2"], 0.1)
         assert [one.problem for one in reports] == ["not measured within 0.1 s"] * 2
 

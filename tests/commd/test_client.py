@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from commd import inbox
-from commd.bus import Bus
+from commd.bus.bus import Bus
+from commd.bus.errors import AlreadyRunning
 from commd.client import (
     Client,
     MailboxFull,
@@ -23,14 +23,14 @@ from commd.client import (
     UnknownReceiver,
     join,
     parse,
+    receive_mail,
     write,
 )
-from commd.errors import AlreadyRunning
-from commd.inbox import NOT_DONE
-from schemas import keys
-from schemas.mission import read_mission
-from schemas.records import BoardServices, Header, Message, Receipt, Refusal
-from schemas.terms import Atom, Map, Number, Structure
+from commd.client.receive_mail import NOT_DONE
+from schemas.mission.model import read_mission
+from schemas.wire import keys
+from schemas.wire.records import BoardServices, Header, Message, Receipt, Refusal
+from schemas.wire.terms import Atom, Map, Number, Structure
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
 
@@ -216,7 +216,7 @@ def test_messages_are_acknowledged_when_the_program_is_done_with_them(endpoint: 
 def test_commd_hears_how_far_a_slow_program_has_come_and_offers_the_rest_again(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(inbox, "ANSWER_WITHIN", 0.3)
+    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 0.3)
 
     async def body(me: Client, commd: ScriptedCommd) -> None:
         reading = me.messages()
@@ -265,7 +265,7 @@ def test_one_loop_reads_at_a_time(endpoint: str) -> None:
 
 
 def test_what_expires_while_it_waits_is_not_handed_out(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inbox, "ANSWER_WITHIN", 0.1)
+    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 0.1)
 
     async def body(me: Client, commd: ScriptedCommd) -> None:
         late = mail(1, ttl=0.001)
@@ -285,7 +285,7 @@ def test_what_expires_while_it_waits_is_not_handed_out(endpoint: str, monkeypatc
 def test_what_comes_behind_a_message_that_is_too_late_waits_until_that_is_known(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(inbox, "ANSWER_WITHIN", 0.1)
+    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 0.1)
 
     async def body(me: Client, commd: ScriptedCommd) -> None:
         for _ in range(2):  # the first answer is lost
@@ -348,7 +348,7 @@ def test_a_file_of_numbers_that_cannot_be_read_is_set_aside_and_said(
 ) -> None:
     file = tmp_path / "planner.numbers"
     file.write_text("{nonsense")
-    assert not inbox.Seen(file).has(mail(1))
+    assert not receive_mail.Seen(file).has(mail(1))
     assert (tmp_path / "planner.numbers.corrupt").read_text() == "{nonsense"
     assert "set aside" in caplog.text
 
@@ -406,7 +406,7 @@ def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint: str)
 
 @pytest.mark.parametrize("daemon", ["client", "agentd"])
 def test_a_name_is_had_by_one_alone(endpoint: str, daemon: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.bus.CLAIM_PATIENCE", 0.2)
+    monkeypatch.setattr("commd.bus.bus.CLAIM_PATIENCE", 0.2)
 
     async def everything(connect: Connect) -> None:
         other: Bus = await connect("planner", daemon)

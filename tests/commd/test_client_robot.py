@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from commd.bus import Query
+from commd.bus.bus import Query
 from commd.client import Client, join
-from schemas import keys
-from schemas.mission import Mission, load_mission, read_mission
-from schemas.records import Action, ActionStatus, Cancel
+from schemas.mission.model import Mission, load_mission, read_mission
+from schemas.wire import keys
+from schemas.wire.records import Action, ActionStatus, Cancel
 from tests.bridged.studio import Studio, in_the_studio
 from tests.support.buses import Connect, on_a_bus, served, until
 

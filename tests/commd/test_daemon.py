@@ -16,14 +16,14 @@ from unittest.mock import Mock
 import pytest
 import zenoh
 
-from commd.bus import Bus, open_bus
-from commd.clock import Clock
+from commd.bus.bus import Bus, open_bus
+from commd.common.clock import Clock
 from commd.daemon import serve
-from commd.directory import Directory
-from commd.process import _run, report_health
-from schemas import keys
-from schemas.mission import load_mission
-from schemas.records import BoardServices, Health, Receipt, Record, ServiceRequest
+from commd.directory.service import Directory
+from commd.process.process import _run, report_health
+from schemas.mission.model import load_mission
+from schemas.wire import keys
+from schemas.wire.records import BoardServices, Health, Receipt, Record, ServiceRequest
 from tests.commd.offices import ask, message
 from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
 from tests.support.processes import running

@@ -10,19 +10,19 @@ from sqlite3 import Connection
 
 import pytest
 
-from commd import directory as directory_module
-from commd.bus import Bus, Query
+from commd.bus.bus import Bus, Query
+from commd.bus.errors import QueryTimeout
 from commd.client import join
-from commd.clock import Clock
-from commd.directory import Directory, open_directory
-from commd.errors import QueryTimeout
-from commd.mailroom import Mailroom, open_mailroom
-from commd.peers import FixedDirectory
-from commd.store import Store, StoreFailed
-from schemas import keys
-from schemas.mission import read_mission
-from schemas.records import BoardServices, Mail, Message, Receipt, Refusal, ServiceRequest
-from schemas.terms import Atom, Structure
+from commd.common.clock import Clock
+from commd.directory import service as directory_module
+from commd.directory.service import Directory, open_directory
+from commd.mail.service import Mailroom, open_mailroom
+from commd.mail.store import Store, StoreFailed
+from commd.mail.transport import FixedDirectory
+from schemas.mission.model import read_mission
+from schemas.wire import keys
+from schemas.wire.records import BoardServices, Mail, Message, Receipt, Refusal, ServiceRequest
+from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import message, post
 from tests.support.buses import FLEET, session, subscribed, until
 

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from commd.client import Client, MailboxFull, TooLarge, UnknownReceiver, join, parse, write
-from schemas import keys
-from schemas.records import Health, Message, Perception
+from schemas.wire import keys
+from schemas.wire.records import Health, Message, Perception
 from tests.commd.old_comm import OldCommNode
 from tests.support.buses import until
 from tests.support.processes import Daemon, running

@@ -6,7 +6,7 @@ import asyncio
 import time
 from pathlib import Path
 
-from commd.bus import open_bus
+from commd.bus.bus import open_bus
 from tests.support.processes import running
 
 MISSION = """\

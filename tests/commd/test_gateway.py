@@ -13,15 +13,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from commd import comm_node
-from commd import gateway as module
-from commd.comm_node import Allowance, Node
-from commd.gateway import Gateway, open_gateway
-from commd.store import StoreFailed
-from schemas.findings import Findings
-from schemas.mission import Mission, read_mission
-from schemas.records import Message, Refusal
-from schemas.terms import Atom, Structure, Term
+from commd.gateway import gateway as module
+from commd.gateway import paper_node
+from commd.gateway.gateway import Gateway, open_gateway
+from commd.gateway.paper_node import Allowance, Node
+from commd.mail.store import StoreFailed
+from schemas.files.findings import Findings
+from schemas.mission.model import Mission, read_mission
+from schemas.wire.records import Message, Refusal
+from schemas.wire.terms import Atom, Structure, Term
 from tests.commd.old_comm import OldCommNode, PostOffice
 from tests.support.buses import until
 
@@ -246,7 +246,7 @@ def test_a_node_that_starts_again_and_says_the_same_later_is_heard() -> None:
 
 
 def test_a_node_that_repeats_itself_for_ever_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.comm_node.REMEMBERED", 100)
+    monkeypatch.setattr("commd.gateway.paper_node.REMEMBERED", 100)
     node = Node("old1", "127.0.0.1:1")
     assert not any(node.repeats(b"%d" % number, 1.0) for number in range(1000))
     assert len(node._heard) <= 101
@@ -254,17 +254,17 @@ def test_a_node_that_repeats_itself_for_ever_does_not_fill_the_memory(monkeypatc
 
 def test_a_host_that_floods_is_held_to_the_rate_of_its_nodes() -> None:
     allowance = Allowance()
-    assert sum(allowance.take(10.0) for _ in range(1000)) == comm_node.BURST
-    assert sum(allowance.take(11.0) for _ in range(1000)) == comm_node.RATE
+    assert sum(allowance.take(10.0) for _ in range(1000)) == paper_node.BURST
+    assert sum(allowance.take(11.0) for _ in range(1000)) == paper_node.RATE
     allowance.nodes = 2
-    assert sum(allowance.take(12.0) for _ in range(1000)) == 2 * comm_node.RATE
+    assert sum(allowance.take(12.0) for _ in range(1000)) == 2 * paper_node.RATE
 
 
 def test_what_exceeds_the_rate_is_dropped_unread_and_counted(
     free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.comm_node.BURST", 2.0)
-    monkeypatch.setattr("commd.comm_node.RATE", 0.0)
+    monkeypatch.setattr("commd.gateway.paper_node.BURST", 2.0)
+    monkeypatch.setattr("commd.gateway.paper_node.RATE", 0.0)
 
     async def body(field: Field) -> None:
         for number in range(10):
@@ -287,8 +287,8 @@ def test_no_datagram_whatever_raises(said: bytes | str) -> None:
 def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
     free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.gateway.QUEUE", 5)
-    monkeypatch.setattr("commd.gateway.BATCH", 1)
+    monkeypatch.setattr("commd.gateway.gateway.QUEUE", 5)
+    monkeypatch.setattr("commd.gateway.gateway.BATCH", 1)
 
     async def body(field: Field) -> None:
         taking = asyncio.Event()
@@ -334,7 +334,7 @@ def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
 def test_what_a_full_disk_does_not_take_waits_until_it_does(
     free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.gateway.DISK_RETRY", 0.05)
+    monkeypatch.setattr("commd.gateway.gateway.DISK_RETRY", 0.05)
 
     async def body(field: Field) -> None:
         take, failures = field.post.take, 3
@@ -358,7 +358,7 @@ def test_what_a_full_disk_does_not_take_waits_until_it_does(
 def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
     free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("commd.gateway.SEEK_EVERY", 0.1)
+    monkeypatch.setattr("commd.gateway.gateway.SEEK_EVERY", 0.1)
 
     async def body(field: Field) -> None:
         node = field.gateway.nodes["old1"]

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from commd.bus import Bus
-from commd.hand_percepts import LARGEST, MOST, HandPercepts, hear_by_hand
-from commd.perceiving import Perceiving
-from schemas import keys, percepts
-from schemas.records import Perception
-from schemas.terms import Structure, Variable
+from commd.bus.bus import Bus
+from commd.client.manual_percepts import LARGEST, MOST, HandPercepts, hear_by_hand
+from commd.client.percept_sync import Perceiving
+from schemas.wire import keys, percept_set
+from schemas.wire.records import Perception
+from schemas.wire.terms import Structure, Variable
 from tests.commd.test_perceiving import FakeBridge
 from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
 
@@ -194,13 +194,13 @@ def test_at_the_bound_what_holds_can_be_replaced() -> None:
 
 def test_one_percept_costs_as_much_beside_many_as_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     written = Counter[str]()
-    encode = percepts._ENCODE
+    encode = percept_set._ENCODE
 
     def counted(value: object) -> bytes:
         written["terms"] += 1
         return encode(value)
 
-    monkeypatch.setattr(percepts, "_ENCODE", counted)
+    monkeypatch.setattr(percept_set, "_ENCODE", counted)
     by_hand = HandPercepts("uav", True, Counter[str]())
     for number in range(MOST - 1):
         by_hand.take(f"argosy/f/uav/percept/h{number}", Perception(parameters=(number,)))

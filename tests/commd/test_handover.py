@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from commd import handover as module
-from commd.handover import AT_ONCE, TURN, Handover
+from commd.bus import loop_dispatch as module
+from commd.bus.loop_dispatch import AT_ONCE, TURN, Handover
 
 
 def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> None:

@@ -15,7 +15,7 @@ from tests.support.processes import ROOT
 
 _PROCESS = """\
 import asyncio, os, signal, sys, time
-from commd.process import run_daemon
+from commd.process.process import run_daemon
 sys.path.insert(0, os.path.dirname(sys.argv[1]))
 
 async def main(stop):

@@ -8,10 +8,10 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from argosy.authority import Authority, Machine
-from commd.bus import open_bus
-from schemas import keys
-from schemas.records import Health
+from argosy.keys.certificate_authority import Authority, Machine
+from commd.bus.bus import open_bus
+from schemas.wire import keys
+from schemas.wire.records import Health
 from tests.support.buses import until
 from tests.support.secured import Secured
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from commd import known_keys
-from commd.bus import Bus, open_bus
-from schemas.records import Perception
+from commd.bus import key_cache
+from commd.bus.bus import Bus, open_bus
+from schemas.wire.records import Perception
 from tests.support.buses import on_a_bus, subscribed, until
 
 KEY = "argosy/test/uav/percept/altitude"
@@ -20,11 +20,11 @@ KEY = "argosy/test/uav/percept/altitude"
 def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_for(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(known_keys, "MOST", 3)
+    monkeypatch.setattr(key_cache, "MOST", 3)
 
     async def body(connect: Any) -> None:
         bus = await connect()
-        known = known_keys.KnownKeys(bus._session)
+        known = key_cache.KnownKeys(bus._session)
         assert known.of(KEY) == KEY
         assert known.used(KEY) is not None
         assert str(known.of(KEY)) == KEY
@@ -47,7 +47,7 @@ def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_
 
 def test_what_is_no_key_is_not_declared(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        known = known_keys.KnownKeys((await connect())._session)
+        known = key_cache.KnownKeys((await connect())._session)
         assert [known.of("//"), known.of("//"), known.of("//")] == ["//"] * 3
 
     on_a_bus(endpoint, body)

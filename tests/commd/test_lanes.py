@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from commd import boxes
-from commd.inbox import NOT_DONE
-from commd.lanes import OF_ONE, RETRY_FIRST, Lanes, NotTaken
-from commd.letters import Waiting, letter
-from commd.mail_clock import MailClock
-from commd.store import open_store
-from schemas.records import Receipt, Refusal
+from commd.client.receive_mail import NOT_DONE
+from commd.mail import queries
+from commd.mail.age_clock import MailClock
+from commd.mail.delivery import OF_ONE, RETRY_FIRST, Lanes, NotTaken
+from commd.mail.message import Waiting, letter
+from commd.mail.store import open_store
+from schemas.wire.records import Receipt, Refusal
 from tests.commd.offices import message
 from tests.support.buses import until
 
@@ -26,13 +26,13 @@ Carry = Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NotTaken]]
 @asynccontextmanager
 async def lanes_of(
     folder: Path, lines: Sequence[str], carry: Carry, each: int = 1
-) -> AsyncIterator[tuple[Lanes, boxes.Tally, dict[int, Refusal]]]:
+) -> AsyncIterator[tuple[Lanes, queries.Tally, dict[int, Refusal]]]:
     """Lines with so many messages each; a line belongs to the peer, and hangs with the group, that its name ends on."""
-    tally, refused = boxes.Tally(), dict[int, Refusal]()
+    tally, refused = queries.Tally(), dict[int, Refusal]()
 
     async def give_up(reasons: dict[int, Refusal], senders: set[str]) -> list[str]:
         refused.update(reasons)
-        await store.write(lambda db: boxes.remove(db, tally, list(reasons)))
+        await store.write(lambda db: queries.remove(db, tally, list(reasons)))
         return []
 
     def group(line: str) -> str:
@@ -44,7 +44,7 @@ async def lanes_of(
             for line in lines
             for number in range(1, each + 1)
         ]
-        await store.write(lambda db: boxes.put(db, tally, letters, 0.0, None))
+        await store.write(lambda db: queries.put(db, tally, letters, 0.0, None))
         lanes = Lanes(store, tally, MailClock(), carry, give_up, group, group)
         lanes.begin()
         task = asyncio.create_task(lanes.run())
@@ -83,7 +83,7 @@ def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what
         async with lanes_of(tmp_path, ["b"], carry) as (lanes, tally, _):
             await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")
             more = [letter(message(2, "a", "b"), "b", None)]
-            await lanes._store.write(lambda db: boxes.put(db, tally, more, 0.0, None))
+            await lanes._store.write(lambda db: queries.put(db, tally, more, 0.0, None))
             lanes.more("b")
             await until(lambda: len(pauses[2]) >= 3, "what is new is offered with it")
         assert pauses[2][:3] == [pauses[1][-1] * 2, RETRY_FIRST * 2, RETRY_FIRST * 4]
@@ -104,7 +104,7 @@ def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_o
             await until(lambda: tries["a>z"] > 0 < tries["c>z"], "both know that it is away")
             first = next(iter(lanes._away["z"].lanes))
             empty = [place for place, line in ((1, "a>z"), (2, "c>z")) if line == first]
-            await lanes._store.write(lambda db: boxes.remove(db, tally, empty))
+            await lanes._store.write(lambda db: queries.remove(db, tally, empty))
             there.set()  # without a token that would tell
             await until(lambda: not tally.lines, "the other one is tried again")
 

@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from commd import link_watchdog
-from commd.bus import Bus
-from commd.link_watchdog import PATIENCE, PATIENCE_MOST, RENEWED, open_link_watchdog
-from commd.session import session_config
-from schemas import keys
-from schemas.records import Receipt
+from commd.bus.bus import Bus
+from commd.bus.session import session_config
+from commd.router import link_watchdog
+from commd.router.link_watchdog import PATIENCE, PATIENCE_MOST, RENEWED, open_link_watchdog
+from schemas.wire import keys
+from schemas.wire.records import Receipt
 from tests.attacks.world import NAME, TEXT, World, ask
 from tests.support.buses import FLEET, session, until
 from tests.support.ports import free_port

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from commd.lives import MUTE, Life
+from commd.process.restart_counter import MUTE, Life
 from tests.support.processes import ROOT
 
 DAEMON = """\
 import os, sys
 from pathlib import Path
-from commd.lives import begin_life
-from commd.process import run_daemon
+from commd.process.restart_counter import begin_life
+from commd.process.process import run_daemon
 
 async def main(stop):
     print(*begin_life(Path(sys.argv[1]), "agentd", "a"))

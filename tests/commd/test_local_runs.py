@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from commd.local_runs import announced, local_runs, router_of, starting
-from schemas.findings import Findings
+from commd.process.local_runs import announced, local_runs, router_of, starting
+from schemas.files.findings import Findings
 
 USUAL = "tcp/127.0.0.1:7447"
 
@@ -57,7 +57,7 @@ def test_what_a_killed_run_has_left_is_no_run(folder: Path) -> None:
 
 def test_a_run_behind_another_loopback_is_not_ours(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with announced("sar", "tcp/127.0.0.1:7450"):
-        monkeypatch.setattr("commd.local_runs._network", lambda: 1)
+        monkeypatch.setattr("commd.process.local_runs._network", lambda: 1)
         assert local_runs() == []
 
 

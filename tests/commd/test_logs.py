@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from commd.logs import BURST, KINDS, LONGEST, WINDOW, LineFormatter, LogHandler, one_line
-from commd.output import Output
+from commd.process.log_handler import BURST, KINDS, LONGEST, WINDOW, LineFormatter, LogHandler, one_line
+from commd.process.output import Output
 from tests.support.processes import ROOT
 
 SPEAKER = """\
 import logging
-from commd.output import stdout
-from commd.process import run_daemon
-from schemas.findings import Finding, Findings
+from commd.process.output import stdout
+from commd.process.process import run_daemon
+from schemas.files.findings import Finding, Findings
 
 async def main(stop):
     log = logging.getLogger("mail")

@@ -7,7 +7,7 @@ import shlex
 import subprocess
 import sys
 
-from schemas.datagram import read_message
+from schemas.wire.paper_message import read_message
 from tests.support.processes import ROOT, running
 
 PAGE = (ROOT / "docs" / "mail.md").read_text()

@@ -7,10 +7,10 @@ from contextlib import closing
 
 import pytest
 
-from commd.mail_clock import MailClock
-from commd.mail_schema import migrate
-from commd.mail_witness import WENT_BACK, MailWitness
-from schemas.records import BoardServices, Header, MailSeen
+from commd.mail.age_clock import MailClock
+from commd.mail.rollback_witness import WENT_BACK, MailWitness
+from commd.mail.schema import migrate
+from schemas.wire.records import BoardServices, Header, MailSeen
 
 
 def _clock(found: float | None) -> MailClock:

@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from commd import facts
-from commd.bus import Bus
-from commd.mailroom import Mailroom
-from commd.store import StoreFailed
-from schemas import keys
-from schemas.mission import MailRules
-from schemas.records import Header, Mail, Message, Receipt, Refusal
-from schemas.terms import Atom, Structure
+from commd.bus.bus import Bus
+from commd.mail import kv_table
+from commd.mail.service import Mailroom
+from commd.mail.store import StoreFailed
+from schemas.mission.model import MailRules
+from schemas.wire import keys
+from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
+from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import Receiver, Time, ask, board, listed, message, post
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
 
@@ -149,9 +149,9 @@ def test_what_the_other_board_took_before_its_answer_was_lost_is_sent_again_and_
 def test_air_that_loses_a_third_of_all_loses_no_message_and_no_order(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.lanes.RETRY_MOST", 0.02)
-    monkeypatch.setattr("commd.lanes.RETRY_FIRST", 0.01)
-    monkeypatch.setattr("commd.boxes.BATCH", 7)
+    monkeypatch.setattr("commd.mail.delivery.RETRY_MOST", 0.02)
+    monkeypatch.setattr("commd.mail.delivery.RETRY_FIRST", 0.01)
+    monkeypatch.setattr("commd.mail.queries.BATCH", 7)
     fates = random.Random(5)
 
     async def body(connect: Connect) -> None:
@@ -188,8 +188,8 @@ def test_an_agent_that_took_a_batch_and_died_before_its_answer_gets_the_same_num
 
 def never(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no timer try again: what goes on then goes on because somebody has come."""
-    monkeypatch.setattr("commd.lanes.RETRY_FIRST", 3600.0)
-    monkeypatch.setattr("commd.lanes.RETRY_MOST", 3600.0)
+    monkeypatch.setattr("commd.mail.delivery.RETRY_FIRST", 3600.0)
+    monkeypatch.setattr("commd.mail.delivery.RETRY_MOST", 3600.0)
 
 
 def test_mail_for_an_agent_that_is_away_waits_and_goes_at_once_when_it_comes(
@@ -292,9 +292,9 @@ def test_mail_is_delivered_in_batches_of_bounded_length_and_size(endpoint: str, 
 def test_receivers_that_hang_keep_no_other_waiting(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.lanes.COURIERS", 2)
-    monkeypatch.setattr("commd.lanes.PROBES", 1)
-    monkeypatch.setattr("commd.peers.ABSORB_TIMEOUT", 0.2)
+    monkeypatch.setattr("commd.mail.delivery.COURIERS", 2)
+    monkeypatch.setattr("commd.mail.delivery.PROBES", 1)
+    monkeypatch.setattr("commd.mail.transport.ABSORB_TIMEOUT", 0.2)
     hung = [f"hung{number}" for number in range(6)]
 
     async def body(connect: Connect) -> None:
@@ -345,9 +345,9 @@ def test_what_is_taken_in_the_process_shares_a_transaction_with_what_belongs_to_
             receiver = Receiver(await connect("b"), "b")
             with pytest.raises(ValueError, match="a defect"):
                 await mailroom.take([message(1)], also=fails)
-            await mailroom.take([message(1)], also=lambda db: facts.keep(db, "test", "a", b"1"))
+            await mailroom.take([message(1)], also=lambda db: kv_table.keep(db, "test", "a", b"1"))
             await until(lambda: len(receiver.got) == 1, "it arrives, once")
-            assert await mailroom.store.read(lambda db: facts.kept(db, "test")) == {"a": b"1"}
+            assert await mailroom.store.read(lambda db: kv_table.kept(db, "test")) == {"a": b"1"}
 
     on_a_bus(endpoint, body)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sqlite3
 
-from commd.mail_clock import MailClock
-from commd.mail_schema import migrate
+from commd.mail.age_clock import MailClock
+from commd.mail.schema import migrate
 from tests.commd.offices import Time
 
 

@@ -11,15 +11,15 @@ from typing import Any
 
 import pytest
 
-from commd import boxes
-from commd.bus import Bus, Query, open_bus
-from commd.letters import LARGEST, letter
-from commd.mail_schema import migrate
-from schemas import keys
-from schemas.codec import TooDeep
-from schemas.mission import MailRules
-from schemas.records import Mail, Message, Receipt, Refusal
-from schemas.terms import Atom, Structure
+from commd.bus.bus import Bus, Query, open_bus
+from commd.mail import queries
+from commd.mail.message import LARGEST, letter
+from commd.mail.schema import migrate
+from schemas.mission.model import MailRules
+from schemas.wire import keys
+from schemas.wire.codec import TooDeep
+from schemas.wire.records import Mail, Message, Receipt, Refusal
+from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import Receiver, Time, ask, board, listed, message, post
 from tests.commd.test_mailroom import Losing
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
@@ -387,18 +387,18 @@ def test_the_age_of_what_waits_goes_on_over_a_restart(endpoint: str, tmp_path: P
 
 
 def test_dead_letters_are_kept_up_to_a_bound_the_newest_ones(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(boxes, "DEAD", 3)
+    monkeypatch.setattr(queries, "DEAD", 3)
     db, tally = memory()
     letters = [letter(message(number), "a>b", None) for number in range(1, 6)]
-    assert boxes.put(db, tally, letters, 0.0, None) == [boxes.TAKEN] * 5
-    noticed = boxes.bury(db, tally, dict.fromkeys(range(1, 6), Refusal(code="unknown")), {"a": "a"}, 0.0)
+    assert queries.put(db, tally, letters, 0.0, None) == [queries.TAKEN] * 5
+    noticed = queries.bury(db, tally, dict.fromkeys(range(1, 6), Refusal(code="unknown")), {"a": "a"}, 0.0)
     assert noticed == ["a"]
     assert db.execute("SELECT count(*), min(place) FROM dead").fetchone() == (3, 3)
     assert (tally.dead, dict(tally.lines)) == (3, {"a": 5})
-    monkeypatch.setattr(boxes, "DEAD_BYTES", 200)
-    boxes.bury(db, tally, {6: Refusal(code="unknown")}, {}, 0.0)
+    monkeypatch.setattr(queries, "DEAD_BYTES", 200)
+    queries.bury(db, tally, {6: Refusal(code="unknown")}, {}, 0.0)
     assert tally.dead_bytes <= 200
-    counted = boxes.Tally()
+    counted = queries.Tally()
     counted.count(db)
     assert (counted.dead, counted.dead_bytes, counted.lines) == (tally.dead, tally.dead_bytes, tally.lines)
 
@@ -406,38 +406,38 @@ def test_dead_letters_are_kept_up_to_a_bound_the_newest_ones(monkeypatch: pytest
 def test_the_last_numbers_of_a_few_numberings_of_a_pair_are_kept_and_always_this_boards_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(boxes, "NUMBERINGS", 8)
+    monkeypatch.setattr(queries, "NUMBERINGS", 8)
     db, tally = memory()
 
     def put(*messages: Message) -> list[str]:
-        return boxes.put(db, tally, [letter(one, "b", None) for one in messages], 0.0, None)
+        return queries.put(db, tally, [letter(one, "b", None) for one in messages], 0.0, None)
 
     by_hand = Message(id="1", sender="a", performative="tell", receiver="b", content=1)
-    assert put(by_hand) == [boxes.TAKEN]
+    assert put(by_hand) == [queries.TAKEN]
     for life in range(20):
-        assert put(message(1, life=f"life{life}"), message(3, life=f"life{life}")) == [boxes.TAKEN] * 2
-    assert put(message(3, life="life19"), message(2, life="life12")) == [boxes.AGAIN] * 2
-    assert put(message(1, life="life11")) == [boxes.TAKEN], "so long ago that nobody remembers"
-    assert put(by_hand) == [boxes.TAKEN]
+        assert put(message(1, life=f"life{life}"), message(3, life=f"life{life}")) == [queries.TAKEN] * 2
+    assert put(message(3, life="life19"), message(2, life="life12")) == [queries.AGAIN] * 2
+    assert put(message(1, life="life11")) == [queries.TAKEN], "so long ago that nobody remembers"
+    assert put(by_hand) == [queries.TAKEN]
     own = db.execute("SELECT number FROM mail WHERE numbering = ?", (tally.numbering,)).fetchall()
     assert own == [(1,), (2,)]
-    assert db.execute("SELECT count(*) FROM numbers").fetchone() == (boxes.NUMBERINGS + 1,)
+    assert db.execute("SELECT count(*) FROM numbers").fetchone() == (queries.NUMBERINGS + 1,)
 
 
 def test_a_batch_that_is_rolled_back_leaves_no_trace_in_what_is_counted() -> None:
     db, tally = memory()
     before = deepcopy(vars(tally))
     db.execute("BEGIN")
-    boxes.put(db, tally, [letter(message(1, ttl=5.0), "b", 5.0)], 0.0, None)
+    queries.put(db, tally, [letter(message(1, ttl=5.0), "b", 5.0)], 0.0, None)
     assert (tally.messages, tally.expiring) == ({"b": 1}, 1)
     db.execute("ROLLBACK")
     tally.count(db)
     assert vars(tally) == before | {"next": 2}
 
 
-def memory() -> tuple[sqlite3.Connection, boxes.Tally]:
+def memory() -> tuple[sqlite3.Connection, queries.Tally]:
     """The tables in memory."""
-    db, tally = sqlite3.connect(":memory:", isolation_level=None), boxes.Tally()
+    db, tally = sqlite3.connect(":memory:", isolation_level=None), queries.Tally()
     migrate(db)
     tally.count(db)
     return db, tally
@@ -481,7 +481,7 @@ def test_mail_survives_a_commd_that_is_killed_and_one_that_is_told_to_go(endpoin
 def test_a_batch_has_as_long_for_its_receipt_as_it_needs_on_a_slow_link(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.peers.ANSWER_TIMEOUT", 0.1)
+    monkeypatch.setattr("commd.mail.transport.ANSWER_TIMEOUT", 0.1)
 
     async def body(connect: Connect) -> None:
         other, batches = await connect("pi2", "commd"), list[int]()
@@ -507,8 +507,8 @@ def test_a_batch_has_as_long_for_its_receipt_as_it_needs_on_a_slow_link(
 def test_mail_for_somebody_whom_nobody_knows_any_more_is_given_up_after_a_while(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.undelivered.STRANGER", 0.5)
-    monkeypatch.setattr("commd.undelivered.LOOK_EVERY", 1)
+    monkeypatch.setattr("commd.mail.dead_letters.STRANGER", 0.5)
+    monkeypatch.setattr("commd.mail.dead_letters.LOOK_EVERY", 1)
 
     async def body(connect: Connect) -> None:
         sender = await connect("a")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from commd.notify import Unit
+from commd.process.systemd import Unit
 from tests.support.notify_socket import NotifySocket
 
 

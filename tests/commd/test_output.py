@@ -17,7 +17,7 @@ from typing import IO
 
 import pytest
 
-from commd.output import Output
+from commd.process.output import Output
 from tests.support.processes import ROOT, running
 
 MISSION = """\
@@ -31,7 +31,7 @@ CHATTER = """\
 """
 SPEAKER = """\
 import logging
-from commd.process import run_daemon
+from commd.process.process import run_daemon
 
 async def main(stop):
     logging.info("here")

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from agentd.checkpoint import Checkpoint, Saving
-from agentd.mind.kept_state import MindChanges
-from commd.page_sums import PageSums, log_damage
-from commd.store import open_store
+from agentd.mind.persistence.rows import MindChanges
+from agentd.persistence.checkpoint import Checkpoint, Saving
+from commd.mail.page_checksums import PageSums, log_damage
+from commd.mail.store import open_store
 
 HITS = 15
 

@@ -10,12 +10,12 @@ from typing import Any, Literal
 import pytest
 from msgspec.structs import replace
 
-from commd.bridge_watch import BridgeWatch
-from commd.bus import Bus, Query, open_bus
-from commd.perceiving import Perceiving
-from schemas import keys
-from schemas.percepts import PerceptSet
-from schemas.records import Header, Health, Perception
+from commd.bus.bus import Bus, Query, open_bus
+from commd.client.percept_sync import Perceiving
+from commd.liveness.bridge_presence import BridgeWatch
+from schemas.wire import keys
+from schemas.wire.percept_set import PerceptSet
+from schemas.wire.records import Header, Health, Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, until
 from tests.support.promises import least
 
@@ -191,7 +191,7 @@ def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
 def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     endpoint: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.perceiving.IN_FLIGHT", 0.0)
+    monkeypatch.setattr("commd.client.percept_sync.IN_FLIGHT", 0.0)
 
     async def body(connect: Connect) -> None:
         bridge = FakeBridge(await connect("uav1", "bridged"))
@@ -295,7 +295,7 @@ def test_no_percept_expires_while_nothing_changes(endpoint: str) -> None:
 def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.bridge_watch.ROUTER_GRACE", 1.0)
+    monkeypatch.setattr("commd.liveness.bridge_presence.ROUTER_GRACE", 1.0)
 
     def bus(name: str, daemon: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:
         return open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from commd.presence import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE, Presence
+from commd.liveness.presence import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE, Presence
 
 
 @pytest.fixture

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from agentd.agent_files import AgentFiles
-from agentd.checkpoint import Checkpoint
-from argosy.recording.writer import _opened
-from bridged.ledger import Ledger
-from commd.lives import begin_life
-from commd.store_file import alone, connect
+from agentd.extensions.file_access import AgentFiles
+from agentd.persistence.checkpoint import Checkpoint
+from argosy.recording.file.writer import _opened
+from bridged.bridge.action_log import Ledger
+from commd.mail.sqlite_file import alone, connect
+from commd.process.restart_counter import begin_life
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from tests.support.processes import ROOT
 
 LINGERING = """\
 import threading, time
-from commd.process import run_daemon
+from commd.process.process import run_daemon
 
 async def main(stop):
     threading.Thread(target=time.sleep, args=(60,), name="reader").start()

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from commd.bus import Bus, Query
-from commd.radio import RadioAir, RadioModel, open_air
-from schemas import keys
-from schemas.distances import Distance
-from schemas.durations import Duration
-from schemas.mission import Mission, Radio, read_mission
-from schemas.records import Header, Perception
-from schemas.terms import Number, Term
+from commd.bus.bus import Bus, Query
+from commd.gateway.radio_model import RadioAir, RadioModel, open_air
+from schemas.files.durations import Duration
+from schemas.files.units import Distance
+from schemas.mission.model import Mission, Radio, read_mission
+from schemas.wire import keys
+from schemas.wire.records import Header, Perception
+from schemas.wire.terms import Number, Term
 from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
 
 HOME = (-27.604033, -48.518363)

@@ -20,14 +20,14 @@ from typing import Any, cast
 import pytest
 import zenoh
 
-from commd import reach
-from commd.bus import Bus, open_bus
-from commd.errors import BusClosed
-from commd.links import Links, dates
-from commd.reach import attempt, why_not
-from commd.session import session_config
-from commd.tls import Tls
-from schemas.mission import read_mission
+from commd.bus import connect_diagnosis
+from commd.bus.bus import Bus, open_bus
+from commd.bus.connect_diagnosis import attempt, why_not
+from commd.bus.errors import BusClosed
+from commd.bus.session import session_config
+from commd.bus.tls import Tls
+from commd.router.link_monitor import Links, dates
+from schemas.mission.model import read_mission
 from tests.support.buses import until
 from tests.support.fleet_keys import FleetKeys
 
@@ -176,7 +176,8 @@ def test_what_else_keeps_a_router_from_being_reached_is_told_in_words(
 def test_a_stranger_is_told_for_whom_a_boards_socket_is() -> None:
     path = f"/tmp/argosy-{os.getpid()}.sock"
     code = (
-        "import os, sys; from commd.reach import attempt; os.setgroups([]); os.setgid(65534); os.setuid(65534)\n"
+        "import os, sys; from commd.bus.connect_diagnosis import attempt\n"
+        "os.setgroups([]); os.setgid(65534); os.setuid(65534)\n"
         "print(attempt(f'unixsock-stream/{sys.argv[1]}', None))"
     )
     with socket.socket(socket.AF_UNIX) as server:
@@ -279,8 +280,8 @@ def test_a_name_service_that_does_not_answer_keeps_one_thread_for_each_endpoint_
         answered.wait(60)
         return f"no {endpoint}"
 
-    monkeypatch.setattr(reach, "attempt", attempt)
-    monkeypatch.setattr(reach, "PATIENCE", 0.05)
+    monkeypatch.setattr(connect_diagnosis, "attempt", attempt)
+    monkeypatch.setattr(connect_diagnosis, "PATIENCE", 0.05)
 
     async def body() -> None:
         ends = [f"tls/pi{number}.local:7447" for number in range(20)]
@@ -290,7 +291,7 @@ def test_a_name_service_that_does_not_answer_keeps_one_thread_for_each_endpoint_
             }
         assert sorted(begun) == sorted(ends), "none is asked again while it is being asked"
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "free"), 20) == "free"
-        monkeypatch.setattr(reach, "PATIENCE", 10)
+        monkeypatch.setattr(connect_diagnosis, "PATIENCE", 10)
         waiting = asyncio.create_task(why_not(ends[0], None))
         await asyncio.sleep(0)
         answered.set()

@@ -11,13 +11,13 @@ import time
 import pytest
 
 import commd.daemon
-from argosy import board
 from argosy.__main__ import main as argosy
-from commd.bus import open_bus
-from commd.refusals import in_words
-from commd.tls import files_in
-from schemas import keys
-from schemas.records import Health
+from argosy.deploy import board_command
+from commd.bus.bus import open_bus
+from commd.bus.tls import files_in
+from commd.router.tls_rejections import in_words
+from schemas.wire import keys
+from schemas.wire.records import Health
 from tests.support.buses import until
 from tests.support.processes import ROOT
 from tests.support.secured import Secured
@@ -81,7 +81,7 @@ def test_what_zenoh_says_of_handshakes_is_told_in_words(said: str, words: str) -
 _SPEAKER = """
 import os, sys, time
 from commd import refusals
-from commd.output import flush, stdout
+from commd.process.output import flush, stdout
 refusals.hear_refusals()
 for number in range(3 * refusals.REASONS):
     os.write(1, b"WARN zenoh_link_tls::unicast: what nobody knew %d. Hint: x\\n" % number)
@@ -107,7 +107,7 @@ def test_a_board_in_one_process_hears_refusals_where_commd_does(
     options: tuple[str, ...], hears: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     heard: list[bool] = []
-    for module in (board, commd.daemon):
+    for module in (board_command, commd.daemon):
         monkeypatch.setattr(module, "hear_refusals", lambda: heard.append(True))
         monkeypatch.setattr(module, "run_daemon", lambda *_: 0)
         parser = argparse.ArgumentParser()

@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import pytest
 
-from commd import reminding
-from commd.lag import KEPT, LOOK, LoopLag
-from commd.reminding import Reminder
+from commd.common import repeated_log
+from commd.common.repeated_log import Reminder
+from commd.process.loop_lag import KEPT, LOOK, LoopLag
 
 
 class Time:
@@ -48,7 +48,7 @@ class Time:
 @pytest.fixture
 def time(monkeypatch: pytest.MonkeyPatch) -> Time:
     made = Time()
-    monkeypatch.setattr(reminding.asyncio, "get_running_loop", lambda: made)
+    monkeypatch.setattr(repeated_log.asyncio, "get_running_loop", lambda: made)
     return made
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from commd.router_config import read, router_settings, write
-from commd.tls import files_in
-from schemas.findings import Findings
-from schemas.mission import load_mission, read_mission
+from commd.bus.tls import files_in
+from commd.router.config import read, router_settings, write
+from schemas.files.findings import Findings
+from schemas.mission.model import load_mission, read_mission
 from tests.schemas.test_access import FLEET
 
 SHIPPED = Path(__file__).parents[2] / "missions"

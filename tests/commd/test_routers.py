@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from commd.bus import Bus
-from commd.errors import BusClosed
-from commd.routers import addresses_to_come, router_of
-from schemas import keys
-from schemas.mission import read_mission
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed
+from commd.bus.router_endpoints import addresses_to_come, router_of
+from schemas.mission.model import read_mission
+from schemas.wire import keys
 from tests.support.buses import FLEET, session, until
 
 THREE = """\

@@ -7,11 +7,11 @@ import time
 
 import pytest
 
-from commd import denials
-from commd.bus import Bus, open_bus
-from commd.router_config import write
-from schemas import keys
-from schemas.minds import MindView
+from commd.bus import access_probe
+from commd.bus.bus import Bus, open_bus
+from commd.router.config import write
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
 from tests.support.buses import until
 from tests.support.processes import Daemon
 from tests.support.secured import Secured
@@ -36,9 +36,9 @@ def start(fleet: Secured, denied: str) -> Daemon:
 def test_they_are_noticed_without_a_declaration_and_forgotten_when_they_are_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(denials, "SETTLING", 0.05)
-    monkeypatch.setattr(denials, "PATIENCE", 0.3)
-    monkeypatch.setattr(denials, "LOOK_AGAIN", 0.1)
+    monkeypatch.setattr(access_probe, "SETTLING", 0.05)
+    monkeypatch.setattr(access_probe, "PATIENCE", 0.3)
+    monkeypatch.setattr(access_probe, "LOOK_AGAIN", 0.1)
 
     async def body(fleet: Secured) -> None:
         router = start(fleet, "")
@@ -60,8 +60,8 @@ def test_they_are_noticed_without_a_declaration_and_forgotten_when_they_are_back
 
 
 def test_what_could_not_be_known_is_looked_at_again_and_a_defect_ends_no_watch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(denials, "SETTLING", 0.0)
-    monkeypatch.setattr(denials, "LOOK_AGAIN", 0.01)
+    monkeypatch.setattr(access_probe, "SETTLING", 0.0)
+    monkeypatch.setattr(access_probe, "LOOK_AGAIN", 0.01)
     answers = ["denied", None, ValueError("no"), "denied", ""]
     looks: list[str] = []
 
@@ -75,8 +75,8 @@ def test_what_could_not_be_known_is_looked_at_again_and_a_defect_ends_no_watch(m
             raise answer
         return answer
 
-    monkeypatch.setattr(denials, "known_refused", known_refused)
-    watch = denials.Watch(Some())  # type: ignore[arg-type]
+    monkeypatch.setattr(access_probe, "known_refused", known_refused)
+    watch = access_probe.Watch(Some())  # type: ignore[arg-type]
 
     async def body() -> None:
         watching = asyncio.create_task(watch.run())

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from commd.services import MOST_SERVICES, Problem, Services, checked
-from schemas.records import BoardServices, Header
+from commd.directory.registry import MOST_SERVICES, Problem, Services, checked
+from schemas.wire.records import BoardServices, Header
 
 MISSION = {"a": "pi1", "b": "pi2", "c": "pi1"}
 

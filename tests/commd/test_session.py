@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from commd.session import session_config
+from commd.bus.session import session_config
 
 SHIPPED = Path(__file__).parents[2] / "deploy" / "zenohd.json5"
 

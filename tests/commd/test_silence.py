@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from commd.silence import CATCH_UP, FIRST_WORD, SILENCE, Silence
+from commd.liveness.health_timeout import CATCH_UP, FIRST_WORD, SILENCE, Silence
 
 
 def looked_at(silence: Silence, begin: float, end: float) -> list[tuple[float, str]]:

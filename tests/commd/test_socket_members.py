@@ -19,7 +19,7 @@ GROUP, MEMBER, STRANGER = 61_230, 61_231, 61_232
 """Ids that nobody has: the kernel asks for no more than numbers."""
 KNOCK = """\
 import os, sys
-from commd.session import session_config
+from commd.bus.session import session_config
 import zenoh
 endpoint, user, groups = sys.argv[1], int(sys.argv[2]), [int(one) for one in sys.argv[3:]]
 os.setgroups(groups)

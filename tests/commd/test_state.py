@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from agentd import agent_files
+from agentd.extensions import file_access
 from bridged import daemon as bridge
 from commd import daemon as comm
-from commd.state import state_directory
+from commd.process.state_dir import state_directory
 
 
 def test_the_state_directory_is_the_one_given_or_systemds_or_the_users(
@@ -29,4 +29,4 @@ def test_the_state_directory_is_the_one_given_or_systemds_or_the_users(
 
 
 def test_all_daemons_keep_their_state_in_the_same_place() -> None:
-    assert {vars(module)["state_directory"] for module in (bridge, comm, agent_files)} == {state_directory}
+    assert {vars(module)["state_directory"] for module in (bridge, comm, file_access)} == {state_directory}

@@ -17,10 +17,10 @@ from typing import Any
 
 import pytest
 
-from commd import facts, mail_schema
-from commd import store as store_module
-from commd.store import QUEUE, Store, StoreFailed, open_store
-from schemas.findings import Findings
+from commd.mail import kv_table, schema
+from commd.mail import store as store_module
+from commd.mail.store import QUEUE, Store, StoreFailed, open_store
+from schemas.files.findings import Findings
 from tests.support.buses import until
 
 
@@ -40,11 +40,11 @@ def path(tmp_path: Path) -> Path:
 
 
 def keep(name: str, value: bytes = b"x") -> Callable[[Connection], None]:
-    return lambda db: facts.keep(db, "test", name, value)
+    return lambda db: kv_table.keep(db, "test", name, value)
 
 
 def kept(db: Connection) -> dict[str, bytes]:
-    return facts.kept(db, "test")
+    return kv_table.kept(db, "test")
 
 
 def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Path) -> None:
@@ -52,7 +52,7 @@ def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Pat
         import asyncio, os, sys
         from pathlib import Path
         from commd import facts
-        from commd.store import open_store
+        from commd.mail.store import open_store
         async def main():
             async with open_store(Path(sys.argv[1])) as store:
                 await store.write(lambda db: facts.keep(db, "test", "a", b"1"))
@@ -137,7 +137,7 @@ def test_more_transactions_than_may_wait_are_turned_away_at_once(path: Path) -> 
 
 
 def test_a_disk_that_hangs_keeps_nobody_waiting_for_ever(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.store.PATIENCE", 0.1)
+    monkeypatch.setattr("commd.mail.store.PATIENCE", 0.1)
 
     async def body(store: Store) -> None:
         slow = threading.Event()
@@ -203,7 +203,7 @@ def fill_up(folder: Path, name: str) -> None:
 
 
 def test_what_was_said_to_have_failed_is_not_written_after_all(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.store.PATIENCE", 0.5)
+    monkeypatch.setattr("commd.mail.store.PATIENCE", 0.5)
 
     async def body(store: Store) -> None:
         slow, began = threading.Event(), threading.Event()
@@ -221,7 +221,7 @@ def test_what_was_said_to_have_failed_is_not_written_after_all(path: Path, monke
         given_up.cancel()
         await asyncio.wait((given_up, first))
         slow.set()
-        monkeypatch.setattr("commd.store.PATIENCE", 20.0)
+        monkeypatch.setattr("commd.mail.store.PATIENCE", 20.0)
         await store.write(keep("b"))
         assert list(await store.read(kept)) == ["b"]
 
@@ -237,7 +237,7 @@ def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_
         import asyncio, os, sys
         from pathlib import Path
         from commd import facts
-        from commd.store import open_store
+        from commd.mail.store import open_store
         async def main():
             async with open_store(Path(sys.argv[1])) as store:
                 await store.write(lambda db: facts.keep(db, "test", "a", b"1"))
@@ -357,7 +357,7 @@ def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
     async def body(store: Store) -> None:
         await store.write(keep("before"))
         with monkeypatch.context() as patched:
-            patched.setattr("commd.store.set_aside", read_only)
+            patched.setattr("commd.mail.store.set_aside", read_only)
             with pytest.raises(StoreFailed, match="malformed"):
                 await store.write(damaged)
             with pytest.raises(StoreFailed, match="read-only file system"):
@@ -420,11 +420,11 @@ def test_a_file_of_an_older_version_becomes_one_of_this_version(path: Path, monk
 
     in_store(path, first)
     steps = (
-        *mail_schema.MIGRATIONS,
+        *schema.MIGRATIONS,
         "ALTER TABLE facts ADD COLUMN note TEXT; UPDATE facts SET note = 'from before';",
         "CREATE TABLE further(a); INSERT INTO further VALUES(7);",
     )
-    monkeypatch.setattr(mail_schema, "MIGRATIONS", steps)
+    monkeypatch.setattr(schema, "MIGRATIONS", steps)
 
     async def second(store: Store) -> None:
         rows = await store.read(lambda db: db.execute("SELECT name, note FROM facts WHERE kind = 'test'").fetchall())
@@ -444,7 +444,7 @@ def test_a_step_of_a_migration_that_fails_leaves_the_file_as_it_was(
 
     in_store(path, first)
     monkeypatch.setattr(
-        mail_schema, "MIGRATIONS", (*mail_schema.MIGRATIONS, "CREATE TABLE further(a); INSERT INTO nowhere VALUES(1);")
+        schema, "MIGRATIONS", (*schema.MIGRATIONS, "CREATE TABLE further(a); INSERT INTO nowhere VALUES(1);")
     )
     with pytest.raises(Findings, match="no such table: nowhere"):
         in_store(path, first)
@@ -467,7 +467,7 @@ def test_a_file_of_a_newer_version_is_refused_in_words_and_left_alone(path: Path
     newer.execute("CREATE TABLE future(a)")
     newer.commit()
     newer.close()
-    known = len(mail_schema.MIGRATIONS)
+    known = len(schema.MIGRATIONS)
     words = f"cannot keep mail in this file: it is of version 99, this commd knows versions up to {known}"
     with pytest.raises(Findings) as refused:
         in_store(path, pytest.fail)  # type: ignore[arg-type]

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from commd import facts
-from commd.store import StoreFailed, open_store
+from commd.mail import kv_table
+from commd.mail.store import StoreFailed, open_store
 from tests.support.buses import until
 
 
 def test_what_a_caller_was_told_to_have_failed_is_not_written_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.store.PATIENCE", 0.2)
+    monkeypatch.setattr("commd.mail.store.PATIENCE", 0.2)
 
     async def body() -> None:
         async with open_store(tmp_path / "x.mail", "normal") as store:
@@ -29,10 +29,10 @@ def test_what_a_caller_was_told_to_have_failed_is_not_written_later(
             hanging = asyncio.create_task(store.write(hang))
             await until(began.is_set, "the disk hangs")
             with pytest.raises(StoreFailed, match="has not answered"):
-                await store.write(lambda db: facts.keep(db, "test", "too late", b""))
+                await store.write(lambda db: kv_table.keep(db, "test", "too late", b""))
             slow.set()
             await asyncio.gather(hanging, return_exceptions=True)
-            await store.write(lambda db: facts.keep(db, "test", "in time", b""))
-            assert list(await store.read(lambda db: facts.kept(db, "test"))) == ["in time"]
+            await store.write(lambda db: kv_table.keep(db, "test", "in time", b""))
+            assert list(await store.read(lambda db: kv_table.kept(db, "test"))) == ["in time"]
 
     asyncio.run(body())

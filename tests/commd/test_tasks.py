@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from commd.tasks import Tasks, wait_at_most
+from commd.common.tasks import Tasks, wait_at_most
 
 
 def bounded(work: Coroutine[Any, Any, None]) -> None:
@@ -52,5 +52,5 @@ def test_tasks_end_although_one_forgets_that_it_was_cancelled(monkeypatch: pytes
         await tasks.end()
         assert len(tasks) == 0
 
-    monkeypatch.setattr("commd.tasks.TELL_AGAIN", 0.05)
+    monkeypatch.setattr("commd.common.tasks.TELL_AGAIN", 0.05)
     bounded(main())

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from commd.tls import Tls, check_board, identity_of, tls_in
-from schemas.findings import Findings
-from schemas.mission import read_mission
+from commd.bus.tls import Tls, check_board, identity_of, tls_in
+from schemas.files.findings import Findings
+from schemas.mission.model import read_mission
 from tests.support.fleet_keys import FleetKeys
 
 MISSION = 'mission: m\nboards: {pi1: {address: "ADDRESS"}, pi2: {}}\nagents: {a: {program: a.asl, board: pi1}}\n'
@@ -138,7 +138,7 @@ def test_a_daemon_reads_its_keys_without_the_package_that_makes_them(fleet: Flee
     tls = fleet.make("pi1")
     code = (
         "import sys; sys.modules['cryptography'] = None\n"
-        "from pathlib import Path\nfrom commd.tls import tls_in\nimport commd.daemon\n"
+        "from pathlib import Path\nfrom commd.bus.tls import tls_in\nimport commd.daemon\n"
         "print(tls_in(Path(sys.argv[1])).key.name)"
     )
     said = subprocess.run([sys.executable, "-c", code, tls.key.parent], capture_output=True, text=True, timeout=60)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import importlib
 import sys
 
-import schemas.codec
-import schemas.records
+import schemas.wire.codec
+import schemas.wire.records
 
-NEXT = schemas.records.VERSION + 1
+NEXT = schemas.wire.records.VERSION + 1
 
 if __name__ == "__main__":
-    for module in (schemas.records, schemas.codec):
+    for module in (schemas.wire.records, schemas.wire.codec):
         module.VERSION = NEXT  # type: ignore[attr-defined]
-    import commd.versions
+    import commd.bus.version_check
 
-    assert commd.versions.VERSION == NEXT
+    assert commd.bus.version_check.VERSION == NEXT
     sys.exit(importlib.import_module(f"{sys.argv[1]}.__main__").main(sys.argv[2:]))

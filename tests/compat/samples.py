@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
-from schemas import minds, records
-from schemas.codec import codec
-from schemas.records import Record
-from schemas.terms import (
+from schemas.wire import mind_records, records
+from schemas.wire.codec import codec
+from schemas.wire.records import Record
+from schemas.wire.terms import (
     Atom,
     Map,
     Number,
@@ -45,7 +45,11 @@ TERMS: tuple[Term, ...] = (
 
 def all_records() -> dict[str, type[Record]]:
     """Return the records of this version by their names."""
-    found = (one for one in (vars(records) | vars(minds)).values() if isinstance(one, type) and issubclass(one, Record))
+    found = (
+        one
+        for one in (vars(records) | vars(mind_records)).values()
+        if isinstance(one, type) and issubclass(one, Record)
+    )
     return {one.__name__: one for one in found if one is not Record}
 
 

@@ -6,8 +6,8 @@ import base64
 
 import pytest
 
-from schemas.codec import BadRecord, codec
-from schemas.records import VERSION
+from schemas.wire.codec import BadRecord, codec
+from schemas.wire.records import VERSION
 from tests.compat.samples import all_records, recorded
 
 SAMPLES = recorded()

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import pytest
 
-from agentd.clocks import VirtualClock
-from agentd.paths import SourcePaths
-from agentd.run import DEEPEST_CALLS
-from agentd.standalone import Team
+from agentd.runtime.program_paths import SourcePaths
+from agentd.standalone.clocks import VirtualClock
+from agentd.standalone.command import DEEPEST_CALLS
+from agentd.standalone.standalone_team import Team
 
 PAGE = Path(__file__).parents[2] / "docs" / "language.md"
 _CELL = re.compile(r"(?<!\\)\|")

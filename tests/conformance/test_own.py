@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language.compile import compile_program
-from agentd.language.errors import SyntaxErrors
-from agentd.language.parser import parse_file
+from agentd.language.compiler.compile import compile_program
+from agentd.language.parser.parser import parse_file
+from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.mind import Mind
-from agentd.mind.effects import Print, StopTeam
+from agentd.mind.data.effects import Print, StopTeam
 from tests.agentd.minds import World
 
 HERE = Path(__file__).parent / "own"

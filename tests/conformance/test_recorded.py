@@ -8,12 +8,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agentd.clocks import VirtualClock
-from agentd.paths import SourcePaths
-from agentd.run import DEEPEST_CALLS
-from agentd.standalone import Team
-from agentd.viewing import decisions_of
-from agentd.why import Narrator
+from agentd.conversion.mind_view import decisions_of
+from agentd.runtime.program_paths import SourcePaths
+from agentd.standalone.clocks import VirtualClock
+from agentd.standalone.command import DEEPEST_CALLS
+from agentd.standalone.decision_printer import Narrator
+from agentd.standalone.standalone_team import Team
 from tests.conformance.test_conformance import CASES, _arguments, _comparable
 
 

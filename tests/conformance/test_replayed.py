@@ -8,17 +8,18 @@ from typing import Any
 
 import pytest
 
-from agentd import second_life, standalone
-from agentd.clocks import VirtualClock
-from agentd.language.compile import CompiledProgram
-from agentd.mind.inputs import Input, Mail
-from agentd.paths import SourcePaths
-from agentd.run import DEEPEST_CALLS
-from agentd.second_life import Life, digest_of
-from agentd.standalone import Team
-from agentd.tracing.given_terms import UNWRITTEN
-from agentd.tracing.sources import Sources
-from agentd.wire import BadTerm, from_wire, to_wire
+from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
+from agentd.language.compiler.compile import CompiledProgram
+from agentd.mind.data.inputs import Input, Mail
+from agentd.replay import replayed_mind
+from agentd.replay.replayed_mind import Life, digest_of
+from agentd.runtime.program_paths import SourcePaths
+from agentd.standalone import standalone_team
+from agentd.standalone.clocks import VirtualClock
+from agentd.standalone.command import DEEPEST_CALLS
+from agentd.standalone.standalone_team import Team
+from agentd.trace.input_records import UNWRITTEN
+from agentd.trace.program_sources import Sources
 from tests.agentd.traced import Traced
 from tests.conformance.test_conformance import CASES, _arguments
 
@@ -63,7 +64,7 @@ def test_a_mind_that_lives_again_does_the_same(
         monkeypatch.setattr(traced.mind, "feed", sent)
         return traced.mind
 
-    monkeypatch.setattr(standalone, "Mind", made)
+    monkeypatch.setattr(standalone_team, "Mind", made)
     agents, _, _ = _arguments(case)
     paths = SourcePaths()
     programs = [(name, paths.compiled(path)) for name, path in (agent.split("=", 1) for agent in agents)]
@@ -78,7 +79,7 @@ def test_a_mind_that_lives_again_does_the_same(
             if id(traced) in clones or included or not batches:
                 continue
             program = traced.mind.program
-            monkeypatch.setattr(second_life, "program_of", lambda birth, texts, program=program: (program, None))
+            monkeypatch.setattr(replayed_mind, "program_of", lambda birth, texts, program=program: (program, None))
             life = Life(batches[0])
             life.mind.post_office = None
             for batch in batches:

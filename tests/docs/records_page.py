@@ -1,4 +1,5 @@
-"""docs/reference/records.md from schemas/records.py and schemas/minds.py: `python -m tests.docs.records_page`."""
+"""docs/reference/records.md from schemas/wire/records.py and schemas/wire/mind_records.py: `python -m
+tests.docs.records_page`."""
 
 from __future__ import annotations
 
@@ -8,16 +9,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import get_args
 
-from schemas.keys import CHANNELS
-from schemas.records import VERSION, State
+from schemas.wire.keys import CHANNELS
+from schemas.wire.records import VERSION, State
 from tests.docs.pages import ROOT
 
-SOURCES = (ROOT / "schemas" / "records.py", ROOT / "schemas" / "minds.py")
+SOURCES = (ROOT / "schemas/wire/records.py", ROOT / "schemas/wire/mind_records.py")
 PAGE = ROOT / "docs" / "reference" / "records.md"
 _HEAD = f"""\
 # Records
 
-<!-- Written by `make reference` from schemas/records.py and schemas/minds.py. -->
+<!-- Written by `make reference` from schemas/wire/records.py and schemas/wire/mind_records.py. -->
 
 What travels on the [keys](../keys.md), as JSON objects (or MessagePack maps). The Encoding of a sample names its record
 and major version: `application/json;argosy.Perception/{VERSION}`. A field that has its default is left out. Fields that

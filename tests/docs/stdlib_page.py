@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import agentd.stdlib
-from agentd.stdlib.registry import ACTIONS, FUNCTIONS, InternalAction
+from agentd.mind.data.registry import ACTIONS, FUNCTIONS, InternalAction
 from tests.docs.pages import ROOT
 
 PAGE = ROOT / "docs" / "reference" / "stdlib.md"

@@ -11,8 +11,8 @@ import pytest
 import yaml
 import zenoh
 
-from agentd.language.parser import parse_program
-from agentd.projects.parser import parse_project
+from agentd.jason_project.project_parser import parse_project
+from agentd.language.parser.parser import parse_program
 from tests.docs.commands import calls, complaint, mentions
 from tests.docs.pages import LANGUAGES, Block, blocks, pages, without_blocks
 from tests.docs.table import NOT_WELL_FORMED, entry

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from agentd.stdlib.registry import ACTIONS, FUNCTIONS
+from agentd.mind.data.registry import ACTIONS, FUNCTIONS
 from tests.agentd.minds import World, mind_of
 from tests.docs.stdlib_page import PAGE, examples, page
 

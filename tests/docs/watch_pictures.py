@@ -9,9 +9,9 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
-from argosy.operator_bus import Where
+from argosy.cli.operator_bus import Where
 from argosy.watch.app import WatchApp
-from argosy.watch.link import Link
+from argosy.watch.fleet_link import Link
 from argosy.watch.pages import AgentPage
 from tests.argosy.watch.shown import text_of
 from tests.docs.pages import ROOT

@@ -7,10 +7,10 @@ import resource
 from collections.abc import Callable
 from pathlib import Path
 
-from bridged.simulation.faults import Air, Character, Faults
-from bridged.simulation.vehicle import Vehicle
-from schemas.terms import Term
-from schemas.text import write
+from bridged.simulation.copter.fault_injection import Air, Character, Faults
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from schemas.wire.term_text import write
+from schemas.wire.terms import Term
 from tests.bridged.sky import Message, Sky
 from tests.faults.rows import Ended, Row
 

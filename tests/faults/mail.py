@@ -10,10 +10,10 @@ from pathlib import Path
 
 import zenoh
 
-from commd.bus import Bus
-from schemas import keys
-from schemas.codec import codec
-from schemas.records import Mail, Message, Receipt
+from commd.bus.bus import Bus
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.records import Mail, Message, Receipt
 from tests.faults.office import FLEET, MISSION, Office, expect_all, grown, held, read, row_of, waits
 from tests.faults.real import resident
 from tests.faults.rows import Row

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from commd.bus import Bus
+from commd.bus.bus import Bus
 from commd.client import SendTimeout
-from commd.mail_witness import WENT_BACK
-from schemas import keys
-from schemas.records import BoardServices, MailSeen
+from commd.mail.rollback_witness import WENT_BACK
+from schemas.wire import keys
+from schemas.wire.records import BoardServices, MailSeen
 from tests.boards.disk import Disk
 from tests.faults.office import FLEET, Office, expect_all, grown, held, read, row_of, waits
 from tests.faults.real import resident

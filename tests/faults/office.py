@@ -10,10 +10,10 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from commd.bus import Bus, open_bus
+from commd.bus.bus import Bus, open_bus
 from commd.client import Client, join
-from schemas import keys
-from schemas.records import Health, Mailboxes
+from schemas.wire import keys
+from schemas.wire.records import Health, Mailboxes
 from tests.faults.real import resident
 from tests.faults.rows import Row
 from tests.support.buses import until

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from agentd.in_hand import DEATHS, FILE, KEPT
+from agentd.persistence.poison_inputs import DEATHS, FILE, KEPT
 from commd.client import join, parse
 from tests.faults.office import read
 from tests.faults.rows import Row
@@ -39,7 +39,7 @@ _COUNTING = """\
 """
 _HANGING = """\
 import sys
-from agentd.stdlib.registry import internal_action
+from agentd.mind.data.registry import internal_action
 
 @internal_action(".hang", 0)
 def hang(mind, trail):

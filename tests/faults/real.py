@@ -12,7 +12,7 @@ from typing import Any
 
 import zenoh
 
-from schemas.records import ActionStatus, State
+from schemas.wire.records import ActionStatus, State
 from tests.faults.rows import Ended, Row
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from schemas.records import ActionStatus
+from schemas.wire.records import ActionStatus
 
 
 @dataclass(frozen=True)

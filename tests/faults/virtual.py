@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from schemas.terms import Atom
+from schemas.wire.terms import Atom
 from tests.bridged.sky import Message
 from tests.faults.air import GOAL, BadAir, resident
 from tests.faults.rows import Row

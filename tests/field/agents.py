@@ -7,10 +7,10 @@ import signal
 import time
 from pathlib import Path
 
-from commd.acting import BUS_GRACE
-from commd.presence import AGENT_GRACE, ROUTER_GRACE
-from commd.session import LEASE_MS
-from commd.silence import SILENCE
+from commd.bus.session import LEASE_MS
+from commd.client.actions import BUS_GRACE
+from commd.liveness.health_timeout import SILENCE
+from commd.liveness.presence import AGENT_GRACE, ROUTER_GRACE
 from tests.boards.network import Network
 from tests.field.flight import Flight
 from tests.field.rows import MARGIN, Maker, Row

@@ -6,8 +6,8 @@ import signal
 import time
 from pathlib import Path
 
-from commd.acting import BUS_GRACE
-from commd.bridge_watch import DEBOUNCE
+from commd.client.actions import BUS_GRACE
+from commd.liveness.bridge_presence import DEBOUNCE
 from tests.field.agents import LEASE, WATCHDOG, safe
 from tests.field.flight import Flight
 from tests.field.rows import EARLY, MARGIN, Maker, Row

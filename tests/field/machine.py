@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Literal
 
-from argosy.unit_files import Board
-from argosy.units import write
-from schemas.mission import load_mission
+from argosy.deploy.unit_files import Board
+from argosy.deploy.units_command import write
+from schemas.mission.model import load_mission
 from tests.field.agents import HOLD, STOPPED, WATCHDOG, returned
 from tests.field.bridges import FAILSAFE, ROUTER_STOPPED, goes_on
 from tests.field.flight import Flight

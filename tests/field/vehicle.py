@@ -11,9 +11,9 @@ import json
 import sys
 import time
 
-from bridged.drivers.mavlink.address import LinkAddress
-from bridged.drivers.mavlink.link import open_link
-from bridged.simulation.vehicle import Vehicle
+from bridged.drivers.mavlink.transport.address import LinkAddress
+from bridged.drivers.mavlink.transport.link import open_link
+from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from tests.bridged.sky import HOME
 
 STEP = 0.01

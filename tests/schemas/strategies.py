@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from schemas.terms import Atom, Map, Number, OpenList, Queue, Set, Source, Structure, Variable
+from schemas.wire.terms import Atom, Map, Number, OpenList, Queue, Set, Source, Structure, Variable
 
 LETTERS = "abcxyzABCXYZ019_"
 names = st.builds(str.__add__, st.sampled_from("abcxyz"), st.text(LETTERS, max_size=6)).filter(

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from commd.router_config import access_control
-from schemas import access, keys
-from schemas.access import Rights
-from schemas.findings import Findings
-from schemas.mission import Mission, read_mission
-from schemas.shipped import shipped_names
+from commd.router.config import access_control
+from schemas.files.findings import Findings
+from schemas.files.shipped_files import shipped_names
+from schemas.mission import access_rules
+from schemas.mission.access_rules import Rights
+from schemas.mission.model import Mission, read_mission
+from schemas.wire import keys
 
 FLEET = """
 mission: m
@@ -43,8 +44,8 @@ def covers(rules: tuple[str, ...], key: str) -> bool:
 
 def rights_of(who: str) -> Rights:
     if who in ("ops", "eye"):
-        return access.of_operator() if who == "ops" else access.of_observer("telemetry")
-    return access.of_board(mission(), who)
+        return access_rules.of_operator() if who == "ops" else access_rules.of_observer("telemetry")
+    return access_rules.of_board(mission(), who)
 
 
 @pytest.mark.parametrize(
@@ -93,18 +94,18 @@ def test_minds_and_mail_are_seen_by_whom_the_mission_lets(key: str, right: keys.
     asked = key.endswith(("/mind", "/inputs"))
     for sight in keys.SIGHTS:
         sees = keys.SIGHTS.index(sight) >= keys.SIGHTS.index(right)
-        assert covers(access.of_observer(sight).asks, key) == (sees and asked), sight
-        assert covers(access.hidden(sight), key) != sees, sight
-    assert covers(access.of_operator().asks, key) == asked
-    assert covers(access.of_member(mission(), "pi2").asks, key) == asked
-    assert not covers(access.of_board(mission(), "pi1").asks, key)
-    assert covers(access.hidden(access.BOARD_SEES), key)
+        assert covers(access_rules.of_observer(sight).asks, key) == (sees and asked), sight
+        assert covers(access_rules.hidden(sight), key) != sees, sight
+    assert covers(access_rules.of_operator().asks, key) == asked
+    assert covers(access_rules.of_member(mission(), "pi2").asks, key) == asked
+    assert not covers(access_rules.of_board(mission(), "pi1").asks, key)
+    assert covers(access_rules.hidden(access_rules.BOARD_SEES), key)
 
 
 @pytest.mark.parametrize("sight", keys.SIGHTS)
 def test_nothing_that_may_be_asked_meets_what_is_hidden(sight: keys.Sight) -> None:
-    for asked in access.of_observer(sight).asks:
-        for secret in access.hidden(sight):
+    for asked in access_rules.of_observer(sight).asks:
+        for secret in access_rules.hidden(sight):
             assert not zenoh.KeyExpr(asked).intersects(zenoh.KeyExpr(secret))
 
 
@@ -115,8 +116,8 @@ def test_the_routers_tell_each_observer_what_the_mission_says() -> None:
     denied = {rule["id"]: set(rule["key_exprs"]) for rule in control["rules"] if rule["permission"] == "deny"}
     rules = {policy["subjects"][0]: policy["rules"] for policy in control["policies"]}
     unseen = {name: set[str]().union(*(denied.get(rule, ()) for rule in rules[of])) for name, of in subject.items()}
-    assert unseen["eye"] == unseen["pi2"] == set(access.hidden("telemetry"))
-    assert unseen["mate"] == set(access.hidden("minds")) < unseen["eye"]
+    assert unseen["eye"] == unseen["pi2"] == set(access_rules.hidden("telemetry"))
+    assert unseen["mate"] == set(access_rules.hidden("minds")) < unseen["eye"]
     assert unseen["judge"] == unseen["ops"] == set()
     assert mission().security.sights == {"eye": "telemetry"}
 
@@ -147,14 +148,14 @@ def test_operators_act_and_tell_percepts_by_hand_where_the_mission_says_inject()
         ("asks", keys.cancel("f", "a")),
     ]
     for right, key in (*acts, ("puts", keys.percept("f", "a", "victim"))):
-        assert covers(getattr(access.of_operator(inject=True), right), key), key
-        assert not covers(getattr(access.of_operator(), right), key), key
-        assert not covers(getattr(access.of_observer("mail"), right), key), key
-        assert covers(getattr(access.of_member(mission(f"{FLEET}inject: true"), "pi1"), right), key)
+        assert covers(getattr(access_rules.of_operator(inject=True), right), key), key
+        assert not covers(getattr(access_rules.of_operator(), right), key), key
+        assert not covers(getattr(access_rules.of_observer("mail"), right), key), key
+        assert covers(getattr(access_rules.of_member(mission(f"{FLEET}inject: true"), "pi1"), right), key)
         if right == "puts":
-            assert not covers(access.of_member(mission(), "pi1").puts, key)
-    assert not access.of_operator(inject=True).serves
-    assert not access.of_operator(inject=True).holds
+            assert not covers(access_rules.of_member(mission(), "pi1").puts, key)
+    assert not access_rules.of_operator(inject=True).serves
+    assert not access_rules.of_operator(inject=True).holds
 
 
 def test_every_channel_is_somebodys_to_speak_on_and_to_ask() -> None:
@@ -170,38 +171,38 @@ def test_every_channel_is_somebodys_to_speak_on_and_to_ask() -> None:
 
 
 def test_a_robot_on_zenoh_speaks_on_its_own_board_alone() -> None:
-    assert access.robot_keys(mission(), "pi2") == ("turtles/one/**",)
-    assert access.robot_keys(mission(), "pi1") == ()
+    assert access_rules.robot_keys(mission(), "pi2") == ("turtles/one/**",)
+    assert access_rules.robot_keys(mission(), "pi1") == ()
     bare = mission(FLEET.replace(", prefix: turtles/one", ""))
-    assert "turtle1/pose" in access.robot_keys(bare, "pi2")
+    assert "turtle1/pose" in access_rules.robot_keys(bare, "pi2")
     simulated = mission(FLEET.replace("prefix: turtles/one", "prefix: one, simulate: {vehicle: turtle, board: pi1}"))
-    assert access.robot_keys(simulated, "pi1", "pi2") == ("one/**",)
+    assert access_rules.robot_keys(simulated, "pi1", "pi2") == ("one/**",)
 
 
 def test_a_name_that_looks_as_if_another_board_had_made_it_is_refused() -> None:
-    access.check(mission())
+    access_rules.check(mission())
     with pytest.raises(
         Findings, match="`pi1_b` lives on pi2, but names that begin with `pi1_` are for agents that pi1"
     ):
-        access.check(mission(FLEET.replace("  b:", "  pi1_b:")))
+        access_rules.check(mission(FLEET.replace("  b:", "  pi1_b:")))
     with pytest.raises(Findings, match="`pi2_eye` is no agent"):
-        access.check(mission(FLEET.replace("[eye]", "[pi2_eye]")))
+        access_rules.check(mission(FLEET.replace("[eye]", "[pi2_eye]")))
 
 
 def test_two_boards_that_cannot_reach_each_other_are_refused() -> None:
     text = FLEET.replace("{address: 10.0.0.1}", "{}").replace("{address: 10.0.0.2}", "{}")
     with pytest.raises(Findings, match="boards pi1 and pi2 have no address: neither can dial the other"):
-        access.check(mission(text))
+        access_rules.check(mission(text))
 
 
 @pytest.mark.parametrize("name", shipped_names("missions", ".yaml"))
 def test_the_shipped_missions_can_be_secured(name: str) -> None:
-    from schemas.mission import load_mission
-    from schemas.shipped import shipped
+    from schemas.files.shipped_files import shipped
+    from schemas.mission.model import load_mission
 
     file = shipped("missions", f"{name}.yaml") or shipped("missions", name)
     assert file is not None
     found = load_mission(file)
-    access.check(found)
+    access_rules.check(found)
     for board in found.board_names:
-        assert access.of_member(found, board).puts
+        assert access_rules.of_member(found, board).puts

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.codec import MAX_BYTES, BadRecord, Wire, codec
-from schemas.datagram import BadDatagram, read_message, write_message
-from schemas.records import Action, ActionStatus, Header, Mail, Message, Perception
-from schemas.terms import Term
-from schemas.text import BadTerm, read, write
+from schemas.wire.codec import MAX_BYTES, BadRecord, Wire, codec
+from schemas.wire.paper_message import BadDatagram, read_message, write_message
+from schemas.wire.records import Action, ActionStatus, Header, Mail, Message, Perception
+from schemas.wire.term_text import BadTerm, read, write
+from schemas.wire.terms import Term
 from tests.schemas.strategies import plain_terms, terms
 
 WIRES: tuple[Wire, ...] = ("json", "msgpack")

@@ -12,7 +12,7 @@ TRIES = 10
 PROGRAM = """\
 import sys, threading
 from pathlib import Path
-from schemas.mission import load_mission
+from schemas.mission.model import load_mission
 
 sys.setswitchinterval(1e-6)
 both, read = threading.Barrier(2), []

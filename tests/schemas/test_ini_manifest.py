@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.ini_arguments import BadList, read_fields, read_parameter, split
-from schemas.ini_lines import read_ini
-from schemas.ini_manifest import IniAction, IniPercept, read_actions, read_percepts
-from schemas.manifest import Field, Parameter
-from schemas.manifest_entries import ParameterType
+from schemas.files.ini_positions import read_ini
+from schemas.manifest.ini import IniAction, IniPercept, read_actions, read_percepts
+from schemas.manifest.ini_arguments import BadList, read_fields, read_parameter, split
+from schemas.manifest.loader import Field, Parameter
+from schemas.manifest.model import ParameterType
 
 
 def actions(text: str) -> list[IniAction]:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from schemas import keys
-from schemas.names import check_name
+from schemas.wire import keys
+from schemas.wire.names import check_name
 
 PAGE = Path(__file__).parents[2] / "docs" / "keys.md"
 

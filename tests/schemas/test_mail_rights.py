@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from schemas.findings import Findings
-from schemas.mail_rights import MailRights
-from schemas.mission import PERFORMATIVES, Mission, read_mission
-from schemas.records import Message
-from schemas.terms import Atom, Structure
+from schemas.files.findings import Findings
+from schemas.mission.mail_rights import MailRights
+from schemas.mission.model import PERFORMATIVES, Mission, read_mission
+from schemas.wire.records import Message
+from schemas.wire.terms import Atom, Structure
 
 FLEET = """
 mission: f

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bridged.drivers import check_manifest
-from schemas.findings import Findings
-from schemas.manifest import load_manifest, read_manifest
-from schemas.manifest_text import write_value
-from schemas.shipped import shipped
-from schemas.toml_lines import line_of, toml_lines
+from schemas.files.findings import Findings
+from schemas.files.shipped_files import shipped
+from schemas.files.toml_positions import line_of, toml_lines
+from schemas.manifest.loader import load_manifest, read_manifest
+from schemas.manifest.text import write_value
 
 WORDS = """robot percepts actions orders driver vehicle source args key buf rate ttl params name type each field fields
 topic call pose go hold x a.b"""

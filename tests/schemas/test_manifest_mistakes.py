@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bridged.drivers import check_manifest
-from schemas.findings import Findings
-from schemas.manifest import read_manifest
+from schemas.files.findings import Findings
+from schemas.manifest.loader import read_manifest
 
 ROBOT = '[robot]\ndriver = "zenoh"\n'
 PERCEPT = ROBOT + '[percepts.pose]\nsource = "t/pose"\n'

@@ -11,10 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.durations import Duration
-from schemas.findings import Findings
-from schemas.manifest import load_manifest, read_document, read_manifest
-from schemas.manifest_entries import (
+from schemas.files.durations import Duration
+from schemas.files.findings import Findings
+from schemas.files.shipped_files import shipped, shipped_names
+from schemas.manifest.json_schema import FILE, schema, schema_text
+from schemas.manifest.loader import load_manifest, read_document, read_manifest
+from schemas.manifest.model import (
     ActionEntry,
     Field,
     FieldValue,
@@ -24,10 +26,8 @@ from schemas.manifest_entries import (
     Retry,
     RobotEntry,
 )
-from schemas.manifest_rules import RESERVED
-from schemas.manifest_schema import FILE, schema, schema_text
-from schemas.manifest_text import document, write_toml
-from schemas.shipped import shipped, shipped_names
+from schemas.manifest.rules import RESERVED
+from schemas.manifest.text import document, write_toml
 
 names = st.from_regex(r"[a-z][A-Za-z0-9_]{0,5}", fullmatch=True)
 paths = st.one_of(names, st.sampled_from(["voltages.0", "a.b.c"]))

@@ -9,9 +9,9 @@ import msgspec
 import pytest
 
 from bridged.drivers import check_manifest
-from schemas.manifest import read_manifest
-from schemas.manifest_entries import ActionEntry, Field, FieldValue, Parameter, PerceptEntry, RobotEntry
-from schemas.manifest_rules import RESERVED
+from schemas.manifest.loader import read_manifest
+from schemas.manifest.model import ActionEntry, Field, FieldValue, Parameter, PerceptEntry, RobotEntry
+from schemas.manifest.rules import RESERVED
 
 PAGE = (Path(__file__).parents[2] / "docs" / "manifests.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.durations import Duration
-from schemas.findings import Findings
-from schemas.mission import Mission, load_mission, read_mission
-from schemas.shipped import shipped
+from schemas.files.durations import Duration
+from schemas.files.findings import Findings
+from schemas.files.shipped_files import shipped
+from schemas.mission.model import Mission, load_mission, read_mission
 
 GOOD = """\
 mission: single-uav

@@ -10,8 +10,8 @@ import msgspec
 import pytest
 import yaml
 
-from schemas.durations import Duration
-from schemas.mission import (
+from schemas.files.durations import Duration
+from schemas.mission.model import (
     Agent,
     Board,
     Client,

@@ -9,10 +9,10 @@ import asyncio
 import sys
 import time
 
-from commd.bus import open_bus
-from commd.errors import BusClosed
-from schemas import keys
-from schemas.minds import MindView
+from commd.bus.bus import open_bus
+from commd.bus.errors import BusClosed
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
 
 
 async def ask(endpoint: str, fleet: str, agent: str) -> str:

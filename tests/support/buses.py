@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Seque
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Any, Literal, Protocol
 
-from commd.bus import Bus, open_bus
+from commd.bus.bus import Bus, open_bus
 
 FLEET = "test"
 

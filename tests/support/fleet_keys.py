@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from argosy.authority import Authority, Machine
-from commd.tls import CERTIFICATE, KEY, ROOT, Tls, files_in
+from argosy.keys.certificate_authority import Authority, Machine
+from commd.bus.tls import CERTIFICATE, KEY, ROOT, Tls, files_in
 
 HOSTS = ("127.0.0.1",)
 

@@ -6,7 +6,7 @@ import sys
 
 import zenoh
 
-from commd.session import session_config
+from commd.bus.session import session_config
 
 
 def main(endpoint: str) -> None:

@@ -11,9 +11,9 @@ from types import TracebackType
 from typing import Any
 
 from argosy.__main__ import main as argosy
-from commd.router_config import router_settings, write
-from commd.tls import Tls, files_in
-from schemas.mission import Mission, load_mission
+from commd.bus.tls import Tls, files_in
+from commd.router.config import router_settings, write
+from schemas.mission.model import Mission, load_mission
 from tests.boards.network import Network
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon

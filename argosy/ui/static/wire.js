@@ -8,7 +8,7 @@ const EVENTS = 3000; // kept here
 
 export class Wire {
   constructor(changed) {
-    this.parts = new Map(); // "agent/scout" -> its struct (argosy/ui/views.py)
+    this.parts = new Map(); // "agent/scout" -> its struct (argosy/ui/view_structs.py)
     this.events = [];
     this.tracks = new Map(); // robots may be called as anything, even `constructor`
     this.leftOut = 0;

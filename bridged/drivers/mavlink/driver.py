@@ -10,21 +10,21 @@ from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.calls import call_of
-from bridged.drivers.mavlink.conversation import Conversation
-from bridged.drivers.mavlink.failsafe import our_ids
-from bridged.drivers.mavlink.flight import Task
-from bridged.drivers.mavlink.kind import forward_of
-from bridged.drivers.mavlink.link import Ids, LinkAddress
-from bridged.drivers.mavlink.link_state import LinkState
-from bridged.drivers.mavlink.links import Links, Rider, SharedLink
-from bridged.drivers.mavlink.offers import offer_of
-from bridged.drivers.mavlink.signing import read_key
-from bridged.drivers.mavlink.telemetry import unread
-from bridged.drivers.mavlink.ways_down import leads_down, may_lead_down
-from bridged.drivers.robot import Execution, Order, Outcome, Setup, Value
-from schemas.manifest import ActionEntry, Manifest
-from schemas.records import Note
+from bridged.drivers.api import Execution, Order, Outcome, Setup, Value
+from bridged.drivers.mavlink.actions.context import Task
+from bridged.drivers.mavlink.manifest.action_binding import call_of
+from bridged.drivers.mavlink.manifest.capabilities import offer_of
+from bridged.drivers.mavlink.manifest.message_fields import unread
+from bridged.drivers.mavlink.registration import forward_of
+from bridged.drivers.mavlink.session import Conversation
+from bridged.drivers.mavlink.transport.link import Ids, LinkAddress
+from bridged.drivers.mavlink.transport.link_state import LinkState
+from bridged.drivers.mavlink.transport.shared_links import Links, Rider, SharedLink
+from bridged.drivers.mavlink.transport.signing import read_key
+from bridged.drivers.mavlink.vehicle.descent_actions import leads_down, may_lead_down
+from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
+from schemas.manifest.loader import ActionEntry, Manifest
+from schemas.wire.records import Note
 
 TICK, TICKS = 0.25, 2.0
 """At most so many wall seconds between looks at the time, and at least so many looks in a second of the vehicle."""
@@ -45,7 +45,7 @@ class Carrier(Protocol):
 
 
 class MavlinkDriver:
-    """A `bridged.drivers.robot.Driver`."""
+    """A `bridged.drivers.api.Driver`."""
 
     orders: frozenset[Order] = frozenset(("hold", "land", "rtl"))
 

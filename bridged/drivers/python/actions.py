@@ -7,9 +7,9 @@ import threading
 from collections.abc import Generator, Mapping
 from typing import Any, cast
 
+from bridged.drivers.api import Execution, Outcome, Value
 from bridged.drivers.python.plugins import Function
-from bridged.drivers.python.workers import Raised, Result
-from bridged.drivers.robot import Execution, Outcome, Value
+from bridged.drivers.python.worker_threads import Raised, Result
 
 MAX_RATE = 500.0
 """Times in a wall second that a generator is asked for its progress, at most: one need not pause by itself."""

@@ -11,14 +11,14 @@ from collections.abc import Generator, Mapping
 from contextlib import suppress
 from typing import Any, cast
 
-from bridged.drivers.plain import PlainDriver
+from bridged.drivers.api import Execution, Outcome, Setup, Value
 from bridged.drivers.python.actions import Call, outcome_of
+from bridged.drivers.python.manifest_validation import arguments_of, fields_in, misfits, names
 from bridged.drivers.python.plugins import Function, Plugins
-from bridged.drivers.python.vocabulary import arguments_of, fields_in, misfits, names
-from bridged.drivers.python.workers import Raised, Result, Returned, Worker
-from bridged.drivers.robot import Execution, Outcome, Setup, Value
-from schemas.findings import Findings
-from schemas.manifest import ActionEntry, Manifest
+from bridged.drivers.python.worker_threads import Raised, Result, Returned, Worker
+from bridged.drivers.simple import PlainDriver
+from schemas.files.findings import Findings
+from schemas.manifest.loader import ActionEntry, Manifest
 
 RATE = 1.0
 """Calls in a second of the mission of a percept's function for which the manifest has no `rate`."""
@@ -37,7 +37,7 @@ log = logging.getLogger("python")
 
 
 class PythonDriver(PlainDriver):
-    """A `bridged.drivers.robot.Driver`. It knows no orders itself: the manifest's `orders` are actions."""
+    """A `bridged.drivers.api.Driver`. It knows no orders itself: the manifest's `orders` are actions."""
 
     def __init__(self, setup: Setup) -> None:
         """Raises Findings for functions that there are not, in this run: real or simulated."""

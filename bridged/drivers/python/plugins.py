@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 from typing import Any
 
-from bridged.drivers.loading import load
+from bridged.drivers.registry import load
 
 REAL, TWINS = "argosy.python", "argosy.python.simulated"
 """Groups of entry points."""

@@ -9,15 +9,15 @@ from contextlib import aclosing
 from functools import partial
 from typing import Any, Protocol
 
-from bridged.drivers.plain import PlainDriver
-from bridged.drivers.robot import Execution, Outcome, Setup, Value
-from bridged.drivers.zenoh.payloads import CODECS, DEFAULT
+from bridged.drivers.api import Execution, Outcome, Setup, Value
+from bridged.drivers.simple import PlainDriver
+from bridged.drivers.zenoh.manifest_validation import payload_of
+from bridged.drivers.zenoh.payload_codecs import CODECS, DEFAULT
+from bridged.drivers.zenoh.publications import Topic
 from bridged.drivers.zenoh.replies import read_reply
-from bridged.drivers.zenoh.sources import Sources
-from bridged.drivers.zenoh.topics import Topic
-from bridged.drivers.zenoh.vocabulary import payload_of
-from commd.raw import Querier
-from schemas.manifest import ActionEntry, Manifest
+from bridged.drivers.zenoh.subscriptions import Sources
+from commd.bus.raw import Querier
+from schemas.manifest.loader import ActionEntry, Manifest
 
 DISCOVERY = 1.0
 """Wall seconds that a listener or a server may take to be seen: declarations travel after a start or a reconnect."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
-from bridged.drivers.robot import Outcome
-from bridged.drivers.zenoh.payloads import BadPayload, codec_for
-from commd.raw import Sample
+from bridged.drivers.api import Outcome
+from bridged.drivers.zenoh.payload_codecs import BadPayload, codec_for
+from commd.bus.raw import Sample
 
 DONE = ("success", "ok")
 """Fields that say by true or false whether it was done."""

@@ -10,13 +10,13 @@ from typing import Any
 import jsonschema
 from mcap.reader import make_reader
 
-from argosy.recording.facts import Facts
-from argosy.recording.intake import Heard
-from argosy.recording.writer import Compression, RecordingWriter
-from schemas import keys
-from schemas.codec import Wire, codec
-from schemas.minds import MindBirth, MindInputs
-from schemas.records import Header, Perception, Record
+from argosy.recording.file.metadata import Facts
+from argosy.recording.file.write_queue import Heard
+from argosy.recording.file.writer import Compression, RecordingWriter
+from schemas.wire import keys
+from schemas.wire.codec import Wire, codec
+from schemas.wire.mind_records import MindBirth, MindInputs
+from schemas.wire.records import Header, Perception, Record
 
 SECOND = 1_000_000_000
 BEGIN = 1_700_000_000 * SECOND

@@ -14,11 +14,11 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 
-from argosy.recording.facts import End
-from argosy.recording.mcap_records import LARGEST, McapFile
-from argosy.recording.reader import open_recording
-from argosy.recording.writer import RecordingWriter
-from schemas.records import Perception
+from argosy.recording.file.mcap_records import LARGEST, McapFile
+from argosy.recording.file.metadata import End
+from argosy.recording.file.reader import open_recording
+from argosy.recording.file.writer import RecordingWriter
+from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, write
 
 HEAD = struct.Struct("<BQ")

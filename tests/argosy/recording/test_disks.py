@@ -15,15 +15,15 @@ from pathlib import Path
 
 import pytest
 
-from argosy.recording.facts import End
-from argosy.recording.intake import Heard, Intake
-from argosy.recording.lines import summary
-from argosy.recording.of_a_run import RunRecording, record_command
-from argosy.recording.reader import open_recording
-from argosy.recording.recorder import Limits, Recorder
-from argosy.recording.writer import RecordingWriter
-from schemas import keys
-from schemas.records import Perception
+from argosy.recording.file.metadata import End
+from argosy.recording.file.reader import open_recording
+from argosy.recording.file.write_queue import Heard, Intake
+from argosy.recording.file.writer import RecordingWriter
+from argosy.recording.record.recorder import Limits, Recorder
+from argosy.recording.record.recorder_output import summary
+from argosy.recording.record.run_recorder import RunRecording, record_command
+from schemas.wire import keys
+from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
 from tests.argosy.recording.recorders import Process, argosy, recording
 from tests.support.buses import Connect, on_a_bus, until
@@ -142,7 +142,7 @@ def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(endpoint: str, sm
 HANGS = """
 import sys, time
 from argosy.__main__ import main
-from argosy.recording.writer import RecordingWriter
+from argosy.recording.file.writer import RecordingWriter
 flush, flushed = RecordingWriter.flush, []
 def hang(writer):
     flushed.append(1)

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from argosy.recording import facts, sizes, writer
-from argosy.recording.facts import End
-from argosy.recording.intake import Heard, Intake
-from argosy.recording.reader import BadRecording, open_recording
-from argosy.recording.recorder import Limits, Recorder
-from argosy.recording.records import RecorderNote, Unread
-from argosy.recording.sieve import NOTES
-from schemas import keys
-from schemas.minds import MindInputs
-from schemas.records import Perception
+from argosy.recording.file import metadata, sizes, writer
+from argosy.recording.file.metadata import End
+from argosy.recording.file.reader import BadRecording, open_recording
+from argosy.recording.file.records import RecorderNote, Unread
+from argosy.recording.file.write_queue import Heard, Intake
+from argosy.recording.record.filter import NOTES
+from argosy.recording.record.recorder import Limits, Recorder
+from schemas.wire import keys
+from schemas.wire.mind_records import MindInputs
+from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, validated, write
 
 END = End(why="ctrl-C", ended=BEGIN + 60 * SECOND)
@@ -121,7 +121,7 @@ def test_a_file_that_is_not_there_or_of_somebody_else_or_of_another_format_is_re
     made.finish()
     with pytest.raises(BadRecording, match="no recording of Argosy: of somebody else"):
         open_recording(others)
-    monkeypatch.setattr(facts, "FORMAT", "2")
+    monkeypatch.setattr(metadata, "FORMAT", "2")
     write(tmp_path / "c.mcap", []).close(END)
     monkeypatch.undo()
     with pytest.raises(BadRecording, match="a recording of format 2, this version of Argosy reads format 1"):

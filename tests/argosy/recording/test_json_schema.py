@@ -8,11 +8,11 @@ from typing import Any
 import jsonschema
 import pytest
 
-from argosy.recording.json_schema import json_schema
-from argosy.recording.records import RECORDS, put_on, said_by
-from schemas import keys
-from schemas.codec import codec
-from schemas.minds import (
+from argosy.recording.file.json_schema import json_schema
+from argosy.recording.file.records import RECORDS, put_on, said_by
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.mind_records import (
     DecisionView,
     FailureView,
     MindDecisions,
@@ -22,8 +22,8 @@ from schemas.minds import (
     PlanView,
     RejectedView,
 )
-from schemas.records import ActionStatus, Health, Mail, Message, Perception, Record
-from schemas.terms import Atom, Number, Structure
+from schemas.wire.records import ActionStatus, Health, Mail, Message, Perception, Record
+from schemas.wire.terms import Atom, Number, Structure
 
 PLAIN = ("boolean", "integer", "number", "string")
 

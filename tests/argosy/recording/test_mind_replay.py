@@ -17,14 +17,14 @@ import msgspec
 import pytest
 
 from argosy.__main__ import main
-from argosy.recording.facts import End
-from argosy.recording.intake import Heard
-from argosy.recording.lives import Life
-from argosy.recording.reader import BadRecording, open_recording
-from argosy.recording.records import TokenSeen
-from argosy.recording.writer import RecordingWriter
-from schemas.codec import codec
-from schemas.minds import MindInputs
+from argosy.recording.file.metadata import End
+from argosy.recording.file.mind_inputs import Life
+from argosy.recording.file.reader import BadRecording, open_recording
+from argosy.recording.file.records import TokenSeen
+from argosy.recording.file.write_queue import Heard
+from argosy.recording.file.writer import RecordingWriter
+from schemas.wire.codec import codec
+from schemas.wire.mind_records import MindInputs
 
 MISSION = """\
 mission: lamp

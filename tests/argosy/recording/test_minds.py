@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from argosy.recording.lives import Life, in_words, stretches
-from argosy.recording.minds import MOST_MISSING, Minds, Whose
-from schemas.minds import MindInputs
+from argosy.recording.file.mind_inputs import Life, in_words, stretches
+from argosy.recording.record.minds import MOST_MISSING, Minds, Whose
+from schemas.wire.mind_records import MindInputs
 
 ABSURD = 10**30
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from argosy.extras import install_command
-from argosy.recording import of_a_run
-from argosy.recording.of_a_run import NoRecording, RunRecording, recording_of, what_became_of_it
-from argosy.recording.reader import open_recording
-from argosy.recording.records import TokenSeen
-from schemas.records import Perception
+from argosy.cli.extras import install_command
+from argosy.recording.file.reader import open_recording
+from argosy.recording.file.records import TokenSeen
+from argosy.recording.record import run_recorder
+from argosy.recording.record.run_recorder import NoRecording, RunRecording, recording_of, what_became_of_it
+from schemas.wire.records import Perception
 from tests.argosy.conftest import Start
 from tests.argosy.recording.files import validated
 
@@ -68,7 +68,7 @@ def test_a_recording_that_cannot_be_made_is_refused_before_anything_starts(
 def test_without_the_extra_a_report_is_written_all_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert recording_of(None, None) == ""
     assert recording_of(None, tmp_path) == RunRecording(tmp_path / "recording.mcap", asked_for=False)
-    monkeypatch.setattr(of_a_run, "find_spec", lambda name: None)
+    monkeypatch.setattr(run_recorder, "find_spec", lambda name: None)
     assert recording_of(None, tmp_path) == f"no recording: it needs `{install_command('record')}`"
     with pytest.raises(NoRecording, match=r"a.mcap: it needs `.* -m pip install -e '.*\[record\]'`"):
         recording_of(tmp_path / "a.mcap", None)

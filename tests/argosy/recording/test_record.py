@@ -16,15 +16,15 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from argosy.recording.reader import open_recording
-from argosy.recording.recorder import PERIOD
-from argosy.recording.records import RecorderNote, TokenSeen, Unread
-from argosy.recording.sieve import NOTES
-from commd.bus import Bus, Query, open_bus
-from schemas import keys
-from schemas.codec import codec
-from schemas.minds import MindInputs
-from schemas.records import Health, LiveManifest, ManifestChange, Perception, Record
+from argosy.recording.file.reader import open_recording
+from argosy.recording.file.records import RecorderNote, TokenSeen, Unread
+from argosy.recording.record.filter import NOTES
+from argosy.recording.record.recorder import PERIOD
+from commd.bus.bus import Bus, Query, open_bus
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.mind_records import MindInputs
+from schemas.wire.records import Health, LiveManifest, ManifestChange, Perception, Record
 from tests.argosy.recording.files import stretch, validated
 from tests.argosy.recording.recorders import argosy, recording, seen
 from tests.support.buses import FLEET, Connect, on_a_bus, session, subscribed

@@ -6,9 +6,9 @@ import asyncio
 from collections import Counter
 from pathlib import Path
 
-from argosy.recording.reader import open_recording
-from schemas import keys
-from schemas.records import Health
+from argosy.recording.file.reader import open_recording
+from schemas.wire import keys
+from schemas.wire.records import Health
 from tests.argosy.recording.files import validated
 from tests.argosy.recording.recorders import argosy
 from tests.support.buses import until

@@ -15,16 +15,16 @@ import zenoh
 from mcap.writer import Writer
 
 from argosy.__main__ import main
-from argosy.recording import transcode
-from argosy.recording.facts import BEGIN as BEGUN
-from argosy.recording.facts import End
-from argosy.recording.intake import Heard
-from argosy.recording.records import PREFIX, TokenSeen, Unread
-from commd.bus import Bus
-from schemas import keys
-from schemas.codec import Wire, codec
-from schemas.minds import MindInputs, MindView
-from schemas.records import Perception
+from argosy.recording.file import json_conversion
+from argosy.recording.file.metadata import BEGIN as BEGUN
+from argosy.recording.file.metadata import End
+from argosy.recording.file.records import PREFIX, TokenSeen, Unread
+from argosy.recording.file.write_queue import Heard
+from commd.bus.bus import Bus
+from schemas.wire import keys
+from schemas.wire.codec import Wire, codec
+from schemas.wire.mind_records import MindInputs, MindView
+from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, write
 from tests.argosy.recording.recorders import argosy
 from tests.support.buses import FLEET, Connect, on_a_bus, session, until
@@ -338,7 +338,7 @@ def test_inputs_that_another_version_wrote_are_not_told_as_not_recorded(
 
 def test_what_was_messagepack_is_the_same_record_again() -> None:
     inputs = heard(keys.trace(FLEET, "u", "inputs"), stretch(0), 0, "msgpack")
-    data = transcode.to_json(inputs.payload)
+    data = json_conversion.to_json(inputs.payload)
     assert data is not None
-    again = transcode.to_msgpack(data)
+    again = json_conversion.to_msgpack(data)
     assert codec(MindInputs).decode(again, codec(MindInputs).encoding("msgpack")) == stretch(0)

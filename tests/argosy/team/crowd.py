@@ -11,10 +11,10 @@ import sys
 import time
 from contextlib import AsyncExitStack, suppress
 
-from commd.bus import Bus, Query, open_bus
-from schemas import keys
-from schemas.minds import BeliefView, Deed, IntentionView, MindDeeds, MindView, PlanView
-from schemas.records import ActionStatus, Health, Mailboxes, Perception, Queue
+from commd.bus.bus import Bus, Query, open_bus
+from schemas.wire import keys
+from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView, PlanView
+from schemas.wire.records import ActionStatus, Health, Mailboxes, Perception, Queue
 
 FLEET = "crowd"
 HOME = (-27.604033, -48.518363)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from argosy.team import TeamModel
-from schemas import keys
-from schemas.minds import BeliefView, Deed, IntentionView, MindDeeds, MindView
-from schemas.mission import Mission
-from schemas.records import ActionStatus, Header, Health, Mailboxes, Perception, Queue, RunPhase, RunState, State
-from schemas.terms import Term
+from argosy.fleet_model import TeamModel
+from schemas.mission.model import Mission
+from schemas.wire import keys
+from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView
+from schemas.wire.records import ActionStatus, Header, Health, Mailboxes, Perception, Queue, RunPhase, RunState, State
+from schemas.wire.terms import Term
 
 FLEET = "sar"
 HOME = (-27.604033, -48.518363)

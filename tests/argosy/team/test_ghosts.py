@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from argosy.team import still
-from schemas.minds import Deed
+from argosy.fleet_model import still
+from schemas.wire.mind_records import Deed
 from tests.argosy.team.fleet import Fleet, rescue
 
 HERE = (-27.6035, -48.5182, 20)

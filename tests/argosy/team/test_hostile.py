@@ -6,12 +6,12 @@ import time
 
 import pytest
 
-from argosy.team import steady_clock
-from argosy.team.roster import MOST
-from schemas import keys
-from schemas.minds import Deed, MindView
-from schemas.records import ActionStatus
-from schemas.terms import Number, Term
+from argosy.fleet_model import steady_clock
+from argosy.fleet_model.roster import MOST
+from schemas.wire import keys
+from schemas.wire.mind_records import Deed, MindView
+from schemas.wire.records import ActionStatus
+from schemas.wire.terms import Number, Term
 from tests.argosy.team.fleet import FLEET, HOME, rescue
 
 COMMAND = "\x1b]0;PWNED\x07\x1b[2J\u202e"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.team import MissionClock
+from argosy.fleet_model import MissionClock
 from tests.argosy.team.fleet import rescue
 
 

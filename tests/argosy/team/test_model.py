@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from argosy.team import TeamModel
-from argosy.team.members import TRACK
-from schemas import keys
-from schemas.minds import Deed
-from schemas.mission import load_mission
-from schemas.records import BoardServices, Perception, Queue
+from argosy.fleet_model import TeamModel
+from argosy.fleet_model.members import TRACK
+from schemas.mission.model import load_mission
+from schemas.wire import keys
+from schemas.wire.mind_records import Deed
+from schemas.wire.records import BoardServices, Perception, Queue
 from tests.argosy.team.fleet import FLEET, HOME, Fleet, rescue
 
 MISSION = load_mission(Path(__file__).parents[3] / "missions" / "search_and_rescue.yaml")

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from argosy.team import activity
-from schemas import keys
-from schemas.mission import Mission, read_mission
-from schemas.records import RunningMission
+from argosy.fleet_model import activity
+from schemas.mission.model import Mission, read_mission
+from schemas.wire import keys
+from schemas.wire.records import RunningMission
 from tests.argosy.team.fleet import FLEET, Fleet, rescue
 
 TEXT = """

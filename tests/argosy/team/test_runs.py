@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from argosy.team import TeamModel, still
-from schemas.minds import Deed
-from schemas.records import Queue
+from argosy.fleet_model import TeamModel, still
+from schemas.wire.mind_records import Deed
+from schemas.wire.records import Queue
 from tests.argosy.team.fleet import HOME, Fleet, rescue
 
 DAEMONS = (("pi1", "commd"), ("uav1", "bridged"), ("scout", "agentd"))

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from contextlib import AsyncExitStack, contextmanager
 from pathlib import Path
 
-from argosy.team import TeamModel, TeamWatcher, steady_clock
-from commd.bus import Bus, open_bus
-from schemas import keys
+from argosy.fleet_model import TeamModel, TeamWatcher, steady_clock
+from commd.bus.bus import Bus, open_bus
+from schemas.wire import keys
 from tests.argosy.team.crowd import FLEET
 from tests.support.buses import session, until
 

@@ -17,11 +17,11 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.tools.act import _perform
-from argosy.tools.calls import read_action
-from commd.bus import Bus
-from schemas.records import ActionStatus, Header
-from schemas.terms import Atom, Structure, Term
-from schemas.text import BadTerm
+from argosy.tools.action_text import read_action
+from commd.bus.bus import Bus
+from schemas.wire.records import ActionStatus, Header
+from schemas.wire.term_text import BadTerm
+from schemas.wire.terms import Atom, Structure, Term
 from tests.argosy.tools.flying import Trial, trial
 from tests.support.processes import ROOT, running
 

@@ -12,8 +12,8 @@ import pytest
 
 from argosy.__main__ import main
 from commd.client import join
-from schemas import keys
-from schemas.records import Perception
+from schemas.wire import keys
+from schemas.wire.records import Perception
 from tests.attacks.world import NAME, TEXT, World
 from tests.docs.pages import blocks
 from tests.support.secured import Secured

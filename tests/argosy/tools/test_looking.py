@@ -23,12 +23,12 @@ import zenoh
 
 from argosy.__main__ import main
 from argosy.tools import echo
-from argosy.tools.hearing import LATER, ROOM, Copies, Ears, Heard, key_expressions
-from argosy.tools.hz import MOST_KEYS, Rates, figures
-from commd.bus import Bus, open_bus
-from schemas import keys
-from schemas.codec import Wire
-from schemas.records import Health, Perception
+from argosy.tools.bus_tap import LATER, ROOM, Copies, Ears, Heard, key_expressions
+from argosy.tools.rate import MOST_KEYS, Rates, figures
+from commd.bus.bus import Bus, open_bus
+from schemas.wire import keys
+from schemas.wire.codec import Wire
+from schemas.wire.records import Health, Perception
 from tests.argosy.test_stop import beside
 from tests.argosy.tools.flying import Trial, trial
 from tests.attacks.world import NAME, TEXT, World

@@ -10,15 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from argosy.tools import echo
-from argosy.tools.hearing import Heard
-from argosy.tools.reading import candidates, read_record
-from argosy.tools.rendering import in_words, line_of
+from argosy.tools.bus_tap import Heard
+from argosy.tools.decoding import candidates, read_record
+from argosy.tools.record_text import in_words, line_of
 from argosy.zenoh_cli_codec import decode, encode
-from schemas import keys
-from schemas.codec import Wire, codec
 from schemas.humanize import LONGEST
-from schemas.manifest import ActionDescription
-from schemas.minds import (
+from schemas.manifest.loader import ActionDescription
+from schemas.wire import keys
+from schemas.wire.codec import Wire, codec
+from schemas.wire.mind_records import (
     DecisionView,
     Deed,
     IntentionView,
@@ -29,7 +29,7 @@ from schemas.minds import (
     MindView,
     PlanView,
 )
-from schemas.records import (
+from schemas.wire.records import (
     Action,
     ActionStatus,
     BoardReport,
@@ -55,7 +55,7 @@ from schemas.records import (
     ServiceRequest,
     StopOrder,
 )
-from schemas.terms import Atom
+from schemas.wire.terms import Atom
 
 HEADER = Header(seq=3, stamp=5, source="uav1", boot="b")
 RECORDS: list[tuple[str, Record, str]] = [

@@ -7,11 +7,11 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 
-from commd.bus import Bus, Query, open_bus
-from schemas import keys
-from schemas.minds import BeliefView, Deed, IntentionView, MindDeeds, MindOrder, MindView
-from schemas.records import ActionStatus, Health, Note, Outcome, Perception, StopOrder
-from schemas.terms import Term
+from commd.bus.bus import Bus, Query, open_bus
+from schemas.wire import keys
+from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindOrder, MindView
+from schemas.wire.records import ActionStatus, Health, Note, Outcome, Perception, StopOrder
+from schemas.wire.terms import Term
 from tests.support.buses import until
 
 FLEET = "sar"

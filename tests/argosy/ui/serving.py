@@ -13,13 +13,13 @@ from typing import Any
 import aiohttp
 from aiohttp import web
 
-from argosy.operator_bus import Where
-from argosy.team import steady_clock
-from argosy.ui.doors import Doors
-from argosy.ui.following import Following
+from argosy.cli.operator_bus import Where
+from argosy.fleet_model import steady_clock
+from argosy.ui.auth import Doors
+from argosy.ui.fleet_session import Following
 from argosy.ui.server import application
-from commd.session import sessions_under_way, still_there
-from schemas.mission import Mission
+from commd.bus.session import sessions_under_way, still_there
+from schemas.mission.model import Mission
 from tests.support.ports import free_port
 
 NOWHERE = "tcp/127.0.0.1:9"

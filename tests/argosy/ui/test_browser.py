@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from argosy.operator_bus import Where
-from schemas.records import Outcome
+from argosy.cli.operator_bus import Where
+from schemas.wire.records import Outcome
 from tests.argosy.ui.browsing import APART, Seen, browsing, chromium
 from tests.argosy.ui.fleets import Robot, fleet, router
 from tests.argosy.ui.serving import served
@@ -241,7 +241,7 @@ def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -> None
 
 
 def test_an_observer_is_told_why_the_buttons_do_nothing(endpoint: str, tmp_path: Path) -> None:
-    from schemas.mission import load_mission
+    from schemas.mission.model import load_mission
 
     chromium()
     (tmp_path / "m.yaml").write_text(

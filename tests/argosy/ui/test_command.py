@@ -19,7 +19,7 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.ui import command
-from argosy.ui.doors import Doors
+from argosy.ui.auth import Doors
 from tests.support.processes import Daemon, running
 
 
@@ -154,6 +154,9 @@ def test_all_that_the_page_loads_is_in_the_package(tmp_path: Path) -> None:
 
 
 def test_nothing_of_the_web_server_is_imported_by_other_commands() -> None:
-    code = "import sys, json, argosy.__main__, argosy.stop, argosy.team; print(json.dumps('aiohttp' in sys.modules))"
+    code = (
+        "import sys, json, argosy.__main__, argosy.stop.command, argosy.fleet_model; "
+        "print(json.dumps('aiohttp' in sys.modules))"
+    )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert json.loads(told.stdout) is False

@@ -8,7 +8,7 @@ from pathlib import Path
 import aiohttp
 import pytest
 
-from argosy.ui.doors import Doors
+from argosy.ui.auth import Doors
 from tests.argosy.ui.serving import served
 
 EVIL = "http://evil.example"

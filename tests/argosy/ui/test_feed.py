@@ -9,10 +9,10 @@ from contextlib import AsyncExitStack
 import aiohttp
 import pytest
 
-from argosy.operator_bus import ANY, Where
-from commd.bus import Query
-from schemas.minds import MindView
-from schemas.records import Outcome
+from argosy.cli.operator_bus import ANY, Where
+from commd.bus.bus import Query
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import Outcome
 from tests.argosy.team.fleet import Fleet
 from tests.argosy.ui.fleets import HOME, Agent, fleet, router
 from tests.argosy.ui.serving import served

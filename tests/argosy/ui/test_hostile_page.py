@@ -6,7 +6,7 @@ import asyncio
 import json
 from argparse import Namespace
 
-from argosy.operator_bus import Where, where
+from argosy.cli.operator_bus import Where, where
 from tests.argosy.ui.browsing import Seen, browsing, chromium
 from tests.argosy.ui.serving import served
 from tests.argosy.watch.hostile import FLEET, MARKUP, saying

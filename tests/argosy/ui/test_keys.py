@@ -11,10 +11,10 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 import pytest
 
-from argosy.operator_bus import where
-from commd.bus import open_bus
-from commd.tls import identity_of
-from schemas.records import Outcome
+from argosy.cli.operator_bus import where
+from commd.bus.bus import open_bus
+from commd.bus.tls import identity_of
+from schemas.wire.records import Outcome
 from tests.argosy.ui.fleets import Robot
 from tests.argosy.ui.serving import Browser, Feed, served
 from tests.support.secured import Secured

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from argosy.ui.marks import literal, marks
-from argosy.ui.views import MarkView
-from schemas.minds import BeliefView
+from argosy.ui.map_markers import literal, marks
+from argosy.ui.view_structs import MarkView
+from schemas.wire.mind_records import BeliefView
 from tests.argosy.team.fleet import Fleet, rescue
 
 VICTIM = (-27.6035, -48.5182)

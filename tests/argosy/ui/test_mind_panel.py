@@ -9,8 +9,8 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from argosy.operator_bus import Where
-from schemas.minds import Deed, DropView, IntentionView, MindView
+from argosy.cli.operator_bus import Where
+from schemas.wire.mind_records import Deed, DropView, IntentionView, MindView
 from tests.agentd.mind_format_page import part
 from tests.argosy.ui.browsing import Seen, browsing, chromium
 from tests.argosy.ui.fleets import fleet

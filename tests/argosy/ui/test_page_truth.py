@@ -11,16 +11,16 @@ from pathlib import Path
 
 import pytest
 
-import argosy.ui.orders
-from argosy.operator_bus import Where
-from argosy.team import TeamModel
-from argosy.ui.marks import marks
-from commd.bus import Bus
+import argosy.ui.control_requests
+from argosy.cli.operator_bus import Where
+from argosy.fleet_model import TeamModel
+from argosy.ui.map_markers import marks
+from commd.bus.bus import Bus
 from commd.daemon import tell_mission
-from schemas import keys
-from schemas.mission import read_mission
-from schemas.records import Health, Note, Outcome, RunPhase, RunState
-from schemas.terms import Atom
+from schemas.mission.model import read_mission
+from schemas.wire import keys
+from schemas.wire.records import Health, Note, Outcome, RunPhase, RunState
+from schemas.wire.terms import Atom
 from tests.argosy.ui.browsing import APART, PATIENCE, Seen, browsing, chromium
 from tests.argosy.ui.fleets import Agent, Robot, fleet, router
 from tests.argosy.ui.serving import Browser, served
@@ -163,7 +163,7 @@ def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
             await known.wait()
             return []
 
-        monkeypatch.setattr(argosy.ui.orders, "bridges", nobody)
+        monkeypatch.setattr(argosy.ui.control_requests, "bridges", nobody)
         async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.doors.url) as seen:
             await seen.shows("#router", "● router")
             await seen.twice(seen.page.locator("header [data-order=hold]"))
@@ -245,11 +245,11 @@ def test_a_defect_of_the_server_is_a_banner_and_orders_go_on(
             def broken(_model: TeamModel, _beliefs: object) -> None:
                 raise OverflowError("cannot convert float infinity to integer")
 
-            monkeypatch.setattr("argosy.ui.following.marks", broken)
+            monkeypatch.setattr("argosy.ui.fleet_session.marks", broken)
             await seen.shows(".banner.bad", "a defect of argosy ui: OverflowError: cannot convert float infinity")
             await seen.twice(seen.page.locator("header [data-order=hold]"))
             await seen.shows(".outcome.good", "hold all: confirmed by it")
-            monkeypatch.setattr("argosy.ui.following.marks", marks)
+            monkeypatch.setattr("argosy.ui.fleet_session.marks", marks)
             await seen.gone(".banner.bad")
             assert browser.following.pages
 

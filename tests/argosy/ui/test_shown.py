@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from argosy.ui.shown import AT_FIRST, AT_ONCE, KEPT, Seen, Shown
+from argosy.ui.view_diff import AT_FIRST, AT_ONCE, KEPT, Seen, Shown
 
 
 def news(shown: Shown, seen: Seen, *looks_at: str) -> dict[str, Any]:

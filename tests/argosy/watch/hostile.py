@@ -13,9 +13,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from commd.bus import Bus, Query, open_bus
-from schemas import keys
-from schemas.minds import (
+from commd.bus.bus import Bus, Query, open_bus
+from schemas.wire import keys
+from schemas.wire.mind_records import (
     BeliefView,
     DecisionView,
     Deed,
@@ -26,7 +26,7 @@ from schemas.minds import (
     MindView,
     QuestionView,
 )
-from schemas.records import (
+from schemas.wire.records import (
     ActionStatus,
     DeadLetter,
     Health,
@@ -38,7 +38,7 @@ from schemas.records import (
     RunningMission,
     RunState,
 )
-from schemas.terms import Number, Term
+from schemas.wire.terms import Number, Term
 
 _, KIND, *NAMES = [*sys.argv[1:], "commands"][:5] if __name__ == "__main__" else ("", "commands")
 FLEET, AGENT, ROBOT = NAMES if len(NAMES) == 3 else ("hostile", "scout", "uav1")

@@ -8,10 +8,10 @@ from typing import Any
 
 from textual.pilot import Pilot
 
-from argosy.operator_bus import Where
+from argosy.cli.operator_bus import Where
 from argosy.watch.app import WatchApp
+from argosy.watch.fleet_link import Link
 from argosy.watch.glyphs import UNICODE, Glyphs
-from argosy.watch.link import Link
 from tests.argosy.team.fleet import FLEET, Fleet
 
 Shown = tuple[WatchApp, Pilot[None]]

@@ -19,7 +19,7 @@ from tests.argosy.watch.terminal import Terminal
 
 ROUTER = """
 import asyncio, sys, time
-from commd.bus import open_bus
+from commd.bus.bus import open_bus
 async def serve():
     async with open_bus(sys.argv[1], fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router"):
         print("there", flush=True)

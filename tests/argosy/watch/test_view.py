@@ -9,11 +9,11 @@ from textual.pilot import Pilot
 from argosy.watch import pages
 from argosy.watch.app import WatchApp
 from argosy.watch.glyphs import ASCII, UNICODE, glyphs_of
-from argosy.watch.lines import Lines
-from argosy.watch.overview import overview
-from argosy.watch.rows import BAD, WARN, Row
-from schemas import keys
-from schemas.minds import (
+from argosy.watch.overview_page import overview
+from argosy.watch.row_text import BAD, WARN, Row
+from argosy.watch.scroll_pane import Lines
+from schemas.wire import keys
+from schemas.wire.mind_records import (
     BeliefView,
     DecisionView,
     Deed,
@@ -25,7 +25,7 @@ from schemas.minds import (
     QuestionView,
     RejectedView,
 )
-from schemas.records import Note, Queue
+from schemas.wire.records import Note, Queue
 from tests.argosy.team.fleet import Fleet, rescue
 from tests.argosy.watch.shown import lines_of, link_to, show, text_of, until
 

@@ -6,11 +6,19 @@ import pytest
 from msgspec.structs import replace
 
 from argosy.why import Explanation, Line, MailFacts, Paragraph, plain, tell
-from argosy.why.subject import subject_of, taken_apart
-from argosy.why.words import without_annotations
+from argosy.why.question import subject_of, taken_apart
+from argosy.why.wording import without_annotations
 from schemas.humanize import span
-from schemas.minds import DecisionView, DropView, FailureView, IntentionView, MindView, PlanView, QuestionView
-from schemas.records import DeadLetter, Mailboxes, Message, Queue, Refusal
+from schemas.wire.mind_records import (
+    DecisionView,
+    DropView,
+    FailureView,
+    IntentionView,
+    MindView,
+    PlanView,
+    QuestionView,
+)
+from schemas.wire.records import DeadLetter, Mailboxes, Message, Queue, Refusal
 
 ASKING = MindView(
     agent="uav",

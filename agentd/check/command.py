@@ -1,0 +1,205 @@
+"""What can be told to be wrong with a program before it runs, and the command `agentd check`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from agentd.check.external_knowledge import Arities, Elsewhere, look_for_packages, standard_library
+from agentd.check.finding_kinds import Kind
+from agentd.check.programs import Surveyed, read_subjects, read_survey
+from agentd.check.rules_actions import (
+    action_types,
+    external_actions,
+    formulas_as_actions,
+    internal_actions,
+    undotted_internal_actions,
+)
+from agentd.check.rules_beliefs import beliefs_never_added, events_never_perceived
+from agentd.check.rules_directives import directives_as_beliefs, wrong_directives
+from agentd.check.rules_loops import busy_loops
+from agentd.check.rules_messages import endless_asks, unknown_performatives
+from agentd.check.rules_plans import (
+    duplicate_labels,
+    goals_without_plans,
+    shadowed_plans,
+    unused_belief_plans,
+    unused_plans,
+)
+from agentd.check.rules_variables import named_variables, singletons, unbound_variables
+from agentd.conversion.slow_notice import loading, told_if_long
+from agentd.language.syntax_tree.nodes import Program
+from agentd.mind.data.registry import find_action
+from agentd.runtime.program_paths import SourcePaths, read_folders
+from agentd.standalone.command import add_path_argument
+from agentd.testing.discovery import TestPaths
+from schemas.files.findings import Finding, Findings
+from schemas.manifest import built_in
+from schemas.manifest.model import Parameter, Values
+
+EXIT_DONE = 0
+EXIT_FOUND = 1
+EXIT_BAD_INPUT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """What a robot can do and tell: None where that is not known, an empty mapping that there is nothing."""
+
+    actions: Arities | None = None
+    percepts: Arities | None = None
+    parameters: Mapping[str, Sequence[Parameter]] = field(default_factory=dict)
+    """The arguments of actions, where their types are known."""
+    values: Values = "typed"
+    """`text`: arguments go out as their text, and a variable without a value as its name."""
+
+
+def check_program(
+    program: Program,
+    actions: Arities | None = None,
+    percepts: Arities | None = None,
+    *,
+    beliefs: Iterable[tuple[str, int]] = (),
+    internal: Arities | None = None,
+    functions: Arities | None = None,
+) -> list[Finding]:
+    """All findings about a program, in the order of its file; warnings of the parser are among them.
+
+    ``actions`` and ``percepts`` are what the robot can do and tell: names with their number of arguments (or several
+    numbers); None says that they are not known, an empty mapping that there are none. ``beliefs`` are names and
+    arities that come from elsewhere (other agents). ``internal`` and ``functions`` are the internal actions and
+    functions that exist; without them, those of the standard library. Included files are read and checked too.
+    """
+    surveyed = read_survey(program, SourcePaths())
+    return findings_of(
+        surveyed,
+        Robot(actions, percepts),
+        Elsewhere(beliefs=frozenset(beliefs)),
+        internal=internal,
+        functions=functions,
+    )
+
+
+def findings_of(
+    surveyed: Surveyed,
+    robot: Robot,
+    elsewhere: Elsewhere,
+    *,
+    internal: Arities | None = None,
+    functions: Arities | None = None,
+) -> list[Finding]:
+    """All findings about a program that has been surveyed."""
+    found = surveyed.survey
+    unusable = look_for_packages(found)
+    for call in found.calls:
+        if not call.action.name.startswith("."):
+            find_action(call.action.name, len(call.action.args))  # loads the package that provides it
+    known_actions, known_functions = standard_library()
+    internal = known_actions if internal is None else internal
+    findings = list(surveyed.findings)
+    findings += internal_actions(found, internal, known_functions if functions is None else functions, unusable)
+    if robot.actions is not None:
+        findings += external_actions(found, robot.actions, internal)
+        findings += action_types(found, robot.parameters, robot.values)
+    else:
+        findings += undotted_internal_actions(found, internal)
+    if robot.percepts is not None:
+        findings += events_never_perceived(found, robot.percepts, elsewhere)
+    else:
+        findings += unused_belief_plans(found, elsewhere)
+    findings += beliefs_never_added(found, robot.percepts, elsewhere)
+    findings += goals_without_plans(found, elsewhere)
+    findings += shadowed_plans(found)
+    findings += unused_plans(found, elsewhere)
+    findings += busy_loops(found, elsewhere)
+    for look in _LOOKS:
+        findings += look(found)
+    said = named_variables(found, robot.actions or ()) if robot.values == "text" else frozenset()
+    return sorted(one for one in set(findings) if one not in said)
+
+
+_LOOKS = (
+    wrong_directives,
+    directives_as_beliefs,
+    duplicate_labels,
+    singletons,
+    unbound_variables,
+    endless_asks,
+    unknown_performatives,
+    formulas_as_actions,
+)
+"""What needs nothing but the program."""
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `agentd check`."""
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.description = _DESCRIPTION
+    parser.add_argument("files", nargs="+", metavar="FILE", help="program to check, or a project file (.mas2j)")
+    parser.add_argument("--manifest", help="manifest of the robot: a shipped one's name, or a file")
+    parser.add_argument("--json", action="store_true", help="findings as a JSON array on stdout")
+    add_path_argument(parser)
+
+
+_DESCRIPTION = """\
+Look for mistakes in programs, and start nothing. Several files are taken for the agents of one team: what they send to
+one another is known. Exit code 0: no errors (there may be warnings); 1: errors; 2: something could not be read.
+docs/errors.md lists what is looked for, and the fields of --json."""
+
+
+def run(args: Namespace) -> int:
+    """Check programs; the exit code as in the description."""
+    try:
+        robot = _robot(args.manifest)
+        paths = TestPaths.of(read_folders(args.include_path))
+    except (Findings, ValueError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    with told_if_long(loading(args.files)):
+        shown = _check(args.files, robot, paths)
+    if args.json:
+        print(json.dumps([_fields(one) for one in shown], indent=2, ensure_ascii=False))
+    else:
+        for text in shown.values():
+            print(text, file=sys.stderr)
+    if any(one.kind == Kind.FILE.label and not one.line for one in shown):
+        return EXIT_BAD_INPUT
+    return EXIT_FOUND if any(one.severity == "error" for one in shown) else EXIT_DONE
+
+
+def _fields(one: Finding) -> dict[str, Any]:
+    """A finding as JSON says it. These fields stay; others may come."""
+    names = ("file", "line", "column", "severity", "kind", "message")
+    return {name: getattr(one, name) for name in names}
+
+
+def _robot(name: str | None) -> Robot:
+    if name is None:
+        return Robot()
+    from schemas.manifest.loader import load_manifest
+
+    manifest = load_manifest(name, Path.cwd())
+    parameters = {action: entry.params for action, entry in manifest.actions.items()}
+    actions = {**manifest.action_arities(), **built_in.ACTION_ARITIES}
+    percepts = {**built_in.PERCEPTS, **manifest.percept_arities()}
+    return Robot(actions, percepts, parameters, manifest.robot.values)
+
+
+def _check(files: Sequence[str], robot: Robot, paths: SourcePaths) -> dict[Finding, str]:
+    """The findings of all files and how they are shown, each once, in the order of the files."""
+    subjects = read_subjects(files, paths)
+    elsewhere = subjects.elsewhere()
+    shown: dict[Finding, str] = {}
+    for file in subjects.order:
+        shown |= subjects.shown.get(file, {})
+        if file in subjects.programs:
+            shown |= {one: str(one) for one in findings_of(subjects.programs[file], robot, elsewhere)}
+    return shown

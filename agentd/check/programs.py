@@ -1,0 +1,201 @@
+"""The programs that are checked together: files, and the agents of project files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from agentd.check.external_knowledge import Elsewhere, from_team
+from agentd.check.finding_kinds import Kind, finding
+from agentd.check.includes import Includes, near_file
+from agentd.check.survey import survey
+from agentd.check.symbol_table import Survey
+from agentd.language.parser.parser import parse_file, parse_term
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Belief, Goal, InternalAction, Item, ListTerm, Program, Structure
+from agentd.runtime.program_paths import SourcePaths
+from agentd.testing.discovery import LIBRARY, OF_JASON
+from schemas.files.findings import Finding, Findings
+from schemas.files.text_files import read_bounded
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """A program with its survey, and what was found while its files were read."""
+
+    survey: Survey
+    findings: tuple[Finding, ...]
+    created: tuple[str, ...] = ()
+    """The files of the agents that it creates."""
+
+
+def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
+    """Survey a program with the files that it includes."""
+    findings = list(program.warnings)
+    includes = Includes(program.file, paths, findings)
+    found = survey(program.items, includes)
+    if includes.missing:
+        found.open_plans = found.open_beliefs = found.open_goals = True
+    if includes.harness:
+        _add_assertions(found, OF_JASON)
+    if includes.harness or any(placed.is_test for placed in found.plans):
+        _add_assertions(found, LIBRARY)
+    findings += _not_checked(found.late_files)
+    created = tuple(_created(program.file, found, paths, findings))
+    return Surveyed(found, tuple(findings), created)
+
+
+def _created(file: str, found: Survey, paths: SourcePaths, findings: list[Finding]) -> Iterator[str]:
+    """The files of the agents that a program creates; one that is not there is told among the findings."""
+    for name, position in found.created:
+        try:
+            yield paths.find(name, file)
+        except (OSError, ValueError) as error:
+            why = (error.strerror if isinstance(error, OSError) else None) or error
+            text = f'cannot create an agent of "{name}": {why}{near_file(name, file)}'
+            findings.append(finding(Kind.FILE, position, text))
+
+
+def _not_checked(files: Sequence[InternalAction]) -> Iterator[Finding]:
+    """Say once what is not told because of files that only the run knows."""
+    if files:
+        first = min(files, key=lambda call: (call.position.file, call.position.line, call.position.column))
+        text = f"the file of {first.name} is not known before the run: "
+        text += "beliefs that nothing adds and plans that nothing uses are not told"
+        if any(call.name == ".include" for call in files):
+            text += ", goals without plans are warnings"
+        yield finding(Kind.KNOWN_WHEN_RUN, first.position, text, "info")
+
+
+def _add_assertions(found: Survey, file: Path) -> None:
+    """Count the plans as there that `agentd test` adds to programs with test plans."""
+    added = survey(parse_file(file).items)
+    found.plans += added.plans
+    found.open_goals |= added.open_goals
+
+
+@dataclass(slots=True)
+class Subjects:
+    """What was read: programs, and what is wrong with those that cannot be, by file.
+
+    ``order`` has the files in the order in which they were named; ``shown`` gives findings with the text that shows
+    them.
+    """
+
+    order: list[str] = field(default_factory=list)
+    programs: dict[str, Surveyed] = field(default_factory=dict)
+    shown: dict[str, dict[Finding, str]] = field(default_factory=dict)
+    incomplete: bool = False
+    """Whether a program could not be read: then nothing can be said of what it would send."""
+    percepts_unknown: bool = False
+    """Whether a project has an environment, whose percepts nobody knows."""
+    programs_named: bool = False
+    """Whether programs were named by themselves: nobody knows in which environment they will live."""
+
+    def elsewhere(self) -> Elsewhere:
+        """What the programs send to one another."""
+        if self.incomplete:
+            return Elsewhere()
+        found = from_team(surveyed.survey for surveyed in self.programs.values())
+        return replace(
+            found, open_beliefs=self.percepts_unknown or found.open_beliefs, no_percepts=not self.programs_named
+        )
+
+
+def read_subjects(files: Sequence[str], paths: SourcePaths) -> Subjects:
+    """Read programs and projects."""
+    subjects = Subjects()
+    for file in files:
+        if file.endswith(".mas2j"):
+            _read_project(file, paths, subjects)
+        else:
+            subjects.programs_named = True
+            _read(file, paths, (), subjects)
+    _read_created(paths, subjects)
+    return subjects
+
+
+def _read(file: str, paths: SourcePaths, more: Iterable[Item], subjects: Subjects) -> None:
+    """Read a program, with what else its agents begin with."""
+    subjects.order.append(file)
+    try:
+        program = parse_file(file)
+    except SyntaxErrors as errors:
+        _cannot_be_read(file, {problem.finding: str(problem) for problem in errors.problems}, subjects)
+    except OSError as error:
+        unread = Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)
+        _cannot_be_read(file, {unread: str(unread)}, subjects)
+    else:
+        program = replace(program, items=(*program.items, *more))
+        subjects.programs[file] = read_survey(program, paths)
+
+
+def _read_created(paths: SourcePaths, subjects: Subjects) -> None:
+    """Read the programs of the agents that those read create, and that these create."""
+    known = {os.path.abspath(file) for file in subjects.order}
+    pending = list(subjects.programs.values())
+    while pending:
+        for file in pending.pop().created:
+            if os.path.abspath(file) not in known:
+                known.add(os.path.abspath(file))
+                _read(file, paths, (), subjects)
+                pending += [subjects.programs[file]] if file in subjects.programs else []
+
+
+def _cannot_be_read(file: str, shown: dict[Finding, str], subjects: Subjects) -> None:
+    subjects.shown.setdefault(file, {}).update(shown)
+    subjects.incomplete = True
+
+
+def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
+    from agentd.jason_project.loader import project_paths, read_project
+    from agentd.jason_project.project_parser import parse_project  # most checks are of programs
+
+    try:
+        told = read_project(file, paths, False).warnings
+    except SyntaxErrors as errors:
+        told = [finding for finding in errors.findings if finding.file == file]
+    except Findings as errors:
+        told = errors.findings
+    except OSError as error:
+        told = [Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)]
+    named = [one if one.kind else replace(one, kind=Kind.PROJECT.label) for one in told]
+    shown = subjects.shown[file] = {one: str(one) for one in named}
+    subjects.order.append(file)
+    try:
+        project = parse_project(read_bounded(file).decode("utf-8-sig"), file)
+    except (SyntaxErrors, OSError, UnicodeDecodeError):
+        subjects.incomplete = True
+        return
+    paths = project_paths(project, paths, [])  # what is wrong with them is told by the project's reader
+    subjects.percepts_unknown |= project.environment is not None
+    for entry in project.agents:
+        wanted = entry.file.text if entry.file is not None else entry.name
+        try:
+            path = paths.find(wanted if Path(wanted).suffix else f"{wanted}.asl", file)
+        except OSError as error:
+            subjects.incomplete = True
+            text = f"cannot read the program of the agent {entry.name}: {error.strerror or error}"
+            unread = finding(Kind.FILE, entry.position, text)
+            if not any(entry.name in one.message for one in shown):  # told by the project's reader
+                shown[unread] = str(unread)
+            continue
+        options = [(option.name, option.value) for option in entry.options]
+        more = [item for name, value in options for item in _begins_with(name, value)]
+        if path not in subjects.programs:
+            _read(path, paths, more, subjects)
+
+
+def _begins_with(name: str, value: str) -> Iterator[Item]:
+    """The beliefs and goals of an option of a project; what is wrong with it is told by the project's reader."""
+    if name not in ("beliefs", "goals"):
+        return
+    try:
+        literals = parse_term(f"[{value}]")
+    except SyntaxErrors:
+        return
+    for literal in literals.items if isinstance(literals, ListTerm) else ():
+        if isinstance(literal, Structure):
+            yield Belief(literal) if name == "beliefs" else Goal(literal)

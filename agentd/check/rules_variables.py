@@ -1,0 +1,200 @@
+"""Variables that stand only once, most often a misspelt name, and variables that never get a value."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterator
+from typing import NamedTuple, TypeAlias
+
+from agentd.check.finding_kinds import Kind, warning
+from agentd.check.symbol_table import Survey
+from agentd.language.syntax_tree.nodes import (
+    And,
+    Arithmetic,
+    Body,
+    BodyFormula,
+    BodyTerm,
+    For,
+    Fork,
+    If,
+    InternalAction,
+    ListTerm,
+    Not,
+    Or,
+    Plan,
+    PlanTerm,
+    Relation,
+    Rule,
+    RuleTerm,
+    Step,
+    String,
+    Structure,
+    Term,
+    Trigger,
+    TriggerTerm,
+    Variable,
+    While,
+)
+from schemas.files.findings import Finding
+
+_Node: TypeAlias = Term | Body | BodyFormula | Plan | Rule | Trigger
+
+_IN_STRING = re.compile(r"#\{([A-Z]\w*)\}")
+"""How ``.puts`` names variables in its text."""
+
+
+def singletons(survey: Survey) -> Iterator[Finding]:
+    """A warning for each named variable that stands once in its plan (with its sub-plans), rule or belief."""
+    for scope in _scopes(survey):
+        yield from _in_scope(scope)
+
+
+def _scopes(survey: Survey) -> list[_Node]:
+    """The parts of a program that variables belong to."""
+    nested = {id(sub) for placed in survey.plans for sub in placed.plan.subplans}
+    terms = {id(placed.plan) for family in survey.families for placed in family}
+    plans = [p.plan for p in survey.plans if id(p.plan) in terms and id(p.plan) not in nested]
+    return [*plans, *survey.rules, *(belief.literal for belief in survey.beliefs)]
+
+
+def _in_scope(scope: _Node) -> Iterator[Finding]:
+    counts: Counter[str] = Counter()
+    first: dict[str, Variable] = {}
+    pending: list[_Node] = [scope]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, Variable):
+            counts[node.name] += 1
+            first[node.name] = node
+        elif isinstance(node, String):
+            counts.update(_IN_STRING.findall(node.value))
+        pending.extend(_children(node))
+    for name, variable in first.items():
+        if counts[name] == 1 and not variable.anonymous:
+            yield _only_once(variable)
+
+
+def _only_once(variable: Variable) -> Finding:
+    name = variable.name
+    message = f"the variable {name} stands only once; is it misspelt? if not, write _ or _{name}"
+    return warning(Kind.SINGLETON_VARIABLE, variable.position, message)
+
+
+def named_variables(survey: Survey, actions: Collection[str]) -> frozenset[Finding]:
+    """The warnings of `singletons` about variables whose name an action is meant to tell: ``arm_motors(True)``."""
+    return frozenset(
+        _only_once(term)
+        for mention in survey.actions
+        for term in mention.literal.args
+        if mention.name in actions and isinstance(term, Variable)
+    )
+
+
+class _Use(NamedTuple):
+    """A node, the innermost ``not`` that it stands in, and whether a variable in it is only compared.
+
+    ``place`` counts the formulas in the order in which they are come to; 0 where several stand side by side.
+    """
+
+    node: _Node
+    negation: int
+    compared: bool
+    place: int = 0
+
+
+_SEVERAL = (Plan, Trigger, Body, Step, And, Or, Not, If, While, For)
+"""What holds formulas that are come to in turn; not rules, whose bodies may give what their heads compute with."""
+
+
+def unbound_variables(survey: Survey) -> Iterator[Finding]:
+    """Variables that stand twice or more, and where a value is needed before any can be given.
+
+    ``X > 3`` compares; ``b(X)``, ``X = 3``, ``.member(X, L)`` and ``!g(X)`` may give X its value: there and in what
+    follows. What stands in a ``not`` gives none outside of it.
+    """
+    for scope in _scopes(survey):
+        yield from _unbound_in(scope)
+
+
+def _unbound_in(scope: _Node) -> Iterator[Finding]:
+    count: Counter[str] = Counter()
+    given: dict[str, dict[int, int]] = {}
+    compared: dict[str, list[tuple[int, int, Variable]]] = {}
+    places = 0
+    pending = [_Use(scope, 0, False)]
+    while pending:
+        node, negation, comparing, place = pending.pop()
+        if place == 0 and not isinstance(node, _SEVERAL):
+            places += 1
+            place = places
+        if isinstance(node, Variable):
+            count[node.name] += 1
+            if comparing and node.annotations is None:
+                compared.setdefault(node.name, []).append((negation, place, node))
+            else:
+                given.setdefault(node.name, {}).setdefault(negation, place)
+        elif isinstance(node, String):
+            count.update(_IN_STRING.findall(node.value))
+        inside = id(node) if isinstance(node, Not) else negation
+        compares = isinstance(node, Arithmetic) or (isinstance(node, Relation) and node.operator in _COMPARISONS)
+        compares |= comparing and isinstance(node, Arithmetic | Variable)
+        pending += (_Use(child, inside, compares, place) for child in reversed(_children(node)))
+    for name, uses in compared.items():
+        sources = given.get(name, {})
+        lost = [
+            use
+            for negation, place, use in uses
+            if not any(sources.get(where, place + 1) <= place for where in (0, negation))
+        ]
+        if lost and count[name] > 1 and not name.startswith("_"):
+            first = min(lost, key=lambda use: (use.position.line, use.position.column))
+            why = "nothing gives it one before" if sources else "it is only compared or computed with"
+            text = f"the variable {name} has no value here: {why}"
+            yield warning(Kind.UNBOUND_VARIABLE, first.position, text)
+
+
+_COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "\\=="))
+
+
+def _children(node: _Node) -> list[_Node]:
+    match node:
+        case Variable() | Structure():
+            inside: list[_Node] = list(node.args) if isinstance(node, Structure) else []
+            inside += [node.namespace] if isinstance(node.namespace, Variable) else []
+            return inside + ([node.annotations] if node.annotations is not None else [])
+        case InternalAction(args=terms) | Arithmetic(operands=terms):
+            return list(terms)
+        case ListTerm(items, tail):
+            return [*items, *([tail] if tail is not None else [])]
+        case Relation(left=left, right=right) | And(left, right) | Or(left, right):
+            return [left, right]
+        case Not(operand):
+            return [operand]
+        case PlanTerm(inner) | TriggerTerm(inner) | BodyTerm(inner) | RuleTerm(inner):
+            return [inner]
+        case Rule(head, body):
+            return [head, body]
+        case Trigger(literal=literal):
+            return [literal]
+        case Plan():
+            parts = (node.label, node.trigger, node.context, node.body, *node.subplans, node.goal_condition)
+            return [part for part in parts if part is not None]
+        case _:
+            return _of_body(node)
+
+
+def _of_body(node: _Node) -> list[_Node]:
+    match node:
+        case Body(formulas):
+            return list(formulas)
+        case Step(term=term):
+            return [term]
+        case If(branches, otherwise):
+            parts: list[_Node] = [part for branch in branches for part in branch]
+            return parts if otherwise is None else [*parts, otherwise]
+        case While(condition, body) | For(condition, body):
+            return [condition, body]
+        case Fork(branches=bodies):
+            return list(bodies)
+    return []

@@ -1,0 +1,210 @@
+"""Run-time terms to wire terms and back: what percepts, actions and mail carry."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+from agentd.language.parser.parser import parse_term
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.printer import source_text
+from agentd.language.syntax_tree.signatures import DEFAULT, Signature, signature
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.order import sorted_annots
+from agentd.language.terms.source_annotations import PERCEPT
+from agentd.language.terms.terms import (
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Rest,
+    Var,
+    atom,
+    deref,
+    make_list,
+    split,
+)
+from agentd.language.terms.to_ast import NoSyntax, ToSyntax
+from schemas.wire import terms as wire
+from schemas.wire.records import Perception
+
+MAX_DEPTH = 100
+"""Terms nested deeper are not sent: JSON readers have limits of their own."""
+
+
+MOST_NAMES = 1024
+"""Names of percepts that are remembered as such."""
+
+
+class BadTerm(ValueError):
+    """A term that cannot cross the bus; says why."""
+
+
+def to_wire(term: Any) -> wire.Term:
+    """Return the wire form of a run-time term. Raises BadTerm for one that is nested too deeply (or without end)."""
+    try:
+        return _ToWire().term(term, 0)
+    except NoSyntax as bad:
+        raise BadTerm(str(bad)) from None
+    except RecursionError:  # code that holds code that holds code ...
+        raise BadTerm("nested too deeply") from None
+
+
+def from_wire(term: wire.Term) -> Any:
+    """Return the run-time form of a wire term; equal variable names become one variable. Raises BadTerm."""
+    kind = type(term)
+    if kind is float or kind is str:  # as what robots tell mostly is
+        return term
+    return float(term) if kind is int else _FromWire().term(term)  # type: ignore[arg-type]
+
+
+def perceived(perception: Perception) -> Literal:
+    """Return the belief that a perception tells, with source(percept). Raises BadTerm for a name that is none."""
+    arguments = tuple(map(from_wire, perception.parameters))
+    return Literal(_belief(perception.name, len(arguments)), arguments, PERCEPT)
+
+
+@lru_cache(MOST_NAMES)
+def _belief(name: str, arity: int) -> Signature:
+    """The signature of a belief that is perceived."""
+    if not (name[:1].islower() and name.replace("_", "a").isalnum()):
+        raise BadTerm(f"`{name}` is no name of a belief")
+    return signature(name, arity)
+
+
+class _ToWire:
+    """Writes one message; its variables are named apart."""
+
+    def __init__(self) -> None:
+        self._syntax = ToSyntax(MAX_DEPTH)
+
+    def term(self, term: Any, depth: int) -> wire.Term:
+        if depth > MAX_DEPTH:
+            raise BadTerm(f"nested deeper than {MAX_DEPTH}")
+        term = deref(term)
+        match term:
+            case float():
+                return wire.number(term)
+            case str():
+                return term
+            case Literal():
+                return self._literal(term, depth)
+            case Var():
+                return wire.Variable(self._syntax.names.of(term))
+            case List():
+                items, tail = split(term)
+                sent = [self.term(item, depth + 1) for item in items]
+                closed = type(tail) is List
+                return sent if closed else wire.OpenList(tuple(sent), self.term(tail, depth + 1))
+            case Code():
+                return self._code(term)
+            case Expression() | Open():
+                return self._expression(term, depth)
+            case Collection():
+                return self._collection(term, depth)
+        raise BadTerm(f"a {type(term).__name__} cannot be sent")
+
+    def _several(self, terms: tuple[Any, ...], depth: int) -> tuple[wire.Term, ...]:
+        return tuple(self.term(term, depth + 1) for term in terms if type(term) is not Rest)
+
+    def _literal(self, term: Literal, depth: int) -> wire.Term:
+        sig = term.sig
+        annotations = self._several(term.annots, depth)  # what is left of a tail without value is nothing
+        if not (term.args or annotations or sig.negated) and sig.namespace == DEFAULT:
+            return {"true": True, "false": False}.get(sig.functor, wire.Atom(sig.functor))
+        return wire.Structure(
+            sig.functor,
+            self._several(term.args, depth),
+            annotations,
+            sig.negated,
+            "" if sig.namespace == DEFAULT else sig.namespace,
+        )
+
+    def _expression(self, term: Expression | Open, depth: int) -> wire.Term:
+        if isinstance(term, Open) and term.literal is None and isinstance(deref(term.variable), Var):
+            return wire.Variable(
+                self._syntax.names.of(deref(term.variable)),
+                self._several(term.annots or (), depth),
+                term.negated,
+                term.namespace if isinstance(term.namespace, str) else "",
+            )
+        text = source_text(self._syntax.term(term, depth))
+        return wire.Source("expression", text if text.startswith("(") else f"({text})")
+
+    def _code(self, term: Code) -> wire.Term:
+        node = self._syntax.code(term.syntax, term.values)
+        match node:
+            case nodes.Plan():
+                return wire.Source("plan", source_text(nodes.PlanTerm(node)))
+            case nodes.Trigger():
+                return wire.Source("trigger", source_text(nodes.TriggerTerm(node)))
+            case nodes.Rule():
+                return wire.Source("rule", source_text(nodes.RuleTerm(node)))
+            case nodes.Body():
+                return wire.Source("body", source_text(nodes.BodyTerm(node)))
+        raise BadTerm(f"a {type(node).__name__} cannot be sent")
+
+    def _collection(self, term: Collection, depth: int) -> wire.Term:
+        if term.kind == "map":
+            pairs = ((self.term(key, depth + 1), self.term(value, depth + 1)) for key, value in term.content.items())
+            return wire.Map(tuple(pairs))
+        items = self._several(tuple(term.content), depth)
+        return wire.Set(items) if term.kind == "set" else wire.Queue(items, term.kind == "priority")
+
+
+class _FromWire:
+    """Reads one term; its variables are shared by name, and new for each term read."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, Any] = {}
+
+    def term(self, term: wire.Term) -> Any:
+        match term:
+            case bool():
+                return atom("true" if term else "false")
+            case int() | float():
+                return float(term)
+            case str():
+                return term
+            case list():
+                return make_list(map(self.term, term))
+            case wire.Atom(name=name):
+                return atom(name)
+            case wire.Number(text=text):
+                return float(text)
+            case wire.Structure():
+                return self._structure(term)
+            case wire.Variable():
+                return self._variable(term)
+            case wire.OpenList(items=items, tail=tail):
+                return make_list([self.term(item) for item in items], self.term(tail))
+            case wire.Source():
+                return self._source(term)
+            case wire.Map(entries=entries):
+                return Collection("map", {self.term(key): self.term(value) for key, value in entries})
+            case wire.Set(items=items):
+                return Collection("set", list(map(self.term, items)))
+            case wire.Queue(items=items, priority=priority):
+                return Collection("priority" if priority else "queue", list(map(self.term, items)))
+
+    def _structure(self, term: wire.Structure) -> Literal:
+        sig = signature(term.functor, len(term.args), term.negated, term.namespace or DEFAULT)
+        return Literal(sig, tuple(map(self.term, term.args)), sorted_annots(map(self.term, term.annotations)))
+
+    def _variable(self, term: wire.Variable) -> Any:
+        variable = Var(term.name) if term.name.startswith("_") else self._values.setdefault(term.name, Var(term.name))
+        if not (term.annotations or term.negated or term.namespace):
+            return variable
+        noted = tuple(map(self.term, term.annotations)) if term.annotations else None
+        return Open(variable, noted, term.negated, term.namespace or None)
+
+    def _source(self, term: wire.Source) -> Any:
+        try:
+            return instantiate(parse_term(term.text, "<message>"), self._values)
+        except SyntaxErrors as errors:
+            raise BadTerm(f"`{term.text}`: {errors.findings[0].message}") from None
+        except RecursionError:
+            raise BadTerm("nested too deeply") from None

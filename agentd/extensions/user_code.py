@@ -1,0 +1,96 @@
+"""Python that users bring: found by ``module:Class``, and its mistakes told without a traceback of ours."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+_OURS = str(Path(__file__).parents[1])
+_LIBRARY = str(Path(os.__file__).parent)
+
+
+MISTAKES = (Exception, SystemExit)
+"""What users' code may raise that is its own mistake: whether the process ends is not for it to say."""
+
+
+class UserCodeError(Exception):
+    """Code that the user brought cannot be used; the text says what, where and why."""
+
+
+def load_class(name: str, base: type) -> type[Any]:
+    """The class that ``module:Class`` or ``folder/file.py:Class`` names, looked up from the working directory too.
+
+    Raises `UserCodeError`.
+    """
+    place, colon, attribute = name.rpartition(":")
+    if not colon or not place or not attribute:
+        raise UserCodeError(f"`{name}` names no class; write module:Class or file.py:Class")
+    module = _module(place)
+    found = getattr(module, attribute, None)
+    if found is None:
+        classes = sorted(
+            key
+            for key, value in vars(module).items()
+            if isinstance(value, type) and issubclass(value, base) and value is not base
+        )
+        there = f"; there are {', '.join(classes)}" if classes else ""
+        raise UserCodeError(f"{place} has no class {attribute}{there}")
+    if not (isinstance(found, type) and issubclass(found, base)):
+        raise UserCodeError(
+            f"{place}:{attribute} is no {base.__name__}; derive it from {base.__module__}.{base.__name__}"
+        )
+    return found
+
+
+def _module(place: str) -> ModuleType:
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        if place.endswith(".py"):
+            return _from_file(Path(place))
+        return importlib.import_module(place)
+    except UserCodeError:
+        raise
+    except ModuleNotFoundError as error:
+        if error.name is not None and (place == error.name or place.startswith(f"{error.name}.")):
+            raise UserCodeError(
+                f"there is no Python module {place} (looked in {here} and where Python looks)"
+            ) from error
+        raise UserCodeError(f"{place} cannot be imported: {describe_error(error)}") from error
+    except MISTAKES as error:
+        raise UserCodeError(f"{place} cannot be imported: {describe_error(error)}") from error
+
+
+def _from_file(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise UserCodeError(f"there is no file {path}")
+    folder = str(path.parent.resolve())
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules.setdefault(path.stem, module)
+    spec.loader.exec_module(module)
+    return module
+
+
+def describe_error(error: BaseException) -> str:
+    """An exception in one line: its kind, its text, and where in the user's own code it came from."""
+    text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{type(error).__name__}: {error.msg} ({error.filename}:{error.lineno})"
+    where, place = error.__traceback__, ""
+    while where is not None:
+        file = where.tb_frame.f_code.co_filename
+        if not file.startswith((_OURS, _LIBRARY, "<")):
+            place = f" ({file}:{where.tb_lineno}, in {where.tb_frame.f_code.co_name})"
+        where = where.tb_next
+    return text + place

@@ -1,0 +1,324 @@
+"""Project files to trees. The sections may stand in any order; several errors are told in one run.
+
+MAS name {
+    infrastructure: Centralised
+    environment: my.Field(10, "fast") at "host"
+    executionControl: my.Control
+    agents: bob;  ann people/ann.asl [beliefs="likes(x)", verbose=2] agentArchClass my.Arch #3;
+    aslSourcePath: "src/asl"; "lib";
+    classpath: "lib/*.jar";
+    directives: d = my.Directive;
+}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from typing import Any
+
+from agentd.jason_project.project_lexer import END, Token, tokenize
+from agentd.jason_project.syntax import AgentEntry, ClassSpec, Named, Option, Project
+from agentd.language.syntax_tree.errors import Problem, SyntaxErrors, problem_at
+from agentd.language.syntax_tree.nodes import Position
+from agentd.language.syntax_tree.source import Source
+
+MOST_AGENTS = 10_000
+"""More agents than this under one name (``#n``) are taken for a mistake."""
+
+MOST_PROBLEMS = 20
+
+
+def parse_project(text: str, file: str) -> Project:
+    """A project file. Raises `SyntaxErrors` with everything that is wrong with it."""
+    return _Parser(Source(text, file)).project()
+
+
+class _Wrong(Exception):
+    """What stands here cannot; parsing goes on behind the next semicolon."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(str(problem))
+        self.problem = problem
+
+
+@dataclass
+class _Parser:
+    source: Source
+    at: int = 0
+    tokens: list[Token] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.tokens = tokenize(self.source)
+
+    # --- the file ---
+
+    def project(self) -> Project:
+        try:
+            found = self._project()
+        except _Wrong as wrong:
+            self.problems.append(wrong.problem)
+            raise SyntaxErrors(self.problems) from None
+        if self.problems:
+            raise SyntaxErrors(self.problems[:MOST_PROBLEMS])
+        return found
+
+    def _project(self) -> Project:
+        if self.token.text not in ("MAS", "mas"):
+            raise self.wrong(f"a project begins with: MAS name {{ ... }}; found {self.token}")
+        position = self.position
+        self.at += 1
+        name = self.word("the name of the project").text
+        self.mark("{", "after the name of the project")
+        project = Project(name, self.source.file, position=position)
+        seen: set[str] = set()
+        while not self.is_mark("}"):
+            if self.token.kind == END:
+                raise self.wrong("the project is never closed by '}'")
+            project = self._section(project, seen)
+        self.at += 1
+        if self.token.kind != END:
+            raise self.wrong(f"nothing follows the closing '}}' of a project; found {self.token}")
+        if "agents" not in seen and not self.problems:
+            raise _Wrong(problem_at(self.source, self.tokens[-2].at, "a project needs agents: bob; ann;"))
+        return project
+
+    def _section(self, project: Project, seen: set[str]) -> Project:
+        keyword = self.token
+        read = _SECTIONS.get(keyword.text)
+        if read is None or self.tokens[self.at + 1].text != ":":
+            raise self.wrong(self._no_section(keyword))
+        if keyword.text in seen:
+            raise self.wrong(f"there is a section {keyword.text} already")
+        seen.add(keyword.text)
+        self.at += 2
+        return replace(project, **read(self))
+
+    def _no_section(self, keyword: Token) -> str:
+        if keyword.text in _SECTIONS:
+            return f"a ':' is missing after {keyword.text}"
+        near = get_close_matches(keyword.text, _SECTIONS, 1) if keyword.kind == "word" else []
+        hint = (
+            f"; did you mean {near[0]}:" if near else f"; expected one of {', '.join(_SECTIONS)}, or the closing '}}'"
+        )
+        return f"{keyword} begins no section{hint}"
+
+    # --- sections ---
+
+    def _infrastructure(self) -> dict[str, Any]:
+        return {"infrastructure": self.class_spec("the infrastructure")}
+
+    def _environment(self) -> dict[str, Any]:
+        return {"environment": self.class_spec("the class of the environment"), "environment_host": self._host()}
+
+    def _control(self) -> dict[str, Any]:
+        found = {"control": self.class_spec("the class of the execution control")}
+        self._host()
+        return found
+
+    def _agents(self) -> dict[str, Any]:
+        agents: list[AgentEntry] = []
+        while not self.at_section_end():
+            begun = self.at
+            try:
+                agents.append(self._agent())
+            except _Wrong as wrong:
+                self.problems.append(wrong.problem)
+                self._skip(begun)
+        if not agents and not self.problems:
+            raise self.wrong(f"an agent is missing after agents: found {self.token}")
+        return {"agents": tuple(agents)}
+
+    def _paths(self) -> tuple[Named, ...]:
+        found: list[Named] = []
+        while not self.at_section_end():
+            position, token = self.position, self.token
+            if token.kind not in ("string", "word"):
+                raise self.wrong(f'a path such as "src/asl" is needed; found {token}')
+            self.at += 1
+            found.append(Named(token.text, position))
+            self.mark(";", "after each path")
+        return tuple(found)
+
+    def _source_paths(self) -> dict[str, Any]:
+        return {"source_paths": self._paths()}
+
+    def _class_paths(self) -> dict[str, Any]:
+        return {"class_paths": self._paths()}
+
+    def _directives(self) -> dict[str, Any]:
+        found: list[tuple[Named, ClassSpec]] = []
+        while not self.at_section_end():
+            name = self.word("the name of a directive")
+            self.mark("=", "after the name of a directive")
+            found.append((name, self.class_spec("the class of the directive")))
+            self.mark(";", "after each directive")
+        return {"directives": tuple(found)}
+
+    # --- an agent ---
+
+    def _agent(self) -> AgentEntry:
+        name = self.word("the name of an agent")
+        if not name.text.isidentifier():
+            raise _Wrong(self._problem(name, f"'{name.text}' is no name for an agent: letters, digits and _"))
+        entry = AgentEntry(name.text, name.position)
+        if self.token.kind == "string" or (self.token.kind == "word" and self.token.text not in _OF_AN_AGENT):
+            entry = replace(entry, file=Named(self.token.text, self.position))
+            self.at += 1
+        while not self.is_mark(";"):
+            entry = self._detail(entry)
+        self.at += 1
+        return entry
+
+    def _detail(self, entry: AgentEntry) -> AgentEntry:
+        token = self.token
+        if token.text == "[" and token.kind == "mark":
+            return replace(entry, options=(*entry.options, *self._options()))
+        if token.text == "#" and token.kind == "mark":
+            self.at += 1
+            return replace(entry, count=self._count())
+        match token.text if token.kind == "word" else "":
+            case "agentArchClass":
+                self.at += 1
+                classes = [self.class_spec("an architecture class")]
+                while self.is_mark(","):
+                    self.at += 1
+                    classes.append(self.class_spec("an architecture class"))
+                return replace(entry, architectures=(*entry.architectures, *classes))
+            case "agentClass":
+                self.at += 1
+                return replace(entry, agent_class=self.class_spec("an agent class"))
+            case "beliefBaseClass":
+                self.at += 1
+                return replace(entry, belief_base=self.class_spec("a belief base class"))
+            case "at":
+                return replace(entry, host=self._host())
+        if self.at_section_end() or token.kind == END:
+            raise self.missing(f"a ';' is missing after the agent {entry.name}")
+        near = get_close_matches(token.text, _OF_AN_AGENT, 1)
+        hint = f"did you mean {near[0]}, or " if near else ""
+        raise self.wrong(f"{token} cannot stand in the entry of the agent {entry.name}; {hint}is a ';' missing?")
+
+    def _options(self) -> list[Option]:
+        self.at += 1
+        found: list[Option] = []
+        while not self.is_mark("]"):
+            name = self.word("the name of an option")
+            self.mark("=", "after the name of an option")
+            if self.token.kind not in ("string", "word", "number"):
+                raise self.wrong(f"the value of the option {name.text} is missing; found {self.token}")
+            found.append(Option(name.text, self.token.text, name.position))
+            self.at += 1
+            if not self.is_mark("]"):
+                self.mark(",", "or ']' after an option")
+        self.at += 1
+        return found
+
+    def _count(self) -> int:
+        text = self.token.text
+        if self.token.kind != "number" or not text.isdigit() or not 1 <= int(text) <= MOST_AGENTS:
+            raise self.wrong(f"# wants how many agents there are, 1 to {MOST_AGENTS}; found {self.token}")
+        self.at += 1
+        return int(text)
+
+    def _host(self) -> Named | None:
+        if self.token.kind != "word" or self.token.text != "at":
+            return None
+        self.at += 1
+        if self.token.kind not in ("string", "word"):
+            raise self.wrong(f"at wants a host; found {self.token}")
+        found = Named(self.token.text, self.position)
+        self.at += 1
+        return found
+
+    # --- tokens ---
+
+    @property
+    def token(self) -> Token:
+        return self.tokens[self.at]
+
+    @property
+    def position(self) -> Position:
+        return self.source.position(self.token.at)
+
+    def is_mark(self, text: str) -> bool:
+        return self.token.kind == "mark" and self.token.text == text
+
+    def at_section_end(self) -> bool:
+        """Whether the next section, the end of the project or of the file follows."""
+        if self.token.kind == END or self.is_mark("}"):
+            return True
+        return self.token.kind == "word" and self.tokens[self.at + 1].text == ":"
+
+    def mark(self, text: str, where: str) -> None:
+        if not self.is_mark(text):
+            raise (
+                self.missing(f"a '{text}' is missing {where}")
+                if text == ";"
+                else self.wrong(f"expected '{text}' {where}; found {self.token}")
+            )
+        self.at += 1
+
+    def word(self, what: str) -> Named:
+        if self.token.kind != "word":
+            raise self.wrong(f"{what} is missing; found {self.token}")
+        found = Named(self.token.text, self.position)
+        self.at += 1
+        return found
+
+    def class_spec(self, what: str) -> ClassSpec:
+        """A class name, maybe with arguments; a list as argument is a text of its members."""
+        name = self.word(what)
+        arguments: list[str] = []
+        if self.is_mark("("):
+            self.at += 1
+            depth, parts = 0, [""]
+            while depth or not self.is_mark(")"):
+                token = self.token
+                if token.kind == END or (token.kind == "mark" and token.text in "{};:#"):
+                    raise self.wrong(f"the arguments of {name.text} are never closed by ')'")
+                depth += (token.text in ("(", "[")) - (token.text in (")", "]")) if token.kind == "mark" else 0
+                if token.kind == "mark" and token.text == "," and not depth:
+                    parts.append("")
+                else:
+                    parts[-1] += token.text
+                self.at += 1
+            self.at += 1
+            arguments = [part for part in parts if part] if parts == [""] else parts
+        return ClassSpec(name.text, tuple(arguments), name.position)
+
+    def wrong(self, message: str) -> _Wrong:
+        return _Wrong(problem_at(self.source, self.token.at, message))
+
+    def missing(self, message: str) -> _Wrong:
+        """Something that should stand behind the token before this one."""
+        before = self.tokens[self.at - 1]
+        width = len(before.text) + (2 if before.kind == "string" else 0)
+        return _Wrong(problem_at(self.source, min(before.at + width, len(self.source.text)), message))
+
+    def _problem(self, named: Named, message: str) -> Problem:
+        token = next(t for t in self.tokens if self.source.position(t.at) == named.position)
+        return problem_at(self.source, token.at, message)
+
+    def _skip(self, begun: int) -> None:
+        """Go on behind the next semicolon, or at the next section."""
+        self.at = max(self.at, begun + 1)
+        while not self.at_section_end():
+            self.at += 1
+            if self.tokens[self.at - 1].text == ";":
+                return
+
+
+_SECTIONS: dict[str, Callable[[_Parser], dict[str, Any]]] = {
+    "infrastructure": _Parser._infrastructure,
+    "environment": _Parser._environment,
+    "executionControl": _Parser._control,
+    "agents": _Parser._agents,
+    "aslSourcePath": _Parser._source_paths,
+    "classpath": _Parser._class_paths,
+    "directives": _Parser._directives,
+}
+
+_OF_AN_AGENT = ("agentArchClass", "agentClass", "beliefBaseClass", "at")

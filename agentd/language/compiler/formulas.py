@@ -1,0 +1,440 @@
+"""Generates Python for formulas: contexts, rule bodies, tests and conditions.
+
+A conjunction becomes nested loops, each literal one loop over the belief base; where Python would nest too deep, for
+alternatives and under ``not``, the formula becomes a function of its own. What comes after a success is written by a
+continuation, in the innermost block.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+from agentd.language.compiler.code_writer import Function, Ref, targets_of, tuple_of
+from agentd.language.compiler.compile_relation import RelationCompiler
+from agentd.language.compiler.compile_terms import Scope
+from agentd.language.compiler.constants import is_constant, signature_of
+from agentd.language.compiler.matching import MAX_INDENT, Next
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.traversal import is_plain_variable, variables
+
+_MAX_LOOPS = 8
+"""So deep loops nest in one function; beyond, a generator takes over."""
+_MOST_CONJUNCTS = 6
+"""A longer conjunction is split into generators."""
+
+
+class FormulaCompiler(RelationCompiler):
+    """Writes formulas into one function, which has the locals ``m`` (the mind) and ``trail``."""
+
+    nested = False
+    """Whether the function is called from the loops of another one."""
+    rows: list[str] | None = None
+    """While a ``for`` is written: expressions for the facts that a solution rests on."""
+
+    def formula(self, node: Any, scope: Scope, then: Next) -> None:
+        """Write a formula; ``then`` is written once, where it holds, and may be reached several times."""
+        if self.function.indent > MAX_INDENT or self.function.loops > _MAX_LOOPS:
+            self._apart(node, scope, then)
+            return
+        match node:
+            case nodes.And() if len(parts := conjuncts(node)) > _MOST_CONJUNCTS:
+                half = len(parts) // 2
+                first, second = _conjunction(parts[:half]), _conjunction(parts[half:])
+                self._apart(first, scope, lambda inner: self._apart(second, inner, then))
+            case nodes.And(left=left, right=right):
+                self.formula(left, scope, lambda inner: self.formula(right, inner, then))
+            case nodes.Or():
+                self._apart(node, scope, then)
+            case nodes.Not(operand=operand):
+                self._not(operand, scope, then)
+            case nodes.Relation():
+                self.relation(node, scope, then)
+            case nodes.InternalAction():
+                self._internal_action(node, scope, then)
+            case nodes.Structure(functor="true", args=()):
+                then(scope)
+            case nodes.Structure(functor="false", args=()):
+                self.function.emit("pass")
+            case nodes.Structure() if not isinstance(node.namespace, nodes.Variable):
+                self._query(node, scope, then)
+            case _:
+                self._dynamic(node, scope, then)
+
+    def _apart(self, node: Any, scope: Scope, then: Next) -> None:
+        """Make the formula a generator that yields the values of the variables it binds."""
+        new = [name for name in variables(node) if name not in scope]
+        name = self.helper(node, scope, new, "yield")
+        targets = [self.function.local() for _ in new]
+        call = f"{name}({', '.join(['m', 'trail', *self.passed(node, scope)])})"
+        with self.function.block(f"for {targets_of(targets) if targets else '_'} in {call}:"):
+            then({**scope, **dict(zip(new, targets, strict=True))})
+
+    def passed(self, node: Any, scope: Scope) -> list[str]:
+        """The locals that a function of its own gets for the variables of a formula."""
+        return [scope[name] for name in variables(node) if name in scope]
+
+    def helper(self, node: Any, scope: Scope, new: list[str], verb: str) -> str:
+        """A function of its own for a formula; ``verb`` says what it does at a success."""
+        name = self.unit.name("h")
+        known = [v for v in variables(node) if v in scope]
+        parameters = [f"p{i}" for i in range(len(known))]
+        function = Function(self.unit, name, ", ".join(["m", "trail", *parameters]))
+        inner = type(self)(self.unit, function, self.library, "")
+        inner.rows, inner.nested = None, True
+
+        def succeed(found: Scope) -> None:
+            if verb == "yield":
+                out = [inner.build(nodes.Variable(v), dict(found)) for v in new]
+                function.emit(f"yield {tuple_of(out) if out else 'None'}")
+            else:
+                function.emit("return True")
+
+        outer = dict(zip(known, parameters, strict=True))
+        mark = function.reserve()
+        if isinstance(node, nodes.Or):
+            for branch in _members(node, nodes.Or):
+                inner.formula(branch, dict(outer), succeed)
+                function.emit("undo(trail, mark)")
+        else:
+            inner.formula(node, outer, succeed)
+            function.emit("undo(trail, mark)")
+        function.fill(mark, "mark = len(trail)")
+        function.emit("yield from ()" if verb == "yield" else "return False")
+        self.unit.add(function)
+        return name
+
+    def _not(self, operand: Any, scope: Scope, then: Next) -> None:
+        name = self.helper(operand, scope, [], "return True")
+        call = f"{name}({', '.join(['m', 'trail', *self.passed(operand, scope)])})"
+        mark = self.function.assign("len(trail)", "t")
+        with self.function.block(f"if not {call}:"):
+            then(scope)
+        with self.function.block(f"elif len(trail) > {mark}:"):
+            self.function.emit(f"undo(trail, {mark})")
+
+    def _query(self, node: nodes.Structure, scope: Scope, then: Next) -> None:
+        """A literal: a loop over the answers of its predicate."""
+        predicate = self.constant(Ref("predicate", signature_of(node)))
+        given = [self._given(arg, scope) for arg in node.args]
+        patterns = self._patterns(node.args, given, scope)
+        told = [g or p for g, p in zip(given, patterns, strict=True)]
+        mode = self.constant(_shared_mode(tuple(part is not None for part in told)))
+        rows = [self.function.local("r") for _ in node.args]
+        targets = targets_of(rows) if rows else "_"
+        annotated = node.annotations is not None and (node.annotations.items or node.annotations.tail)
+        if annotated:
+            annots = self.function.local("n")
+            values = self._asked(given, patterns, scope)
+            head = f"for ({targets}), {annots} in {predicate}.literals({mode}, {values}, m, trail):"
+        else:
+            if any(patterns):
+                asked = self.function.local("q")
+                with self.function.block(f"if not {predicate}.plain:"):
+                    self.function.emit(f"{asked} = {self._asked(given, patterns, scope)}")
+            else:
+                asked = self._asked(given, patterns, scope)
+            solve = f"{predicate}.solve({mode}, {asked}, m, trail)"
+            position = next((i for i, g in enumerate(given) if g is not None), None)
+            loops = self.function.loops
+            inner = bool(loops or self.nested)  # else it is one loop over what is believed, and not counted
+            if position is not None:
+                rows_of = f"{position}, {given[position]}"
+                quick = f"{predicate}.counted_rows({rows_of}, m)" if inner else f"{predicate}.rows({rows_of})"
+            else:
+                quick = f"reversed({predicate}.entries)"
+            if loops > 1 or (inner and position is None):
+                self.function.emit(f"m.steps_left -= {f'len({predicate}.entries)' if position is None else 1}")
+                self.function.emit("if m.steps_left < 0: too_much_work(m)")
+            head = f"for {targets} in ({quick} if {predicate}.plain else {solve}):"
+
+        def found(inner: Scope) -> None:
+            if annotated:
+                assert node.annotations is not None
+                self.match_annots(node.annotations, annots, inner, then)
+            else:
+                then(inner)
+
+        if self.rows is not None:
+            self.rows.append(f"({predicate}, {tuple_of(rows)})")
+        with self.function.block(head):
+            # Of each answer anew: what a rule has bound to find it stays bound for the next one.
+            mark = self.function.assign("len(trail)", "t") if rows or annotated else ""
+            self._match_row(list(zip(node.args, given, rows, strict=True)), scope, found)
+            if rows or annotated:
+                self.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
+
+    def _patterns(self, args: tuple[Any, ...], given: list[str | None], scope: Scope) -> list[Any]:
+        """For each argument that is known in part what a rule must be told of it, None for the others.
+
+        A rule may compare, negate or compute what it is asked with, so it has to see all that is known: ``box(5,_)``
+        and ``[a|T]`` as much as ``p(X,X)``. A variable that stands alone is left for the rule to find.
+        """
+        often = Counter(name for arg in args for name in variables(arg))
+        patterns = []
+        for arg, known in zip(args, given, strict=True):
+            pattern = None if known else self._known_part(arg, scope)
+            alone = type(pattern) is nodes.Variable and (pattern.anonymous or often[pattern.name] < 2)
+            patterns.append(None if alone else pattern)
+        return patterns
+
+    def _known_part(self, node: Any, scope: Scope, depth: int = 0) -> Any:
+        """A term with a variable in place of each part that cannot be told before the answer is compared with it."""
+        if is_constant(node) or is_plain_variable(node):
+            return node
+        if depth <= MAX_INDENT:
+            match node:
+                case nodes.Structure() if self._is_plain_structure(node):
+                    return replace(node, args=tuple(self._known_part(a, scope, depth + 1) for a in node.args))
+                case nodes.ListTerm(items=items, tail=tail):
+                    parts = tuple(self._known_part(i, scope, depth + 1) for i in items)
+                    return nodes.ListTerm(parts, tail and self._known_part(tail, scope, depth + 1))
+                case nodes.Arithmetic() if all(name in scope for name in variables(node)):
+                    return node
+        return nodes.Variable("_")
+
+    def _asked(self, given: list[str | None], patterns: list[Any], scope: Scope) -> str:
+        """What a rule is asked with: values, patterns with new variables in them, None for what it is to find."""
+        inner = dict(scope)
+        parts = zip(given, patterns, strict=True)
+        return tuple_of([g or ("None" if p is None else self.build(p, inner)) for g, p in parts])
+
+    def _given(self, arg: Any, scope: Scope) -> str | None:
+        """The local with the value of an argument that is known before the query; None for one to be found."""
+        if is_plain_variable(arg):
+            return scope.get(arg.name)
+        if is_constant(arg) or (_can_be_given(arg) and all(name in scope for name in variables(arg))):
+            return self.function.assign(self.build(arg, dict(scope)))
+        return None
+
+    def _match_row(self, parts: list[tuple[Any, str | None, str]], scope: Scope, then: Next) -> None:
+        if not parts:
+            then(scope)
+            return
+        (arg, given, row), others = parts[0], parts[1:]
+
+        def rest(inner: Scope) -> None:
+            self._match_row(others, inner, then)
+
+        if given is None or is_constant(arg):
+            self.match(arg, row, scope, rest)
+        else:
+            self._match_known(given, row, scope, rest)
+
+    def match_annots(self, pattern: nodes.ListTerm, annots: str, scope: Scope, then: Next) -> None:
+        """The annotations asked for must be among those there; each choice is a solution."""
+        if pattern.tail is None and len(pattern.items) == 1:
+            one = self.function.local("n")
+            mark = self.function.assign("len(trail)", "t")
+            with self.function.block(f"for {one} in {annots}:"):
+                self.match(pattern.items[0], one, scope, then)
+                self.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
+            return
+        inner = dict(scope)
+        built = self.pattern_annots(pattern, inner)
+        with self.function.block(f"for _ in subsets({built}, {annots}, trail):"):
+            then(self.settled(scope, inner))
+
+    def _dynamic(self, node: Any, scope: Scope, then: Next) -> None:
+        """A formula that only the run knows: a variable, or a literal in a namespace that is a variable."""
+        inner = dict(scope)
+        built = self.function.assign(self.build(node, inner))
+        with self.function.block(f"for _ in solve(m, {built}, trail):"):
+            then(self.settled(scope, inner))
+
+    def _internal_action(self, node: nodes.InternalAction, scope: Scope, then: Next) -> None:
+        special = QUERIES.get((node.name, len(node.args)))
+        if special is not None and special(self, node, scope, then):
+            return
+        action = self.library.action(node.name, len(node.args))
+        if action is None:
+            if self.library.is_function(node.name, len(node.args)):
+                self.function.emit("pass")
+                return
+            self.library.unknown_action(node)
+            self.function.emit("pass")
+            return
+        inner = dict(scope)
+        args = "".join(f", {arg}" for arg in self.action_arguments(node, inner))
+        if action.backtracks:
+            function = self.constant(action.guarded())
+            with self.function.block(f"for _ in {function}(m, trail{args}):"):
+                then(self.settled(scope, inner))
+        else:
+            function = self.constant(action.guarded())
+            with self.function.block(f"if {function}(m, trail{args}):"):
+                then(self.settled(scope, inner))
+
+    def action_arguments(self, node: nodes.InternalAction, scope: Scope) -> list[str]:
+        """Expressions for the arguments; what a plan term in them leaves open is linked to the plan's variables."""
+        self.linking = True
+        built = [self.build(arg, scope) for arg in node.args]
+        self.linking = False
+        return built
+
+    def count(self, query: Any, scope: Scope) -> str:
+        counter = self.function.assign("0", "c")
+        self.each(query, scope, lambda _: self.function.emit(f"{counter} += 1"))
+        return self.function.assign(f"float({counter})")
+
+    def each(self, query: Any, scope: Scope, take: Next) -> None:
+        """Write what is done for each solution of a query inside a formula, which binds nothing in that."""
+        rows, self.rows = self.rows, None  # no one solution of the formula rests on these facts
+        self.formula(query, dict(scope), take)
+        self.rows = rows
+
+
+def conjuncts(node: Any) -> list[Any]:
+    """The members of a conjunction from left to right."""
+    return _members(node, nodes.And)
+
+
+def _members(node: Any, kind: type[nodes.And] | type[nodes.Or]) -> list[Any]:
+    found: list[Any] = []
+    pending = [node]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, kind):
+            pending += (node.right, node.left)
+        else:
+            found.append(node)
+    return found
+
+
+def _conjunction(parts: list[Any]) -> Any:
+    node = parts[0]
+    for part in parts[1:]:
+        node = nodes.And(node, part)
+    return node
+
+
+def _can_be_given(node: Any, depth: int = 0) -> bool:
+    """Whether a term made of known variables may be built before it is compared (no anonymous variable in it)."""
+    if depth > MAX_INDENT:
+        return False
+    match node:
+        case nodes.Variable():
+            return is_plain_variable(node) and not node.anonymous
+        case nodes.Structure(args=args, annotations=annots, namespace=namespace):
+            return (
+                annots is None
+                and not isinstance(namespace, nodes.Variable)
+                and all(_can_be_given(a, depth + 1) for a in args)
+            )
+        case nodes.ListTerm(items=items, tail=tail):
+            return all(_can_be_given(i, depth + 1) for i in items) and (tail is None or _can_be_given(tail, depth + 1))
+        case nodes.Arithmetic(operands=operands):
+            return all(_can_be_given(o, depth + 1) for o in operands)
+        case nodes.Number() | nodes.String():
+            return True
+    return False
+
+
+_modes: dict[tuple[bool, ...], tuple[bool, ...]] = {}
+
+
+def _shared_mode(mode: tuple[bool, ...]) -> tuple[bool, ...]:
+    return _modes.setdefault(mode, mode)
+
+
+Writer = Callable[[FormulaCompiler, nodes.InternalAction, Scope, Next], bool]
+"""Writes a call of an internal action with a query, such as ``.findall``, as loops.
+
+Returns False when its arguments are not of the kind: then the internal action itself must decide.
+"""
+
+_FORMULAS = (nodes.Structure, nodes.InternalAction, nodes.Relation, nodes.Not, nodes.And, nodes.Or)
+
+
+def is_query(node: Any, scope: Scope) -> bool:
+    """Whether an argument is a formula that can be compiled here (or a variable that will hold one)."""
+    return isinstance(node, _FORMULAS) or (isinstance(node, nodes.Variable) and node.name in scope)
+
+
+def _collect(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope) -> tuple[str, Scope]:
+    """Write the loop that collects the instances of the first argument over the solutions of the second.
+
+    Returns the local with them, and the scope with the variables that only the first argument has: all share those.
+    """
+    function = compiler.function
+    asked = variables(node.args[1])
+    scope = dict(scope)
+    for name in variables(node.args[0]):
+        if name not in asked:
+            compiler.build(nodes.Variable(name), scope)
+    found = function.assign("[]", "l")
+    mark = function.assign("len(trail)", "t")
+
+    def take(inner: Scope) -> None:
+        item = function.assign(compiler.build(node.args[0], dict(inner)))
+        function.emit(f"{found}.append({item} if type({item}) is float else resolve({item}))")
+
+    compiler.each(node.args[1], scope, take)
+    function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
+    return found, scope
+
+
+def _findall(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
+    if not is_query(node.args[1], scope):
+        return False
+    found, scope = _collect(compiler, node, scope)
+    result = compiler.function.assign(f"make_list({found})")
+    compiler.match(node.args[2], result, scope, then)
+    return True
+
+
+def _setof(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
+    if not is_query(node.args[1], scope):
+        return False
+    found, scope = _collect(compiler, node, scope)
+    result = compiler.function.assign(f"make_list(distinct({found}))")
+    compiler.match(node.args[2], result, scope, then)
+    return True
+
+
+def _extreme(end: str) -> Writer:
+    def write(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
+        if not is_query(node.args[1], scope):
+            return False
+        found, scope = _collect(compiler, node, scope)
+        with compiler.function.block(f"if {found}:"):
+            result = compiler.function.assign(f"ordered({found})[{end}]")
+            compiler.match(node.args[2], result, scope, then)
+        return True
+
+    return write
+
+
+def _count(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
+    if not is_query(node.args[0], scope):
+        return False
+    mark = compiler.function.assign("len(trail)", "t")
+    result = compiler.count(node.args[0], scope)
+    compiler.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
+    compiler.match(node.args[1], result, scope, then)
+    return True
+
+
+def _eval(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
+    if not is_query(node.args[1], scope):
+        return False
+    name = compiler.helper(node.args[1], scope, [], "return True")
+    mark = compiler.function.assign("len(trail)", "t")
+    call = f"{name}({', '.join(['m', 'trail', *compiler.passed(node.args[1], scope)])})"
+    result = compiler.function.assign(f"TRUE if {call} else FALSE")
+    compiler.function.emit(f"undo(trail, {mark})")
+    compiler.match(node.args[0], result, scope, then)
+    return True
+
+
+QUERIES: Final[dict[tuple[str, int], Writer]] = {
+    (".findall", 3): _findall,
+    (".setof", 3): _setof,
+    (".min", 3): _extreme("0"),
+    (".max", 3): _extreme("-1"),
+    (".count", 2): _count,
+    (".eval", 2): _eval,
+}
+"""The writers by name and arity."""

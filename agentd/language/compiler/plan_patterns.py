@@ -1,0 +1,230 @@
+"""Plan patterns, ``{ begin dg(g) } ... { end }``: how each rewrites the plans in its block (rule 104).
+
+They are the goal patterns of Hübner, Bordini and Wooldridge, "Programming declarative goals using plan patterns" (DALT
+2006), as the documentation of Jason lists them:
+
+======================  ===============================================================================================
+``dg(g)``               declarative goal: achieved when g is believed, tested after each plan
+``bdg(g)``              the same, and an attempt that failed ends there: Jason's retry finds the goal intended already
+``ebdg(g)``             the same, and each plan is tried once, one after the other, until one achieves g
+``bc(g, F)``            blind commitment: g is tried again and again until it is achieved
+``smc(g, f, F)``        single-minded: blind, but g fails when f is believed
+``rc(g, m, F)``         relativised: blind, but g is dropped when its motive m is believed no longer
+``omc(g, f, m, F)``     open-minded: both
+``mg(g, F)``            maintenance: g is adopted whenever it is believed no longer; it is believed at the start
+``sga(t, c, g)``        sequenced: each event t with the context c adopts g, one after the other
+======================  ===============================================================================================
+
+``F`` is the pattern for the plans of the block, ``bdg(g)`` when it is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+from agentd.language.parser.parser import parse_formula, parse_literal, parse_trigger
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Body, Operator, Plan, Position, Step, Structure, Trigger, Variable
+
+Block = tuple[Any, ...]
+"""The beliefs and plans of a block, in order."""
+
+Pattern = Callable[[Position, tuple[Any, ...], Block], Block]
+"""Called with the place of the directive, its arguments and what stands in its block. Raises `WrongPattern`."""
+
+
+class WrongPattern(ValueError):
+    """A pattern's arguments are not what it needs."""
+
+
+def _plan(
+    at: Position, operator: str, kind: str, literal: Any, context: Any = None, steps: tuple[Step, ...] = ()
+) -> Plan:
+    return Plan(Trigger(operator, kind, literal, at), context, Body(steps, at), position=at)
+
+
+def _call(at: Position, name: str, *args: Any) -> Step:
+    return Step(Operator.ACTION, nodes.InternalAction(name, args, at), at)
+
+
+def _goal(args: tuple[Any, ...], place: int = 0) -> Structure:
+    if len(args) <= place or not isinstance(args[place], Structure):
+        raise WrongPattern("needs a goal" if place == 0 else f"needs a literal as argument {place + 1}")
+    goal = args[place]
+    assert isinstance(goal, Structure)
+    return goal
+
+
+def _declarative(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+    goal = _goal(args)
+    return (
+        _plan(at, "+", "!", goal, goal),
+        *(_with_test(item, goal) for item in block),
+        _plan(at, "+", "", goal, steps=(_call(at, ".succeed_goal", goal),)),
+    )
+
+
+def _achieves(item: Any, goal: Structure) -> bool:
+    """Whether an item is a plan that achieves the goal of the pattern."""
+    if not isinstance(item, Plan) or item.trigger.operator != "+" or item.trigger.goal != "!":
+        return False
+    return may_unify(item.trigger.literal, goal)
+
+
+def may_unify(left: Any, right: Any) -> bool:
+    """Whether two terms as written can be made equal, as far as their constants tell."""
+    if isinstance(left, Variable) or isinstance(right, Variable):
+        return True
+    if isinstance(left, Structure) and isinstance(right, Structure):
+        same = (left.functor, left.negated, left.namespace) == (right.functor, right.negated, right.namespace)
+        return same and len(left.args) == len(right.args) and all(map(may_unify, left.args, right.args))
+    return type(left) is not type(right) or isinstance(left, nodes.ListTerm | nodes.Arithmetic) or left == right
+
+
+def _with_test(item: Any, goal: Structure) -> Any:
+    """A plan that achieves the goal ends with a test of it."""
+    if not _achieves(item, goal):
+        return item
+    test = Step(Operator.TEST, replace(item.trigger.literal, annotations=None), item.position)
+    return replace(item, body=replace(item.body, formulas=(*item.body.formulas, test)))
+
+
+def _backtracking(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+    return (*_declarative(at, args, block), _plan(at, "-", "!", _goal(args)))
+
+
+def _exclusive(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+    goal = _goal(args)
+    bare = replace(goal, annotations=None)
+    marks: list[Structure] = []
+    items: list[Any] = []
+    for item in block:
+        if not _achieves(item, goal):
+            items.append(item)
+            continue
+        mark = Structure(f"p__{len(marks) + 1}", (replace(bare, namespace=None),), position=at)
+        marks.append(mark)
+        untried = nodes.Not(mark, at)
+        context = untried if item.context is None else nodes.And(untried, item.context, at)
+        noted = Step(Operator.ADD, mark, at)
+        body = replace(item.body, formulas=(noted, *item.body.formulas))
+        items.append(_with_test(replace(item, context=context, body=body), goal))
+    forget = tuple(Step(Operator.DELETE, mark, at) for mark in marks)
+    left: Any = None
+    for mark in marks:
+        untried = nodes.Not(mark, at)
+        left = untried if left is None else nodes.Or(left, untried, at)
+    again = Step(Operator.ACHIEVE, bare, at)
+    return (
+        _plan(at, "+", "!", goal, goal),
+        *items,
+        *([] if left is None else [_plan(at, "-", "!", goal, left, (again,))]),
+        _plan(at, "-", "!", goal, steps=(*forget, _call(at, ".fail"))),
+        _plan(at, "+", "", goal, steps=(*forget, _call(at, ".succeed_goal", goal))),
+    )
+
+
+def _inner(at: Position, args: tuple[Any, ...], place: int, block: Block) -> Block:
+    """The block as the pattern among the arguments makes it."""
+    if len(args) <= place:
+        return _backtracking(at, args, block)
+    pattern = _goal(args, place)
+    if pattern.functor not in PATTERNS:
+        raise WrongPattern(f"knows no pattern '{pattern.functor}'")
+    return PATTERNS[pattern.functor](at, pattern.args or args[:1], block)
+
+
+def _blind(
+    at: Position, args: tuple[Any, ...], block: Block, place: int = 1, hopeless: Structure | None = None
+) -> Block:
+    goal = _goal(args)
+    again = (Step(Operator.ACHIEVE, replace(goal, annotations=None), at),)
+    kept = [item for item in _inner(at, args, place, block) if not _gives_up(item, goal)]
+    hope = None if hopeless is None else nodes.Not(hopeless, at)
+    tries = _plan(at, "-", "!", goal, hope, again), _plan(at, "+", "!", goal, hope, again)
+    if hopeless is None:
+        return (*kept, *tries)
+    gives_up = _plan(at, "-", "!", goal, steps=(_call(at, ".fail"),))
+    return (*kept, *tries, gives_up, _plan(at, "+", "", hopeless, steps=(_call(at, ".fail_goal", goal),)))
+
+
+def _gives_up(item: Any, goal: Structure) -> bool:
+    """Whether an item is the plan by which the pattern inside lets go of the goal."""
+    if not isinstance(item, Plan) or (item.trigger.operator, item.trigger.goal) != ("-", "!"):
+        return False
+    return item.trigger.literal is goal or (item.trigger.literal == goal and not item.body.formulas)
+
+
+def _single_minded(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+    return _blind(at, args, block, 2, _goal(args, 1))
+
+
+def _relativised(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+    goal, motive = _goal(args), _goal(args, 1)
+    ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
+    return (*_blind(at, args, block, 2), ends)
+
+
+def _open_minded(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+    goal, hopeless, motive = _goal(args), _goal(args, 1), _goal(args, 2)
+    ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
+    return (*_blind(at, args, block, 3, hopeless), ends)
+
+
+def _maintenance(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+    goal = _goal(args)
+    adopted = _plan(at, "-", "", goal, steps=(Step(Operator.ACHIEVE, replace(goal, annotations=None), at),))
+    return (nodes.Belief(goal, at), adopted, *_inner(at, args, 1, block))
+
+
+def _sequence(args: tuple[Any, ...]) -> tuple[Trigger, Any, Structure]:
+    """Trigger, context and goal, each as a term or as a text."""
+    match args:
+        case (nodes.TriggerTerm(trigger=trigger), context, Structure() as goal):
+            return trigger, context, goal
+        case (nodes.String(value=trigger_text), context, goal) if isinstance(goal, Structure | nodes.String):
+            try:
+                trigger = parse_trigger(trigger_text)
+                context = parse_formula(context.value) if isinstance(context, nodes.String) else context
+                return trigger, context, parse_literal(goal.value) if isinstance(goal, nodes.String) else goal
+            except SyntaxErrors as errors:
+                raise WrongPattern(f"cannot read its arguments: {errors}") from errors
+    raise WrongPattern("needs a trigger, a context and a goal: sga({ +event(X) }, ready, goal(X))")
+
+
+def _sequenced(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+    trigger, context, goal = _sequence(args)
+    busy, anyone = Structure("fl", (goal,), position=at), Structure("fl", (Variable("_", position=at),), position=at)
+    turn = Structure("fg", (goal,), position=at)
+    take, note, forget = (
+        Step(Operator.ACHIEVE, turn, at),
+        Step(Operator.ADD, busy, at),
+        Step(Operator.DELETE, busy, at),
+    )
+    started = Plan(trigger, nodes.And(nodes.Not(anyone, at), context, at), Body((take,), at), position=at)
+    queued = Plan(trigger, nodes.And(anyone, context, at), Body((note,), at), position=at)
+    return (
+        *block,
+        started,
+        queued,
+        _plan(at, "+", "!", turn, steps=(note, Step(Operator.ACHIEVE, goal, at), forget)),
+        _plan(at, "-", "!", turn, steps=(forget,)),
+        _plan(at, "-", "", anyone, busy, (take,)),
+    )
+
+
+PATTERNS: Final[dict[str, Pattern]] = {
+    "dg": _declarative,
+    "bdg": _backtracking,
+    "ebdg": _exclusive,
+    "bc": _blind,
+    "smc": _single_minded,
+    "rc": _relativised,
+    "omc": _open_minded,
+    "mg": _maintenance,
+    "sga": _sequenced,
+}
+"""The patterns by name."""

@@ -1,0 +1,344 @@
+"""What each rule of the grammar becomes in the syntax tree, and what a grammar cannot refuse.
+
+The methods are named as the rules and aliases of `grammar.lark`; ``at`` is the offset where the rule begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from agentd.language.parser.build_terms import FORMULAS, KINDS, TermBuilder
+from agentd.language.parser.fact_runs import FactRun
+from agentd.language.parser.nesting_limit import MOST_BLOCKS, BlockDepths
+from agentd.language.syntax_tree.errors import shown
+from agentd.language.syntax_tree.nodes import (
+    Arithmetic,
+    Belief,
+    Body,
+    BodyFormula,
+    BodyTerm,
+    Directive,
+    For,
+    Fork,
+    Formula,
+    Goal,
+    If,
+    InternalAction,
+    Item,
+    ListTerm,
+    Operator,
+    Plan,
+    PlanTerm,
+    Program,
+    Rule,
+    RuleTerm,
+    Step,
+    String,
+    Structure,
+    Term,
+    Trigger,
+    TriggerTerm,
+    Variable,
+    While,
+)
+from agentd.language.syntax_tree.source import Source
+
+
+@dataclass(frozen=True, slots=True)
+class _Context:
+    formula: Formula | None
+    operator: str
+    at: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Subplans:
+    plans: tuple[Plan, ...]
+    at: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Begin:
+    directive: Structure
+    at: int
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    at: int
+
+
+_Detail: TypeAlias = _Context | Body
+_ItemPart: TypeAlias = Item | FactRun | _Subplans | _Begin | _End
+
+
+class Builder(TermBuilder):
+    """Builds the syntax tree of one text.
+
+    ``end_of_text`` is the offset where its last token ends, ``runs`` are the runs of facts for which beliefs stand.
+    """
+
+    def __init__(self, source: Source, end_of_text: int, runs: Mapping[int, FactRun]) -> None:
+        super().__init__(source)
+        self._runs = runs
+        self._end_of_text = end_of_text
+        self._depths = BlockDepths(self.refuse)
+        self._trigger_bodies: dict[int, tuple[TriggerTerm, Body]] = {}
+
+    def program(self, at: int, *parts: _ItemPart) -> Program:
+        open_blocks: list[tuple[_Begin, list[Item]]] = []
+        items: list[Item] = []
+        for part in parts:
+            match part:
+                case _Begin():
+                    if len(open_blocks) == MOST_BLOCKS:
+                        self._depths.refuse(part.at)
+                    open_blocks.append((part, items))
+                    items = []
+                case _End():
+                    if not open_blocks:
+                        self.refuse(part.at, "{ end } without a { begin ... } before it")
+                        continue
+                    begin, outer = open_blocks.pop()
+                    outer.append(Directive(begin.directive, tuple(items), self.position(begin.at)))
+                    items = outer
+                case _Subplans():
+                    self._attach(items, part)
+                case FactRun():
+                    items.extend(part.facts)
+                case _:
+                    items.append(part)
+        for begin, _ in open_blocks:
+            line, _column = self.source.place(begin.at)
+            name = begin.directive.functor
+            message = (
+                f"{{ begin {shown(name)} }} of line {line} is not closed; put {{ end }} after the last of its items"
+            )
+            self.refuse(self._end_of_text, message)
+        return Program(self.source.file, tuple(items))
+
+    def _attach(self, items: list[Item], block: _Subplans) -> None:
+        owner = items[-1] if items else None
+        if isinstance(owner, Plan):
+            items[-1] = whole = replace(owner, subplans=owner.subplans + block.plans)
+            self._depths.note(block.at, whole, block.plans)
+        else:
+            self.refuse(block.at, "plans in { } belong to the plan before them, and there is none here")
+
+    def belief(self, at: int, literal: Structure) -> Belief | FactRun:
+        run = self._runs.get(at)
+        return Belief(literal, self.position(at)) if run is None else run
+
+    def rule(self, at: int, head: Structure, body: Term) -> Rule:
+        return Rule(head, self.condition_of(at, body, "the body of a rule"), self.position(at))
+
+    def goal(self, at: int, operator: str, literal: Structure) -> Goal:
+        return Goal(literal, operator, self.position(at))
+
+    def plan(self, at: int, label: Structure | Variable | None, trigger: Trigger, *details: _Detail) -> Plan:
+        context: Formula | None = None
+        condition: Formula | None = None
+        body = Body()
+        for detail in details:
+            if isinstance(detail, Body):
+                body = detail
+            elif detail.operator == ":":
+                context = None if detail.formula == Structure("true") else detail.formula  # as in Jason, also in terms
+            else:
+                condition = detail.formula
+        return Plan(trigger, context, body, label, condition, (), self.position(at))
+
+    def context(self, at: int, term: Term) -> _Context:
+        return _Context(self.condition_of(at, term, "the context of a plan"), ":", at)
+
+    def condition(self, at: int, term: Term) -> _Context:
+        return _Context(self.condition_of(at, term, "the goal condition of a plan"), "<:", at)
+
+    def arrow(self, at: int, body: Body) -> Body:
+        return body
+
+    def label(self, at: int, label: Structure | ListTerm) -> Structure:
+        if isinstance(label, ListTerm):
+            return Structure("", (), label, position=self.position(at))
+        return label
+
+    def any_label(self, at: int, label: Variable) -> Variable:
+        return label
+
+    def goal_trigger(self, at: int, operator: str, goal: str, literal: Structure | Variable) -> Trigger:
+        return Trigger(operator, goal, literal, self.position(at))
+
+    def belief_trigger(self, at: int, operator: str, literal: Structure | Variable) -> Trigger:
+        if operator == "^":
+            self.refuse(at, "^ is for events of goals: ^!g or ^?g, often with [state(S)]")
+        return Trigger(operator, "", literal, self.position(at))
+
+    def subplans(self, at: int, *parts: Plan | _Subplans) -> _Subplans:
+        plans: list[Item] = []
+        for part in parts:
+            if isinstance(part, _Subplans):
+                self._attach(plans, part)
+            else:
+                plans.append(part)
+        return _Subplans(tuple(plan for plan in plans if isinstance(plan, Plan)), at)
+
+    def directive(self, at: int, call: Structure) -> Directive | _End:
+        if call.functor == "end" and not call.args:
+            return _End(at)
+        if call.functor == "register_function" and call.args and isinstance(call.args[0], String):
+            self.functions.add(call.args[0].value)
+        elif call.functor == "include":
+            self.includes = True
+        return Directive(call, None, self.position(at))
+
+    def begin(self, at: int, word: str, call: Structure) -> _Begin:
+        if word != "begin":
+            if word == "end":
+                self.refuse(at, "the end of a block is written { end }")
+            else:
+                self.refuse(
+                    at, f"a directive is written {{ {shown(word)}(...) }} or {{ begin {shown(call.functor)}(...) }}"
+                )
+        return _Begin(call, at)
+
+    def call(self, at: int, name: str, arguments: tuple[Term, ...] | None) -> Structure:
+        return Structure(name, arguments or (), position=self.position(at))
+
+    def body(self, at: int, *formulas: BodyFormula) -> Body:
+        body = Body(formulas, self.position(at))
+        self._depths.body(at, body)
+        return body
+
+    def braced(self, at: int, body: Body | None) -> Body:
+        return body if body is not None else Body((), self.position(at))
+
+    def if_block(self, at: int, condition: Term, body: Body, *rest: tuple[Formula, Body] | Body | None) -> If:
+        otherwise = rest[-1]
+        branches = tuple(branch for branch in rest if isinstance(branch, tuple))
+        first = (self.formula_of(at, condition, "the condition of if"), body)
+        return If((first, *branches), otherwise if isinstance(otherwise, Body) else None, self.position(at))
+
+    def elif_(self, at: int, condition: Term, body: Body) -> tuple[Formula, Body]:
+        return self.formula_of(at, condition, "the condition of elif"), body
+
+    def while_block(self, at: int, condition: Term, body: Body) -> While:
+        return While(self.formula_of(at, condition, "the condition of while"), body, self.position(at))
+
+    def for_block(self, at: int, condition: Term, body: Body) -> For:
+        return For(self.formula_of(at, condition, "the condition of for"), body, self.position(at))
+
+    def fork_or(self, at: int, *branches: BodyFormula) -> Fork:
+        return Fork("|||", tuple(self._branch(at, branch) for branch in branches), self.position(at))
+
+    def fork_and(self, at: int, *branches: BodyFormula) -> Fork:
+        return Fork("|&|", tuple(self._branch(at, branch) for branch in branches), self.position(at))
+
+    def _branch(self, at: int, formula: BodyFormula) -> Body:
+        if isinstance(formula, Step) and formula.operator is Operator.ACTION and isinstance(formula.term, BodyTerm):
+            return formula.term.body
+        body = Body((formula,), formula.position)
+        self._depths.body(at, body)
+        return body
+
+    def group(self, at: int, *formulas: BodyFormula) -> Step:
+        position = self.position(at)
+        return Step(Operator.ACTION, BodyTerm(self.body(at, *formulas), position), position)
+
+    def expression_step(self, at: int, term: Term) -> Step:
+        position = self.position(at)
+        signed = self.signed.get(id(term))
+        if signed is not None:
+            self.bad_signs.pop(id(term), None)
+            return Step(Operator(signed.sign), self._changed(at, signed.operand), position)
+        if isinstance(term, TriggerTerm) and id(term) in self._trigger_bodies:
+            term = BodyTerm(self._trigger_bodies[id(term)][1], term.position)
+        if not isinstance(term, (*FORMULAS, BodyTerm)):
+            if isinstance(term, Arithmetic) and self._refuse_changes_in_a_row(term):
+                return Step(Operator.ACTION, term, position)
+            self.refuse(at, f"{KINDS[type(term)]} is not a formula of a plan body; a value is computed by X = ...")
+        return Step(Operator.ACTION, term, position)
+
+    def _refuse_changes_in_a_row(self, term: Arithmetic) -> bool:
+        """Refuse ``+a +b``, read as a sum: between changes of beliefs stands a semicolon."""
+        while len(term.operands) == 2:
+            left, right = term.operands
+            if not isinstance(left, Arithmetic):
+                break
+            if id(left) in self.bad_signs:
+                self.bad_signs.pop(id(left))
+                self.refuse(right.position, f"a ; is missing before {term.operator}; {KINDS[type(right)]} follows it")
+                return True
+            term = left
+        return False
+
+    def operator_step(self, at: int, operator: str, term: Term) -> Step:
+        kind = Operator(operator)
+        if kind in (Operator.ADD_FIRST, Operator.ADD_LAST):
+            term = self._changed(at, term)
+        elif kind is Operator.TEST:
+            if isinstance(term, InternalAction):
+                self._refuse_operator(at, operator, term)
+            else:
+                term = self.formula_of(at, term, "what follows ?")
+        return Step(kind, term, self.position(at))
+
+    def _refuse_operator(self, at: int, operator: str, action: InternalAction) -> None:
+        message = f"{operator} cannot be applied to an internal action; write {shown(action.name)} without {operator}"
+        self.refuse(at, message)
+
+    def _changed(self, at: int, term: Term) -> Term:
+        """What + and - add and delete: a belief, or a plan or rule in braces."""
+        if isinstance(term, TriggerTerm):
+            return PlanTerm(Plan(term.trigger, position=term.position), term.position)
+        if isinstance(term, InternalAction):
+            message = (
+                f"an internal action is no belief: {shown(term.name)} takes no + or -; is a ';' missing before it?"
+            )
+            self.refuse(at, message)
+        elif not isinstance(term, Structure | Variable | PlanTerm | RuleTerm):
+            self.refuse(at, f"{KINDS[type(term)]} is no belief; + and - change beliefs, or plans and rules in {{ }}")
+        return term
+
+    def body_term(self, at: int, body: Body | None) -> BodyTerm | TriggerTerm:
+        position = self.position(at)
+        if body is not None and len(body.formulas) == 1:
+            step = body.formulas[0]
+            if (
+                isinstance(step, Step)
+                and step.operator in (Operator.ADD, Operator.DELETE)
+                and isinstance(step.term, Structure | Variable)
+            ):
+                trigger = TriggerTerm(Trigger(step.operator.value, "", step.term, step.position), position)
+                self._trigger_bodies[id(trigger)] = (trigger, body)
+                return trigger
+        return BodyTerm(body if body is not None else Body((), position), position)
+
+    def trigger_term(self, at: int, trigger: Trigger) -> TriggerTerm:
+        return TriggerTerm(trigger, self.position(at))
+
+    def plan_term(self, at: int, *parts: Structure | Variable | Trigger | _Detail) -> PlanTerm:
+        first = parts[0]
+        label = None
+        if isinstance(first, Structure | Variable):
+            label, parts = first, parts[1:]
+        trigger = parts[0]
+        assert isinstance(trigger, Trigger)
+        details = [part for part in parts if isinstance(part, _Context | Body)]
+        return PlanTerm(self.plan(at, label, trigger, *details), self.position(at))
+
+    def rule_term(self, at: int, head: Structure, body: Term) -> RuleTerm:
+        return RuleTerm(self.rule(at, head, body), self.position(at))
+
+    def lone_expression(self, at: int, term: Term) -> Term:
+        return term
+
+    def lone_literal(self, at: int, literal: Structure) -> Structure:
+        return literal
+
+    def lone_plan(self, at: int, plan: Plan) -> Plan:
+        return plan
+
+    def lone_trigger(self, at: int, trigger: Trigger) -> Trigger:
+        return trigger

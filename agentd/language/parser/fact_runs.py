@@ -1,0 +1,200 @@
+"""Runs of ground facts in a large program: recognised by one regular expression each, read when they are needed.
+
+A program of data is thousands of lines such as ``pos(17, 3.5, "text", [a,b]).`` The parser takes 80 µs for each and a
+mind 50 µs; recognising one takes 4 µs, and its run-time term is read from the text. Whoever asks a fact for its syntax
+gets what the parser makes of it, together with the rest of its run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Final
+
+from agentd.language.parser.build_terms import string_value
+from agentd.language.parser.parse_tables import Tables, load
+from agentd.language.syntax_tree.nodes import Belief, Item
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.syntax_tree.source import Source
+from agentd.language.terms.order import sorted_annots
+from agentd.language.terms.terms import EMPTY, Literal, atom, make_list
+
+LONGEST_RUN: Final = 1000
+"""Facts of a run at most: so many are parsed together when the syntax of one is asked for."""
+DEEPEST: Final = 3
+"""Brackets inside the brackets of a fact that is recognised; the parser reads those with more."""
+
+
+class GroundFact(Belief):
+    """A belief that is ground and computes nothing. Its syntax is parsed on the first use of it."""
+
+    __slots__ = ("_end", "_run", "_start")
+
+    _run: FactRun
+    _start: int
+    _end: int
+
+    def __new__(cls, literal: Any, position: Any) -> Any:
+        """A changed copy (`dataclasses.replace`) is a belief as any other."""
+        return Belief(literal, position)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("literal", "position"):
+            raise AttributeError(name)
+        self._run.parse()
+        return getattr(self, name)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Belief) and self.literal == other.literal
+
+    def __hash__(self) -> int:
+        return hash((self.literal,))
+
+    def __repr__(self) -> str:
+        """The tokens of the fact: the same for the same fact, and found without parsing it."""
+        return f"GroundFact({' '.join(self._tokens())})"
+
+    def _tokens(self) -> list[str]:
+        found: list[str] = _recogniser().token.findall(self._run.source.text, self._start, self._end)
+        return found
+
+    def term(self) -> Literal:
+        """The run-time term, as `agentd.language.terms.from_ast` makes it where no name in it is a function."""
+        outer: list[tuple[list[Any], str]] = []
+        terms: list[Any] = []
+        for token in self._tokens():
+            first = token[0]
+            if first in _NUMERIC:
+                terms.append(float(token))
+            elif first == '"':
+                terms.append(string_value(token))
+            elif first == "[" or token[-1] == "(":
+                outer.append((terms, token))
+                terms = []
+            elif first == "]" or first == ")":
+                made = _compound(outer[-1][1], terms)
+                terms, _ = outer.pop()
+                terms.append(made)
+            else:
+                terms.append(_atom(token))
+        fact: Literal = terms[0]
+        if self._run.source.text[self._start] == "~" or len(terms) > 1:
+            sig = signature(fact.sig.functor, len(fact.args), self._run.source.text[self._start] == "~")
+            annots = sorted_annots(terms[1].items) if len(terms) > 1 else ()
+            fact = Literal(sig, fact.args, annots)
+        fact.ground = True
+        return fact
+
+
+# The slots' own setters: a frozen class is filled by them three times as fast as by `object.__setattr__`.
+_put_run, _put_start, _put_end = (vars(GroundFact)[name].__set__ for name in ("_run", "_start", "_end"))
+_put_literal, _put_position = (vars(Belief)[name].__set__ for name in ("literal", "position"))
+
+_NUMERIC: Final = frozenset("-.0123456789")
+
+
+def _compound(opening: str, terms: list[Any]) -> Any:
+    """A list or structure of ground terms."""
+    if opening == "[":
+        if not terms:
+            return EMPTY
+        made: Any = make_list(terms)
+    else:
+        made = Literal(signature(opening[:-1], len(terms)), tuple(terms))
+    made.ground = True
+    return made
+
+
+_atom = lru_cache(maxsize=4096)(atom)
+
+
+Parse = Callable[[Source, int, int], Sequence[Item]]
+"""Parses the items between two offsets of a source."""
+
+
+def run_finder(source: Source, parse: Parse) -> Callable[[int], FactRun | None]:
+    """What finds the run of facts that begins at an offset; None where no fact is recognised."""
+
+    def find(at: int) -> FactRun | None:
+        run = FactRun(source, at, parse)
+        return run if run.facts else None
+
+    return find
+
+
+class FactRun:
+    """Facts that follow one another in a text, from one offset to another."""
+
+    __slots__ = ("_parse", "end", "facts", "source", "start")
+
+    def __init__(self, source: Source, start: int, parse: Parse) -> None:
+        self.source, self.start, self._parse = source, start, parse
+        self.facts: list[GroundFact] = []
+        match, text, at = _recogniser().fact.match, source.text, start
+        while len(self.facts) < LONGEST_RUN and (found := match(text, at)) is not None:
+            fact = object.__new__(GroundFact)
+            _put_run(fact, self)
+            _put_start(fact, found.start(1))
+            _put_end(fact, found.end(1))
+            self.facts.append(fact)
+            at = found.end()
+        self.end = at
+
+    def parse(self) -> None:
+        """Give all facts their syntax."""
+        for fact, parsed in zip(self.facts, self._parse(self.source, self.start, self.end), strict=True):
+            assert isinstance(parsed, Belief)
+            _put_literal(fact, parsed.literal)
+            _put_position(fact, parsed.position)
+
+
+@dataclass(frozen=True, slots=True)
+class _Recogniser:
+    """``fact`` matches a fact with the blanks and comments before it, the fact itself in group 1.
+
+    ``token`` finds what its term is made of: numbers, strings, atoms, ``name(``, ``[``, ``]`` and ``)``.
+    """
+
+    fact: re.Pattern[str]
+    token: re.Pattern[str]
+
+
+@lru_cache(maxsize=1)
+def _recogniser() -> _Recogniser:
+    """Compiled on the first call: it takes 20 ms."""
+    return _patterns(load())
+
+
+def _patterns(tables: Tables) -> _Recogniser:
+    """The expressions for the terminals of a grammar.
+
+    Nothing in them is tried twice (atomic groups, possessive repeats): the time is in proportion to the text's length.
+    """
+    terminal = {name: f"(?>{_plain(pattern)})" for name, pattern in tables.patterns.items()}
+    ends = "(?![a-zA-Z0-9_])"
+    name, quoted, blank = terminal["NAME"], terminal["QUOTED"], f"{terminal['BLANK']}?+"
+    number, string = f"-?+{terminal['NUMBER']}", terminal["STRING"]
+    operators = "|".join(word for word in tables.keywords if word not in ("true", "false"))
+    word = f"(?:{quoted}|(?!(?:{operators}){ends}){name})"
+    head = f"(?:{quoted}|(?!(?:{'|'.join(tables.keywords)}){ends}){name})"
+
+    def several(depth: int) -> str:
+        """One or more terms between brackets: after each there is a comma and another term, or the closing bracket."""
+        one = f"{number}|{string}|{word}"
+        if depth:
+            inner = several(depth - 1)
+            one = rf"{number}|{string}|{head}\({inner}\)|{word}|\[{blank}(?:{inner})?+\]"
+        return rf"{blank}(?:(?>{one}){blank}(?:,{blank}(?![\])])|(?=[\])])))++"
+
+    skipped = f"(?>{terminal['BLANK']}|{terminal['COMMENT']})*+"
+    annotations = rf"\[{blank}(?:{several(1)})?+\]"
+    fact = rf"{skipped}(~?+{head}(?:\({several(DEEPEST)}\))?+(?:{annotations})?+){blank}\.{ends}"
+    token = rf"(?:{name}|{quoted})\(?+|{number}|{string}|[\])[]"
+    return _Recogniser(re.compile(fact), re.compile(token))
+
+
+def _plain(pattern: str) -> str:
+    """A pattern whose groups capture nothing."""
+    return re.sub(r"(?<!\\)\((?!\?)", "(?:", pattern)

@@ -1,0 +1,239 @@
+"""Text to tokens, by the terminals of the grammar.
+
+The lexer also applies deviation D1 of the dialect: where a formula of a plan body begins on a new line and can only
+begin there, and the `;` before it is missing, it puts one there and reports a warning.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from agentd.language.parser.fact_runs import FactRun
+from agentd.language.parser.parse_tables import Tables
+from agentd.language.syntax_tree.errors import Problem
+from agentd.language.syntax_tree.source import Source
+from schemas.files.findings import Finding
+
+BROKEN = "BROKEN"
+"""The type of what is no token; its problem is reported already."""
+
+END_OF_TEXT = "$END"
+
+
+class Broken(NamedTuple):
+    """A problem, where reading goes on behind it, and the type of token that it is read as: ``""`` for none at all."""
+
+    problem: Problem
+    end: int
+    kind: str = BROKEN
+
+
+@dataclass(slots=True)
+class Tokens:
+    """Parallel lists, the last token is ``$END`` at the end of the last real one.
+
+    ``runs`` holds the runs of facts that were recognised, by their offsets; two tokens, of a belief, stand for each.
+    """
+
+    types: list[str] = field(default_factory=list)
+    texts: list[str] = field(default_factory=list)
+    starts: list[int] = field(default_factory=list)
+    first_in_line: set[int] = field(default_factory=set)
+    problems: list[Problem] = field(default_factory=list)
+    warnings: list[Finding] = field(default_factory=list)
+    runs: dict[int, FactRun] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Lexicon:
+    """The terminals of a grammar, ready to match; ``master`` has one group per type, operators in the group OP."""
+
+    master: re.Pattern[str]
+    fixed: dict[str, str]
+    keywords: dict[str, str]
+    ignored: frozenset[str]
+    arrow: str
+    ends_body: str
+    before_formula: frozenset[str]
+    starts_formula: frozenset[str]
+    ends_formula: frozenset[str]
+
+
+def lexicon(tables: Tables) -> Lexicon:
+    operators = "|".join(re.escape(text) for text in sorted(tables.fixed, key=len, reverse=True))
+    groups = [f"(?P<{name}>{pattern})" for name, pattern in tables.patterns.items()]
+    fixed = tables.fixed
+    words = ("NOT", "IF", "WHILE", "FOR", "NAME", "QUOTED", "INTERNAL", "VARIABLE")
+    signs = ("!", "!!", "?", "+<", "+>", "+", "-", "++", "--", "-+")
+    return Lexicon(
+        master=re.compile("|".join([*groups, rf"(?P<{BROKEN}>/\*)|(?P<OP>{operators})"])),
+        fixed=fixed,
+        keywords=tables.keywords,
+        ignored=frozenset(tables.ignored),
+        arrow=fixed["<-"],
+        ends_body="_END",
+        before_formula=frozenset(fixed[text] for text in ("<-", ";", "{", "}", "|&|", "|||")),
+        starts_formula=frozenset([*words, *(fixed[text] for text in signs)]),
+        ends_formula=frozenset([*_OPERANDS, fixed[")"], fixed["]"]]),
+    )
+
+
+_BELIEF_CHANGE = re.compile(r"(\+\+|--|-\+|[+-])\s*[a-zA-Z_~'{:]")
+"""A sign that may change a belief; before a number, a bracket or another sign it is arithmetic."""
+
+_NO_OPERAND = re.compile(r"(\+\+|--|-\+|[+-])\s*(~|[a-z][a-zA-Z0-9_]*(?![a-zA-Z0-9_]|\s*[(:]|\.[a-z]))")
+"""A sign before what is never computed with: a negation, or an atom."""
+
+_OPERANDS = ("NAME", "QUOTED", "INTERNAL", "VARIABLE", "NUMBER", "STRING", "TRUE", "FALSE")
+_CONDITIONAL = frozenset(("IF", "WHILE", "FOR", "ELIF", "ELSE"))
+
+_SIGNS = frozenset(("+", "-", "++", "--", "-+"))
+
+
+def tokenize(
+    source: Source,
+    lexicon: Lexicon,
+    broken: Callable[[Source, int], Broken],
+    start: int = 0,
+    end: int | None = None,
+    find_run: Callable[[int], FactRun | None] | None = None,
+) -> Tokens:
+    """All tokens of a text, or between two offsets of it.
+
+    ``broken`` says what is wrong at an offset where no token begins, and how reading goes on. ``find_run`` is asked
+    for a run of facts wherever an item of a program may begin.
+    """
+    tokens = Tokens()
+    types, texts, starts = tokens.types, tokens.texts, tokens.starts
+    fixed, keywords, ignored = lexicon.fixed, lexicon.keywords, lexicon.ignored
+    text = source.text
+    match = lexicon.master.match
+    at, size = start, len(text) if end is None else end
+    line_end = -1
+    in_body = False
+    at_item = find_run is not None
+    while at < size:
+        if at_item and find_run is not None:
+            run = find_run(at)
+            if run is not None:
+                tokens.runs[at] = run
+                types += ("NAME", lexicon.ends_body)
+                texts += ("facts", ".")
+                starts += (at, run.end)
+                at = run.end
+                continue
+            at_item = False
+        found = match(text, at, size)
+        kind = found.lastgroup or BROKEN if found else BROKEN
+        if found is None or kind == BROKEN:
+            problem, after, kind = broken(source, at)
+            tokens.problems.append(problem)
+            if not kind:
+                at = after
+                continue
+            word = text[at:after]
+        else:
+            after = found.end()
+            if kind in ignored:
+                at = after
+                continue
+            word = text[at:after]
+            if kind == "OP":
+                kind = fixed[word]
+            elif kind == "NAME":
+                kind = keywords.get(word, kind)
+        if at > line_end:
+            line_end = text.find("\n", at)
+            if line_end < 0:
+                line_end = size
+            if in_body and kind in lexicon.starts_formula and _misses_semicolon(text, at, word, types, lexicon):
+                types.append(fixed[";"])
+                texts.append(";")
+                starts.append(at)
+                tokens.warnings.append(_semicolon_warning(source, at))
+            tokens.first_in_line.add(len(types))
+        if kind == lexicon.arrow:
+            in_body = True
+        elif kind == lexicon.ends_body:
+            in_body = False
+            at_item = find_run is not None
+        types.append(kind)
+        texts.append(word)
+        starts.append(at)
+        at = after
+    types.append(END_OF_TEXT)
+    starts.append(starts[-1] + len(texts[-1]) if texts else 0)
+    texts.append("")
+    return tokens
+
+
+def _misses_semicolon(text: str, at: int, word: str, types: list[str], lexicon: Lexicon) -> bool:
+    """Whether a formula ends before a line's first token, and another one can only begin with it (D1).
+
+    Not where a sign may go on with an expression (``X = 1`` and ``-Y`` below it), and, but for an action, not at the
+    margin: a belief or a goal of the program begins there, and a dot is missing.
+    """
+    if types[-1] not in lexicon.ends_formula or (word in _SIGNS and not _BELIEF_CHANGE.match(text, at)):
+        return False
+    first = _first_of_formula(types, lexicon)
+    if first is None or types[first] in _CONDITIONAL:
+        return False
+    literal = _first_of_literal(types, lexicon)
+    if literal == first:
+        return True
+    if at == 0 or text[at - 1] == "\n":
+        return False
+    fixed = lexicon.fixed
+    goal = types[first] in (fixed["!"], fixed["!!"], fixed["+<"], fixed["+>"])
+    return word not in _SIGNS or goal or literal == first + 1 or _NO_OPERAND.match(text, at) is not None
+
+
+def _first_of_formula(types: list[str], lexicon: Lexicon) -> int | None:
+    """The index of the first token of the formula that the last one is in; None within a bracket or a plan's head."""
+    fixed, index = lexicon.fixed, len(types) - 1
+    while index >= 0 and types[index] not in lexicon.before_formula:
+        inside = index
+        for opening, closing in (("[", "]"), ("(", ")")):
+            index = _before_brackets(types, index, fixed[opening], fixed[closing])
+        if index == inside:
+            if types[index] in (fixed["("], fixed["["], fixed[","], fixed[":"], fixed[":-"], fixed["<:"], fixed["@"]):
+                return None
+            index -= 1
+    return index + 1 if 0 <= index < len(types) - 1 else None
+
+
+def _first_of_literal(types: list[str], lexicon: Lexicon) -> int:
+    """The index at which a literal or an internal action begins that the last token ends; -1 if it ends none."""
+    fixed = lexicon.fixed
+    index = _before_brackets(types, len(types) - 1, fixed["["], fixed["]"])
+    index = _before_brackets(types, index, fixed["("], fixed[")"])
+    if index < 0 or types[index] not in ("NAME", "INTERNAL", "QUOTED"):
+        return -1
+    if index >= 2 and types[index - 1] == fixed["::"] and types[index - 2] == "NAME":
+        index -= 2
+    return index - 1 if types[index - 1] == fixed["~"] else index
+
+
+def _before_brackets(types: list[str], index: int, opening: str, closing: str) -> int:
+    """The index before a bracketed part that ends at ``index``; ``index`` itself when there is none."""
+    if index < 0 or types[index] != closing:
+        return index
+    depth = 0
+    while index >= 0:
+        if types[index] == closing:
+            depth += 1
+        elif types[index] == opening:
+            depth -= 1
+            if depth == 0:
+                return index - 1
+        index -= 1
+    return index
+
+
+def _semicolon_warning(source: Source, at: int) -> Finding:
+    line, column = source.place(at)
+    message = f"no ';' before the formula on line {line}: read as if it stood at the end of the formula before it"
+    return Finding(source.file, line, column, message, "warning", "missing-semicolon")

@@ -1,0 +1,75 @@
+"""What the parser refuses, told so that the author of the program can mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from agentd.language.syntax_tree.source import Source
+from schemas.files.findings import Finding
+from schemas.files.terminal import escape_lines
+
+SYNTAX = "syntax"
+"""The kind of these findings."""
+
+_WIDTH = 110
+"""Characters of a source line that are shown."""
+
+
+_LONGEST = 40
+"""Characters of a token that a message shows."""
+
+
+def shown(text: str) -> str:
+    """A token as a message shows it: in one line, and not all of a very long one."""
+    text = text.replace("\n", "\\n")
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Problem:
+    """A finding with the source line that it is about; ``caret`` is the column under which the mark goes (0: none)."""
+
+    finding: Finding
+    excerpt: str
+    caret: int
+
+    def __str__(self) -> str:
+        lines = [str(self.finding)]
+        if self.excerpt:
+            excerpt, caret = self._clipped()
+            lines.append(f"    {excerpt}")
+            if caret:
+                lines.append(" " * (4 + caret - 1) + "^")
+        return escape_lines("\n".join(lines))
+
+    def _clipped(self) -> tuple[str, int]:
+        """The excerpt and caret, of a very long line only what is around the caret."""
+        if len(self.excerpt) <= _WIDTH:
+            return self.excerpt, self.caret
+        begin = max(0, min(self.caret - _WIDTH // 2, len(self.excerpt) - _WIDTH))
+        before, after = "..." * (begin > 0), "..." * (begin + _WIDTH < len(self.excerpt))
+        caret = self.caret - begin + len(before) if self.caret else 0
+        return before + self.excerpt[begin : begin + _WIDTH] + after, caret
+
+
+class SyntaxErrors(ValueError):
+    """Everything that is wrong with a text, in its order; ``str`` shows each with its line and a caret."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(sorted(problems))
+        super().__init__("\n".join(map(str, self.problems)))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        return tuple(problem.finding for problem in self.problems)
+
+
+def problem_at(source: Source, offset: int, message: str) -> Problem:
+    """An error at an offset of a source."""
+    return problem_on(source, *source.place(offset), message)
+
+
+def problem_on(source: Source, line: int, column: int, message: str) -> Problem:
+    """An error at a line and column of a source."""
+    return Problem(Finding(source.file, line, column, message, kind=SYNTAX), source.line(line), column)

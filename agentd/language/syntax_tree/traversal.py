@@ -1,0 +1,90 @@
+"""Walks syntax without recursion: the parts of compound terms, and the variables that occur in a node."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+from agentd.language.syntax_tree import nodes
+
+HIDDEN = "computed "
+"""How the names of variables begin that no program can write."""
+
+
+def is_plain_variable(node: Any) -> bool:
+    """Whether a node is a variable without decorations."""
+    return type(node) is nodes.Variable and node.annotations is None and not node.negated and node.namespace is None
+
+
+def variables(node: Any) -> dict[str, None]:
+    """The names of the variables in a syntax node, in order of occurrence, without anonymous ones. At any depth."""
+    found: dict[str, None] = {}
+    pending = [node]
+    while pending:
+        node = pending.pop()
+        kind = type(node)
+        if kind is tuple:
+            pending.extend(reversed(node))
+            continue
+        if kind is nodes.Variable and not node.anonymous:
+            found[node.name] = None
+        names = _PARTS.get(kind)
+        if names is None:
+            names = _PARTS[kind] = _part_names(kind)
+        for name in names:
+            part = getattr(node, name)
+            if part is not None:
+                pending.append(part)
+    return found
+
+
+_PARTS: dict[type, tuple[str, ...]] = {nodes.Position: ()}
+"""The fields of each class that may hold variables, the last first."""
+
+
+def _part_names(kind: type) -> tuple[str, ...]:
+    if not is_dataclass(kind):
+        return ()
+    return tuple(f.name for f in reversed(fields(kind)) if f.name not in ("position", "operator", "functor", "negated"))
+
+
+def parts(node: Any) -> tuple[Any, ...] | None:
+    """The nodes inside a compound term whose terms it is made of; None for all other nodes."""
+    match node:
+        case nodes.Structure(args=args, annotations=None):
+            return args
+        case nodes.Structure(args=args, annotations=nodes.ListTerm() as annots):
+            return (*args, *annots.items) if annots.tail is None else (*args, *annots.items, annots.tail)
+        case nodes.ListTerm(items=items, tail=tail):
+            return items if tail is None else (*items, tail)
+        case nodes.InternalAction(args=args):
+            return args
+        case nodes.Arithmetic(operands=operands):
+            return operands
+        case nodes.Relation(left=left, right=right) | nodes.And(left=left, right=right):
+            return left, right
+        case nodes.Or(left=left, right=right):
+            return left, right
+        case nodes.Not(operand=operand):
+            return (operand,)
+    return None
+
+
+def with_parts(node: Any, inner: tuple[Any, ...]) -> Any:
+    """The same compound term with other parts, in the order of `parts`."""
+    match node:
+        case nodes.Structure(args=args, annotations=None):
+            return replace(node, args=inner)
+        case nodes.Structure(args=args, annotations=nodes.ListTerm(items=items, tail=tail) as annots):
+            count, end = len(args), len(args) + len(items)
+            annots = replace(annots, items=inner[count:end], tail=None if tail is None else inner[end])
+            return replace(node, args=inner[:count], annotations=annots)
+        case nodes.ListTerm(items=items, tail=tail):
+            return replace(node, items=inner[: len(items)], tail=None if tail is None else inner[-1])
+        case nodes.InternalAction():
+            return replace(node, args=inner)
+        case nodes.Arithmetic():
+            return replace(node, operands=inner)
+        case nodes.Relation() | nodes.And() | nodes.Or():
+            return replace(node, left=inner[0], right=inner[1])
+    return replace(node, operand=inner[0])

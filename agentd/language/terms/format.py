@@ -1,0 +1,315 @@
+"""The text of run-time terms, as ``.print`` shows them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.signatures import DEFAULT
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.numbers import number_text
+from agentd.language.terms.source_annotations import SELF
+from agentd.language.terms.terms import (
+    ARITHMETIC,
+    EMPTY,
+    FIRST_NODES,
+    MOST_NODES,
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Rest,
+    Shown,
+    Var,
+    deref,
+    further,
+    split,
+)
+
+_LONGEST_FLAT: Final = 100
+"""Characters of a string in a term that `flat_text` writes."""
+_EXACT: Final = 2.0**53
+"""Up to here a float that is whole is the number that it shows."""
+_MOST_FLAT: Final = 12
+"""Arguments and annotations of its structures."""
+
+
+def text(term: Any) -> str:
+    """The text of a term; strings keep their quotes (inner quotes are not escaped)."""
+    out: list[str] = []
+    write(term, out)
+    return "".join(out)
+
+
+Shown.text = text
+
+
+def flat_text(term: Any, depth: int = 4) -> str | None:
+    """The text of a term of numbers, strings, atoms and structures of them; None for any other, or a deep or long one.
+
+    What most beliefs and events are, at a fraction of what `text` takes.
+    """
+    kind = type(term)
+    if kind is float:
+        return str(int(term)) if term.is_integer() and -_EXACT < term < _EXACT else number_text(term)
+    if kind is str:
+        return f'"{term}"' if len(term) <= _LONGEST_FLAT else None
+    if kind is not Literal or not depth:
+        return None
+    found: str = term.sig.name
+    if term.args:
+        args = _flat_texts(term.args, depth)
+        if args is None:
+            return None
+        found += f"({args})"
+    annots = term.annots
+    if annots is SELF:
+        found += "[source(self)]"
+    elif annots:
+        written = _flat_texts(annots, depth)
+        if written is None:
+            return None
+        found += f"[{written}]"
+    return found
+
+
+def _flat_texts(terms: tuple[Any, ...], depth: int) -> str | None:
+    if len(terms) > _MOST_FLAT:
+        return None
+    found = []
+    for term in terms:
+        one = flat_text(term, depth - 1)
+        if one is None:
+            return None
+        found.append(one)
+    return ",".join(found)
+
+
+def printed(term: Any) -> str:
+    """The text of an argument of ``.print``: a string loses its quotes, a free variable says that it has no value."""
+    term = deref(term)
+    if type(term) is str:
+        return term
+    if type(term) is Var:
+        return f"{term.name}<no-value>"
+    return text(term)
+
+
+def write(term: Any, out: list[str]) -> None:
+    """Append the text of a term in pieces. No recursion, so any depth can be written; a cyclic term is cut off."""
+    pending: list[Any] = [term]
+    budget, rest = FIRST_NODES, MOST_NODES
+    while pending:
+        budget -= 1
+        if not budget:
+            try:
+                budget, rest = further(rest, pending, "written")
+            except RecursionError:
+                out.append("...")
+                return
+        term = pending.pop()
+        kind = type(term)
+        if kind is _Piece:
+            out.append(term.text)
+        elif kind is float:
+            out.append(number_text(term))
+        elif kind is str:
+            out.append(f'"{term}"')
+        elif kind is Literal:
+            _push_literal(term, pending)
+        elif kind is List:
+            _push_list(term, pending)
+        elif kind is Var:
+            if term.ref is None:
+                out.append(term.name)
+            else:
+                pending.append(term.ref)
+        elif kind is Expression:
+            _push_expression(term, pending)
+        elif kind is Open:
+            _push_open(term, pending)
+        elif kind is Code:
+            try:
+                out.append(code_text(term))
+            except RecursionError:  # code that holds code that holds code ...
+                out.append("{ ... }")
+        elif kind is Collection:
+            _push_collection(term, pending)
+        else:
+            out.append(str(term))
+
+
+class _Piece:
+    __slots__ = ("text",)
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+
+_OPEN, _CLOSE, _COMMA, _BAR = _Piece("("), _Piece(")"), _Piece(","), _Piece("|")
+_LEFT, _RIGHT = _Piece("["), _Piece("]")
+
+
+def _push_all(pending: list[Any], pieces: list[Any]) -> None:
+    pending.extend(reversed(pieces))
+
+
+def _separated(terms: Any, before: _Piece, after: _Piece) -> list[Any]:
+    pieces: list[Any] = [before]
+    for i, term in enumerate(terms):
+        if i:
+            pieces.append(_COMMA)
+        pieces.append(term)
+    pieces.append(after)
+    return pieces
+
+
+def _push_literal(term: Literal, pending: list[Any]) -> None:
+    pieces: list[Any] = [_Piece(term.sig.name)]
+    if term.args:
+        pieces += _separated(term.args, _OPEN, _CLOSE)
+    if term.annots:
+        pieces += _annotations(term.annots)
+    _push_all(pending, pieces)
+
+
+def _annotations(annots: tuple[Any, ...]) -> list[Any]:
+    """``[a,b]``, or ``[a|T]`` where the last one is the tail."""
+    last = annots[-1]
+    if type(last) is not Rest:
+        return _separated(annots, _LEFT, _RIGHT)
+    return [*_separated(annots[:-1], _LEFT, _BAR), last.tail, _RIGHT]
+
+
+def _push_list(term: List, pending: list[Any]) -> None:
+    pieces: list[Any] = [_LEFT]
+    try:
+        items, end = split(term)
+    except RecursionError:
+        pending.append(_Piece("[...]"))
+        return
+    for place, item in enumerate(items):
+        if place:
+            pieces.append(_COMMA)
+        pieces.append(item)
+    if end is not EMPTY:
+        pieces += [_BAR, end]
+    pieces.append(_RIGHT)
+    _push_all(pending, pieces)
+
+
+def _push_expression(term: Expression, pending: list[Any]) -> None:
+    operator = term.operator
+    if operator == "not":
+        _push_all(pending, [_Piece("not ("), term.operands[0], _CLOSE])
+    elif len(term.operands) == 1:
+        _push_all(pending, [_Piece(f"({operator}"), term.operands[0], _CLOSE])
+    else:
+        tight = operator in ARITHMETIC and not operator.isalpha()
+        written = operator if tight else f" {operator} "
+        _push_all(pending, [_OPEN, term.operands[0], _Piece(written), term.operands[1], _CLOSE])
+
+
+def _push_open(term: Open, pending: list[Any]) -> None:
+    pieces: list[Any] = []
+    if term.namespace is not None:
+        pieces += [term.namespace if type(term.namespace) is Var else _Piece(term.namespace), _Piece("::")]
+    if term.negated:
+        pieces.insert(0, _Piece("~"))
+    pieces.append(term.variable if term.literal is None else term.literal)
+    if term.annots:
+        pieces += _annotations(term.annots)
+    _push_all(pending, pieces)
+
+
+def _push_collection(term: Collection, pending: list[Any]) -> None:
+    if term.kind == "map":
+        pieces: list[Any] = [_Piece("{")]
+        for i, (key, value) in enumerate(term.content.items()):
+            pieces += [*([_COMMA] if i else []), key, _Piece("="), value]
+        _push_all(pending, [*pieces, _Piece("}")])
+    elif term.kind == "set":
+        _push_all(pending, _separated(term.content, _Piece("{"), _Piece("}")))
+    else:
+        _push_all(pending, _separated(term.content, _LEFT, _RIGHT))
+
+
+def code_text(code: Code) -> str:
+    """A plan, trigger, body or rule, with the values that its variables had when it became a term."""
+    inner = _Source(code.values).of(code.syntax)
+    if code.bare:
+        return inner
+    return "{ }" if not inner else f"{{ {inner} }}"
+
+
+class _Source:
+    """Writes syntax with the values of some variables put in."""
+
+    def __init__(self, values: dict[str, Any]) -> None:
+        self._values = values
+
+    def of(self, node: Any) -> str:
+        match node:
+            case nodes.Plan():
+                return self.plan(node)
+            case nodes.Trigger():
+                return self.trigger(node)
+            case nodes.Rule(head=head, body=body):
+                return f"{self.term(head)} :- {self.term(body)}"
+            case nodes.Body():
+                return self.body(node)
+        raise TypeError(node)
+
+    def term(self, node: nodes.Term) -> str:
+        return text(instantiate(node, self._values))
+
+    def trigger(self, node: nodes.Trigger) -> str:
+        return f"{node.operator}{node.goal}{self.term(node.literal)}"
+
+    def plan(self, node: nodes.Plan) -> str:
+        parts = [f"@{self.term(node.label)} "] if node.label is not None else []
+        parts.append(self.trigger(node.trigger))
+        if node.context is not None:
+            parts.append(f" : {self.term(node.context)}")
+        if node.goal_condition is not None:
+            parts.append(f" <: {self.term(node.goal_condition)}")
+        if node.body.formulas:
+            parts.append(f" <- {self.body(node.body)}")
+        if node.subplans:
+            parts.append(" { " + ". ".join(self.plan(p) for p in node.subplans) + ". }")
+        return "".join(parts)
+
+    def body(self, node: nodes.Body) -> str:
+        return "; ".join(self.formula(f) for f in node.formulas)
+
+    def block(self, node: nodes.Body) -> str:
+        inner = self.body(node)
+        return f"{{ {inner} }}" if inner else "{ }"
+
+    def formula(self, node: nodes.BodyFormula) -> str:
+        match node:
+            case nodes.Step(operator=operator, term=term):
+                return f"{operator.value}{self.term(term)}"
+            case nodes.If(branches=branches, otherwise=otherwise):
+                words = [
+                    f"{'elif' if i else 'if'} ({self.term(condition)}) {self.block(body)}"
+                    for i, (condition, body) in enumerate(branches)
+                ]
+                if otherwise is not None:
+                    words.append(f"else {self.block(otherwise)}")
+                return " ".join(words)
+            case nodes.While(condition=condition, body=body):
+                return f"while ({self.term(condition)}) {self.block(body)}"
+            case nodes.For(condition=condition, body=body):
+                return f"for ({self.term(condition)}) {self.block(body)}"
+            case nodes.Fork(operator=operator, branches=bodies):
+                return f" {operator} ".join(
+                    f"({self.body(b)})" if len(b.formulas) > 1 else self.body(b) for b in bodies
+                )
+
+
+def qualified(functor: str, namespace: str) -> str:
+    """``ns::functor``, or the functor alone in the default namespace."""
+    return functor if namespace == DEFAULT else f"{namespace}::{functor}"

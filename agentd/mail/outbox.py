@@ -1,0 +1,319 @@
+"""An agent's outgoing mail: numbered per receiver, held until it is on disk, then handed to commd in batches, in order.
+
+Nothing here touches the disk. What is new since the last save (`unsaved`) and what commd has taken (`gone`) goes into
+the agent's next checkpoint; `saved` says that it is on disk, and only then a message leaves.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any, Final, NamedTuple, cast
+from weakref import WeakKeyDictionary
+
+import msgspec
+
+from commd.bus.bus import Bus, boot_id
+from commd.bus.errors import BusError
+from commd.common.tasks import wait_at_most
+from commd.mail.message import LARGEST, adds_up
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord, Wire, codec
+from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
+from schemas.wire.terms import Term
+
+log = logging.getLogger("mail")
+
+MOST_FOR_ONE = 10_000
+"""Messages of an agent that may wait for one receiver here, before commd has taken them; to send more fails."""
+MOST_BYTES = 64 * 2**20
+"""Bytes of all messages of an agent that may wait here."""
+BATCH = 500
+"""Messages in one query to commd."""
+BATCH_BYTES = 2**20
+"""Bytes of them after which a batch is closed."""
+RETRY_FIRST, RETRY_MOST = 0.1, 2.0
+"""Wall seconds between two attempts to hand over mail, doubling."""
+ANSWER_TIMEOUT = 8.0
+"""Wall seconds that commd has to put a batch on its disk."""
+AT_ONCE: Final = 48
+"""Batches of all agents of a process that are on their way to commd at the same time; the others wait for their turn.
+commd serves 256 queries at a time and turns further ones away: were a thousand agents to ask at once, they would spend
+their time asking again."""
+
+
+class Unsendable(ValueError):
+    """A message that is not sent: ``error`` is the name that the plan's handler sees, the text says why."""
+
+    def __init__(self, error: str, why: str) -> None:
+        super().__init__(why)
+        self.error = error
+
+
+class Waiting(NamedTuple):
+    """A message that waits for commd."""
+
+    place: int
+    """Its place among all messages of the agent, by which the checkpoint knows it."""
+    message: Message
+    size: int
+    """Bytes."""
+
+
+class Outbox:
+    """What one agent has sent and commd has not taken yet."""
+
+    def __init__(self, bus: Bus, agent: str, on_refused: Callable[[Message, Refusal], None]) -> None:
+        """`on_refused` hears of each message that commd refuses for good, and why."""
+        self.numbering = boot_id() + boot_id()
+        """Each life has another one: a checkpoint that has gone back in time (a power cut, a backup) would give numbers
+        again that boards know, and what bore them would pass for repeated."""
+        self.numbers: Counter[str] = Counter()
+        """The number of the last message to each receiver."""
+        self.counters: Counter[str] = Counter()
+        self.unsaved: list[Waiting] = []
+        """What was sent since the last save began."""
+        self.gone: list[int] = []
+        """The places of what commd has taken since the last save began."""
+        self._bus, self._agent, self._on_refused = bus, agent, on_refused
+        self._room: Counter[str] = Counter()
+        """Messages that wait, by receiver, on disk or not."""
+        self._bytes = self._place = 0
+        self._ready: OrderedDict[str, deque[Waiting]] = OrderedDict()
+        """What is on disk and may leave, by receiver; whose turn it is first."""
+        self._not_before: dict[str, float] = {}
+        """Until when a receiver is left alone for which commd has no room."""
+        self._pauses: dict[str, float] = {}
+        self._empty = asyncio.Event()
+        self._empty.set()
+        self._news = asyncio.Event()
+        self._again = asyncio.Event()
+        self._turn = _turns.setdefault(bus, asyncio.Semaphore(AT_ONCE))
+        self._task = asyncio.get_running_loop().create_task(self._hand_out())
+
+    def __len__(self) -> int:
+        return sum(self._room.values())
+
+    # --- in ---
+
+    def post(self, receivers: Sequence[str], performative: str, content: Term, identity: str, answers: str) -> None:
+        """Take one message for each receiver, all or none. Raises Unsendable."""
+        encoded, size = self._encode(performative, content, identity, answers)
+        for receiver in receivers:
+            if self._room[receiver] >= MOST_FOR_ONE:
+                raise Unsendable("mailbox_full", f"{MOST_FOR_ONE} messages to '{receiver}' wait to leave already")
+        if self._bytes + size * len(receivers) > MOST_BYTES:
+            waiting = f"{len(self)} messages of {self._bytes / 2**20:.0f} MB wait to leave already"
+            raise Unsendable("mailbox_full", f"{waiting}, at most {MOST_BYTES / 2**20:.0f} MB may")
+        stamp = self._bus.header("mail", self._agent).stamp
+        for receiver in receivers:
+            self.numbers[receiver] += 1
+            message = Message(
+                header=Header(seq=self.numbers[receiver], stamp=stamp, source=self._agent, boot=self.numbering),
+                id=identity,
+                sender=self._agent,
+                performative=performative,
+                receiver=receiver,
+                content=encoded,
+                in_reply_to=answers,
+            )
+            self._room[receiver] += 1
+            self._bytes += size
+            self._place += 1
+            self.unsaved.append(Waiting(self._place, message, size))
+
+    def _encode(self, performative: str, content: Term, identity: str, answers: str) -> tuple[Term, int]:
+        """Encode a content once for all its receivers; return it with the bytes of its message. Raises Unsendable."""
+        sample = Message(
+            header=Header(seq=2**53, stamp=2**62, source=self._agent, boot=self.numbering),
+            id=identity,
+            sender=self._agent,
+            performative=performative,
+            receiver="",
+            content=content,
+            in_reply_to=answers,
+        )
+        try:
+            size = len(codec(Message).encode(sample, self._bus.wire))
+        except BadRecord as bad:
+            raise Unsendable("not_sendable", str(bad)) from None
+        if size > LARGEST:
+            raise Unsendable("message_too_large", f"{size} bytes, expected at most {LARGEST} (1 MB)")
+        return cast(Term, encoded(content, self._bus.wire)), size
+
+    def restore(self, messages: Sequence[Waiting]) -> None:
+        """Go on with what a former life of this agent had not handed over, under the numbers that it has."""
+        for one in messages:
+            self._room[one.message.receiver] += 1
+            self._bytes += one.size
+            self._place = max(self._place, one.place)
+        self.saved(messages)
+
+    def take_unsaved(self) -> list[Waiting]:
+        """Return what a save that begins now has to hold; `saved` is to be called when it does."""
+        found, self.unsaved = self.unsaved, []
+        return found
+
+    def take_gone(self) -> list[int]:
+        """Return what commd has taken since the last call: it need not be kept any more."""
+        found, self.gone = self.gone, []
+        return found
+
+    def saved(self, messages: Sequence[Waiting]) -> None:
+        """These messages are on disk and may leave."""
+        for one in messages:
+            self._ready.setdefault(one.message.receiver, deque()).append(one)
+        if messages:
+            self._empty.clear()
+            self._news.set()
+
+    # --- out ---
+
+    def hurry(self) -> None:
+        """Try again at once what had to wait: commd or the router has come back."""
+        self._not_before.clear()
+        self._pauses.clear()
+        self._again.set()
+        self._news.set()
+
+    async def drain(self, patience: float) -> None:
+        """Wait until what is on disk has been handed over, at most `patience` wall seconds; then hand over no more."""
+        try:
+            await asyncio.wait_for(self._empty.wait(), patience)
+        except TimeoutError:
+            log.warning("agent=%s mail_left messages=%d: commd has not taken them", self._agent, len(self))
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _hand_out(self) -> None:
+        """One batch at a time, the next one when commd has the last on its disk."""
+        while True:
+            try:
+                await self._hand_out_in_turn()
+            except Exception:  # mail must not wait for ever without a word
+                self.counters["defects"] += 1
+                log.exception("defect in argosy: handing out the mail of agent %s", self._agent)
+                await wait_at_most(self._again, RETRY_MOST)
+
+    async def _hand_out_in_turn(self) -> None:
+        pause = RETRY_FIRST
+        while True:
+            self._news.clear()
+            batch, next_at = self._batch()
+            if not batch:
+                wait = None if next_at is None else max(0.0, next_at - asyncio.get_running_loop().time())
+                await wait_at_most(self._news, wait)
+                continue
+            self._again.clear()
+            async with self._turn:
+                receipt = await self._ask(batch)
+            if isinstance(receipt, Receipt):
+                pause = RETRY_FIRST
+                self._settle(batch, receipt)
+                continue
+            self.counters["not_answered"] += 1
+            level = logging.WARNING if pause == RETRY_FIRST else logging.DEBUG
+            log.log(level, "agent=%s mail_waits messages=%d why=%s", self._agent, len(self), receipt)
+            await wait_at_most(self._again, pause)
+            pause = RETRY_FIRST if self._again.is_set() else min(pause * 2, RETRY_MOST)
+
+    def _batch(self) -> tuple[list[Waiting], float | None]:
+        """Return what is handed over next, and if that is nothing, when to look again."""
+        now = asyncio.get_running_loop().time()
+        batch: list[Waiting] = []
+        size, next_at = 0, None
+        for receiver, waiting in list(self._ready.items()):
+            until = self._not_before.get(receiver, 0.0)
+            if until > now:
+                next_at = until if next_at is None else min(next_at, until)
+                continue
+            for one in waiting:
+                if len(batch) >= BATCH or (batch and size + one.size > BATCH_BYTES):
+                    self._ready.move_to_end(receiver)
+                    return batch, None
+                batch.append(one)
+                size += one.size
+            self._ready.move_to_end(receiver)  # the next batch begins with the others
+        return batch, next_at
+
+    async def _ask(self, batch: list[Waiting]) -> Receipt | str:
+        """Give a batch to commd. Returns its receipt, or why there is none."""
+        mail = Mail(messages=tuple(one.message for one in batch))
+        outbox = keys.outbox(self._bus.fleet, self._agent)
+        try:
+            receipt = await self._bus.ask_one(outbox, mail, Receipt, ANSWER_TIMEOUT)
+        except (BadRecord, BusError) as error:
+            return f"commd: {error}"
+        return receipt if adds_up(receipt, len(batch)) else f"the receipt of {len(batch)} messages does not add up"
+
+    def _settle(self, batch: list[Waiting], receipt: Receipt) -> None:
+        """Forget what commd has taken or refused for good; what it has no room for waits."""
+        now = asyncio.get_running_loop().time()
+        later: dict[str, Refusal] = {}
+        for place, one in enumerate(batch):
+            message, receiver = one.message, one.message.receiver
+            if reason := later.get(receiver) or receipt.later.get(place):
+                later[receiver] = reason
+                continue
+            self._forget(one)
+            if why := receipt.refused.get(place):
+                self.counters["refused"] += 1
+                log.warning("mail_refused id=%s receiver=%s why=%s", message.id, receiver, why)
+                self._on_refused(_readable(message, self._bus.wire), why)
+            else:
+                self.counters["sent"] += 1
+                self._pauses.pop(receiver, None)
+        for receiver, reason in later.items():
+            pause = self._pauses.get(receiver, RETRY_FIRST)
+            if pause == RETRY_FIRST:
+                log.warning("agent=%s mail_waits receiver=%s why=%s", self._agent, receiver, reason)
+            self._not_before[receiver] = now + pause
+            self._pauses[receiver] = min(pause * 2, RETRY_MOST)
+
+    async def ahead(self, numbering: str, numbers: Mapping[str, int]) -> dict[str, int]:
+        """Ask the board how much it has taken of a numbering and later ones, until there is an answer.
+
+        Return, by receiver, by how much that is more than `numbers` say.
+        """
+        outbox, pause = keys.outbox(self._bus.fleet, self._agent), RETRY_FIRST
+        while True:
+            with suppress(BusError, BadRecord):
+                mail = Mail(numberings=(numbering, self.numbering))
+                receipt = await self._bus.ask_one(outbox, mail, Receipt, ANSWER_TIMEOUT)
+                found = receipt.numbers.items()
+                return {one: seq - numbers.get(one, 0) for one, seq in found if seq > numbers.get(one, 0)}
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, RETRY_MOST)
+
+    def _forget(self, one: Waiting) -> None:
+        receiver = one.message.receiver
+        waiting = self._ready[receiver]
+        waiting.popleft()  # a batch holds the first ones of a receiver, in order
+        if not waiting:
+            del self._ready[receiver]
+            if not self._ready:
+                self._empty.set()
+        self._room[receiver] -= 1
+        if not self._room[receiver]:
+            del self._room[receiver]
+        self._bytes -= one.size
+        self.gone.append(one.place)
+
+
+_turns: Final[WeakKeyDictionary[Bus, asyncio.Semaphore]] = WeakKeyDictionary()
+"""Of each session, what the agents on it share."""
+
+
+def encoded(content: Term, wire: Wire) -> msgspec.Raw:
+    """Return a content as it travels, to be put into messages as it is."""
+    encode: Callable[[Any], bytes] = msgspec.json.encode if wire == "json" else msgspec.msgpack.encode
+    return msgspec.Raw(encode(content))
+
+
+def _readable(message: Message, wire: Wire) -> Message:
+    """The message with its content as a term again."""
+    made = codec(Message)
+    return made.decode(made.encode(message, wire), made.encoding(wire))

@@ -1,0 +1,359 @@
+"""The belief base: facts and rules by predicate, in query order, with an index on every argument that is asked by.
+
+Query order is newest first (initial beliefs come in file order because they are added in reverse). A predicate keeps
+one dict whose *last* entry is the first answer: adding, finding and deleting a fact by its arguments cost the same
+however many there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from agentd.language.syntax_tree.signatures import Signature
+from agentd.language.terms.order import sorted_annots
+from agentd.language.terms.source_annotations import is_source
+from agentd.language.terms.terms import Expression, List, Literal, Open, Var, deref
+from agentd.mind.beliefs.term_copy import Copier, detach, is_ground, resolve_all
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.beliefs.work_limit import work
+
+Mode = tuple[bool, ...]
+"""Which arguments of a query are given (True), which are only asked for."""
+
+_SMALL = 8
+"""Up to so many facts a scan is as fast as an index."""
+
+
+class RuleClause:
+    """A rule as the belief base holds it: its syntax and, per `Mode`, a generator of answers made when first used."""
+
+    __slots__ = ("compile", "modes", "syntax", "values")
+
+    def __init__(self, syntax: Any, compile_mode: Callable[[RuleClause, Mode], Any], values: dict[str, Any]) -> None:
+        self.syntax, self.compile, self.values = syntax, compile_mode, values
+        self.modes: dict[Mode, Callable[..., Iterator[tuple[Any, ...]]]] = {}
+        """Called with mind, trail and the arguments; those not given are None."""
+
+    def answers(self, mode: Mode) -> Callable[..., Iterator[tuple[Any, ...]]]:
+        found = self.modes.get(mode)
+        if found is None:
+            found = self.modes[mode] = self.compile(self, mode)
+        return found
+
+
+def _index_key(term: Any) -> Any:
+    """What two ground terms must share to unify; None for what may unify with anything."""
+    kind = type(term)
+    if kind is float or kind is str:
+        return term
+    if kind is Literal:
+        return term.sig
+    if kind is List:
+        return List
+    if kind is Var and term.ref is not None:
+        return _index_key(deref(term))
+    return None if kind is Var or kind is Open or kind is Expression else kind
+
+
+class Predicate:
+    """The facts and rules of one signature."""
+
+    __slots__ = ("_indexes", "entries", "open", "opened", "plain", "rules", "sig")
+
+    def __init__(self, sig: Signature, opened: Callable[[], None]) -> None:
+        self.sig, self.opened = sig, opened
+        self.entries: dict[Any, Any] = {}
+        """Arguments to `Literal`, and each `RuleClause` to itself; the last entry is the first answer."""
+        self.rules = 0
+        self.open = 0
+        """How many facts hold a free variable."""
+        self.plain = True
+        """Whether there are only ground facts: then a query is a loop over argument tuples."""
+        self._indexes: dict[int, tuple[dict[Any, dict[Any, Any]], dict[Any, Any]]] = {}
+
+    def rows(self, position: int, key: Any) -> Any:
+        """The arguments of the facts that may have ``key`` at ``position``. For `plain` predicates only."""
+        entries = self.entries
+        if len(entries) <= _SMALL:
+            return reversed(entries)
+        return reversed(self._bucket(position, key))
+
+    def counted_rows(self, position: int, key: Any, mind: Any) -> Any:
+        """`rows` for a loop within a loop: many of them are counted as work of the mind."""
+        entries = self.entries
+        if len(entries) > _SMALL:
+            entries = self._bucket(position, key)
+            if len(entries) > _SMALL:
+                work(mind, len(entries))
+        return reversed(entries)
+
+    def _bucket(self, position: int, key: Any) -> dict[Any, Any]:
+        """The entries that may match ``key`` at ``position``, in order."""
+        kind = type(key)
+        if kind is not float and kind is not str:
+            key = key.sig if kind is Literal else _index_key(key)
+            if key is None:
+                return self.entries
+        index = self._indexes.get(position)
+        if index is None:
+            index = self._indexes[position] = self._build_index(position)
+        return index[0].get(key, index[1])
+
+    def _build_index(self, position: int) -> tuple[dict[Any, dict[Any, Any]], dict[Any, Any]]:
+        index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]] = ({}, {})
+        for args, entry in self.entries.items():
+            _index_entry(index, position, args, entry)
+        return index
+
+    def solve(self, mode: Mode, args: tuple[Any, ...], mind: Any, trail: Trail) -> Any:
+        """The arguments of each answer to a query, facts and rules in order. Unify them with what was asked.
+
+        ``args`` holds None where ``mode`` is False.
+        """
+        entries = self.entries
+        if len(entries) > 1:
+            for position, given in enumerate(mode):
+                if given:
+                    entries = self._bucket(position, args[position])
+                    break
+        if not entries:
+            return ()
+        if self.plain:
+            return reversed(entries)
+        if len(entries) == 1:
+            for entry in entries.values():
+                if type(entry) is RuleClause:
+                    return (entry.modes.get(mode) or entry.answers(mode))(mind, trail, *args)
+        return self._solve_mixed(entries, mode, args, mind, trail)
+
+    def _solve_mixed(
+        self, entries: dict[Any, Any], mode: Mode, args: tuple[Any, ...], mind: Any, trail: Trail
+    ) -> Iterator[tuple[Any, ...]]:
+        if len(entries) > _SMALL:
+            work(mind, len(entries))
+        for entry in reversed(entries.values()):
+            if type(entry) is RuleClause:
+                yield from (entry.modes.get(mode) or entry.answers(mode))(mind, trail, *args)
+            elif self.open and not entry.ground:
+                copier = Copier(fresh=True, known=mind.open_beliefs.here(trail))
+                yield tuple([copier.copy(a) for a in entry.args])
+            else:
+                yield entry.args
+
+    def literals(self, mode: Mode, args: tuple[Any, ...], mind: Any, trail: Trail) -> Iterator[tuple[Any, Any]]:
+        """As `solve`, with the annotations of each answer. A rule's answer has those written in its head."""
+        entries = self.entries
+        for position, given in enumerate(mode):
+            if given:
+                entries = self._bucket(position, args[position])
+                break
+        work(mind, len(entries))
+        for entry in reversed(entries.values()):
+            if type(entry) is RuleClause:
+                for answer in entry.answers((*mode, True))(mind, trail, *args):
+                    yield answer[:-1], answer[-1]
+            elif self.open and not entry.ground:
+                copy = Copier(fresh=True, known=mind.open_beliefs.here(trail)).copy(entry)
+                yield copy.args, copy.annots
+            else:
+                yield entry.args, entry.annots
+
+    def facts(self) -> Iterator[Literal]:
+        """The facts in query order, as they are now."""
+        return iter([e for e in reversed(self.entries.values()) if type(e) is Literal])
+
+    def add(self, args: tuple[Any, ...], annots: tuple[Any, ...], last: bool = False) -> tuple[Any, ...] | None:
+        """Believe a fact with resolved arguments. Returns the annotations that are new; None if nothing is."""
+        known = self.entries.get(args)
+        if known is not None:
+            return self._merge(args, known, annots)
+        literal = Literal(self.sig, args, annots)
+        for arg in args:
+            kind = type(arg)
+            if kind is float or kind is str or ((kind is Literal or kind is List) and arg.ground):
+                continue
+            if not is_ground(arg):
+                self.open += 1
+                self.plain = False
+                self.opened()
+                args = detach(args)
+                literal = Literal(self.sig, args, annots)
+                break
+        else:
+            literal.ground = True
+        if last or self._indexes:
+            self._insert(args, literal, last)
+        else:
+            self.entries[args] = literal
+        return annots
+
+    def _merge(self, args: tuple[Any, ...], known: Literal, annots: tuple[Any, ...]) -> tuple[Any, ...] | None:
+        if annots is known.annots or all(a in known.annots for a in annots):
+            return None
+        new = tuple(a for a in annots if a not in known.annots)
+        self._replace(args, known.with_annots(sorted_annots(known.annots + new)), known.ground)
+        return new
+
+    def _replace(self, args: tuple[Any, ...], literal: Literal, ground: bool) -> None:
+        literal.ground = ground
+        self.entries[args] = literal
+        for position, (buckets, wild) in self._indexes.items():
+            bucket = buckets.get(_index_key(args[position]))
+            if bucket is None or args in wild:
+                self._indexes.clear()
+                return
+            bucket[args] = literal
+
+    def _insert(self, key: Any, entry: Any, last: bool) -> None:
+        if last:
+            self.entries = {key: entry, **self.entries}
+            self._indexes.clear()
+            return
+        self.entries[key] = entry
+        for position, index in self._indexes.items():
+            _index_entry(index, position, key, entry)
+
+    def add_rule(self, rule: RuleClause, last: bool = False) -> None:
+        self.rules += 1
+        self.plain = False
+        self._insert(rule, rule, last)
+
+    def remove(self, literal: Literal) -> None:
+        """Forget a fact that is in here."""
+        args = literal.args
+        del self.entries[args]
+        if not literal.ground:
+            self.open -= 1
+            self.plain = not self.rules and not self.open
+            self._indexes.clear()
+            return
+        for position, (buckets, _) in self._indexes.items() if self._indexes else ():
+            key = _index_key(args[position])
+            bucket = buckets.get(key)
+            if bucket is not None:
+                bucket.pop(args, None)
+                if not bucket:
+                    del buckets[key]
+
+    def forget_code(self) -> None:
+        """Have the rules compiled anew when they are asked next."""
+        for entry in self.entries.values() if self.rules else ():
+            if type(entry) is RuleClause:
+                entry.modes.clear()
+
+    def remove_rule(self, rule: RuleClause) -> None:
+        del self.entries[rule]
+        self._indexes.clear()
+        self.rules -= 1
+        self.plain = not self.rules and not self.open
+
+    def candidates(self, args: tuple[Any, ...]) -> list[Literal]:
+        """The facts that may unify with these arguments, in query order."""
+        entries = self.entries
+        try:
+            exact = entries.get(args)
+        except RecursionError:
+            exact = None
+        if exact is not None and not self.open:
+            return [exact]
+        for position, arg in enumerate(args):
+            if type(arg) is not Var:
+                entries = self._bucket(position, arg) if len(entries) > _SMALL else entries
+                break
+        return [e for e in reversed(entries.values()) if type(e) is Literal]
+
+    def find(self, args: tuple[Any, ...], annots: tuple[Any, ...], trail: Trail) -> Literal | None:
+        """The fact that ``-b`` with these arguments and annotations removes; its bindings are kept.
+
+        That is the first that unifies. A fact with variables is one only if they are left free, as in Jason: else what
+        it has become is removed, if that is a fact of its own.
+        """
+        if not self.open:
+            exact = self.entries.get(args)
+            if exact is not None and exact.annots == annots:
+                return exact  # type: ignore[no-any-return]
+        pattern = Literal(self.sig, args, annots)
+        for fact in self.candidates(args):
+            mark = len(trail)
+            if fact.ground:
+                if unify(pattern, fact, trail):
+                    return fact
+            else:
+                used = use_open(pattern, fact, trail)
+                if used is not None:
+                    use, free = used
+                    return fact if free else self.entries.get(resolve_all(use.args))
+            undo(trail, mark)
+        return None
+
+    def take_annots(self, fact: Literal, annots: tuple[Any, ...]) -> None:
+        """Remove annotations from a fact; it goes altogether with its last source."""
+        if fact.annots is annots:
+            self.remove(fact)
+            return
+        left = tuple(a for a in fact.annots if a not in annots)
+        if any(is_source(a) for a in left):
+            self._replace(fact.args, fact.with_annots(left), fact.ground)
+        else:
+            self.remove(fact)
+
+
+def use_open(pattern: Literal, fact: Literal, trail: Trail) -> tuple[Literal, bool] | None:
+    """What a fact with variables has become by unifying with a pattern, and whether its variables are left free."""
+    fresh: dict[Var, Var] = {}
+    use = Copier(fresh=True, known=fresh).copy(fact)
+    if not unify(pattern, use, trail):
+        return None
+    return use, len({cell for v in fresh.values() if type(cell := deref(v)) is Var}) == len(fresh)
+
+
+def _index_entry(index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]], position: int, args: Any, entry: Any) -> None:
+    buckets, wild = index
+    key = None if type(entry) is RuleClause else _index_key(args[position])
+    if key is None:
+        wild[args] = entry
+        for bucket in buckets.values():
+            bucket[args] = entry
+        return
+    found = buckets.get(key)
+    if found is None:
+        found = buckets[key] = dict(wild)
+    found[args] = entry
+
+
+class BeliefBase:
+    """All predicates of a mind."""
+
+    dated = False
+    """Whether it knows since when it believes what."""
+
+    def __init__(self, opened: Callable[[], None] = lambda: None) -> None:
+        """``opened`` is called whenever a belief with a free variable comes in."""
+        self._predicates: dict[Signature, Predicate] = {}
+        self._opened = opened
+
+    def predicate(self, sig: Signature) -> Predicate:
+        """The predicate of a signature; an empty one is made if there is none."""
+        found = self._predicates.get(sig)
+        if found is None:
+            found = self._predicates[sig] = Predicate(sig, self._opened)
+        return found
+
+    def known(self, sig: Signature) -> Predicate | None:
+        return self._predicates.get(sig)
+
+    def predicates(self) -> list[Predicate]:
+        return list(self._predicates.values())
+
+    def mark(self, now: float) -> None:
+        """Note that what is new since the last mark has come by now, in mission seconds, if it is `dated`."""
+
+    def since(self, fact: Literal) -> tuple[float | None, bool]:
+        """Since when a fact is believed, in mission seconds; None if nobody knows. And whether that will stay so."""
+        return None, True
+
+    def facts(self) -> Iterator[Literal]:
+        """Every fact, predicate by predicate in the order in which they were first mentioned."""
+        for predicate in self.predicates():
+            yield from predicate.facts()

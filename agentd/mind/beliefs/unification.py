@@ -1,0 +1,253 @@
+"""Unification, with or without decorations and annotations.
+
+Bindings are written into `Var` cells and noted on a *trail*, a list of the cells bound, so that they can be undone.
+Every function that may bind takes the trail as an argument.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.language.syntax_tree.signatures import DEFAULT, signature
+from agentd.language.terms.from_ast import calculate
+from agentd.language.terms.terms import (
+    ARITHMETIC,
+    EMPTY,
+    FIRST_NODES,
+    MOST_NODES,
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Open,
+    Rest,
+    Var,
+    deref,
+    further,
+    make_list,
+)
+
+Trail = list[Var]
+
+
+def undo(trail: Trail, mark: int) -> None:
+    """Free every variable bound since the trail had the length ``mark``."""
+    while len(trail) > mark:
+        trail.pop().ref = None
+
+
+def bound_again(trail: Trail, mark: int, answer: Any) -> Iterator[Any]:
+    """Give an answer; afterwards everything that was bound since ``mark`` is bound again."""
+    bound = [(variable, variable.ref) for variable in trail[mark:]]
+    yield answer
+    del trail[mark:]
+    for variable, term in bound:
+        variable.ref = term
+        trail.append(variable)
+
+
+def value(term: Any) -> Any:
+    """A term with its chain of variables followed and, if it is arithmetic that can be computed now, its result."""
+    term = deref(term)
+    if type(term) is Expression and term.operator in ARITHMETIC:
+        computed = calculate(term.operator, term.operands)
+        return computed if type(computed) is float else term
+    return term
+
+
+def unify(left: Any, right: Any, trail: Trail) -> bool:
+    """Make two terms equal by binding variables. Annotations of the left must be a subset of those of the right.
+
+    False leaves the bindings made so far on the trail, for the caller to `undo`.
+    """
+    pending: list[tuple[Any, Any]] | None = None
+    budget, rest = FIRST_NODES, MOST_NODES
+    while True:
+        left, right = deref(left), deref(right)
+        if left is not right:
+            kind = type(left)
+            if kind is float or kind is str:
+                if left != right and not _unify_other(left, right, trail):
+                    return False
+            elif kind is Literal and type(right) is Literal:
+                if left.sig is not right.sig:
+                    return False
+                if left.annots and not subset(left.annots, right.annots, trail):
+                    return False
+                if left.args:
+                    if pending is None:
+                        pending = []
+                    pending.extend(zip(reversed(left.args), reversed(right.args), strict=True))
+            elif kind is List and type(right) is List:
+                if left is EMPTY or right is EMPTY:
+                    return False
+                if pending is None:
+                    pending = []
+                pending.append((left.rest(), right.rest()))
+                pending.append((left.items[left.at], right.items[right.at]))
+            elif not _unify_other(left, right, trail):
+                return False
+        if not pending:
+            return True
+        budget -= 1
+        if not budget:
+            budget, rest = further(rest, pending, "unified")
+        left, right = pending.pop()
+
+
+def _unify_other(left: Any, right: Any, trail: Trail) -> bool:
+    """The rare pairs: variables, expressions, decorated variables, code."""
+    if type(left) is Open:
+        return _unify_open(left, right, trail, left_side=True)
+    if type(right) is Open:
+        return _unify_open(right, left, trail, left_side=False)
+    if type(left) is Var:
+        return bind(left, right, trail)
+    if type(right) is Var:
+        return bind(right, left, trail)
+    if type(left) is Expression or type(right) is Expression:
+        return _unify_expressions(value(left), value(right), trail)
+    if type(left) is Code and type(right) is Code:
+        from agentd.mind.beliefs.code_unifier import unify_code  # it unifies the parts of code with `unify`
+
+        return unify_code(left, right, trail)
+    if type(left) is Collection or type(left) is float:
+        return bool(left == right)
+    return False
+
+
+def bind(variable: Var, term: Any, trail: Trail) -> bool:
+    """Bind a free variable. A plain variable takes no literal of another namespace."""
+    term = value(term)
+    if term is variable:
+        return True
+    if type(term) is Literal and term.sig.namespace != DEFAULT:
+        return False
+    if type(term) is Var and term.depth > variable.depth:
+        variable, term = term, variable
+    variable.ref = term
+    trail.append(variable)
+    return True
+
+
+def _unify_expressions(left: Any, right: Any, trail: Trail) -> bool:
+    if type(left) is Expression and type(right) is Expression:
+        if left.operator != right.operator or len(left.operands) != len(right.operands):
+            return False
+        return all(unify(a, b, trail) for a, b in zip(left.operands, right.operands, strict=True))
+    if type(left) is Expression or type(right) is Expression:
+        return False
+    return unify(left, right, trail)
+
+
+def _unify_open(pattern: Open, other: Any, trail: Trail, left_side: bool) -> bool:
+    """Unify a decorated variable with a term: take the decorations off and unify what is left."""
+    other = value(other)
+    if type(other) is Var:
+        other.ref = pattern
+        trail.append(other)
+        return True
+    if type(other) is not Literal:
+        if pattern.literal is None and pattern.annots is None and not pattern.negated and pattern.namespace is None:
+            return unify(pattern.variable, other, trail)
+        return False
+    if pattern.literal is not None:
+        if pattern.namespace is not None and not _unify_namespace(pattern.namespace, other.sig.namespace, trail):
+            return False
+        bare = _renamed(other, pattern.literal.sig.namespace, other.sig.negated)
+        return unify(pattern.literal, bare, trail) if left_side else unify(bare, pattern.literal, trail)
+    if pattern.negated and not other.sig.negated:
+        return False
+    if pattern.namespace is not None:
+        if not _unify_namespace(pattern.namespace, other.sig.namespace, trail):
+            return False
+    elif other.sig.namespace != DEFAULT:
+        return False
+    if pattern.annots is not None and not subset(pattern.annots, other.annots, trail):
+        return False
+    bare = _renamed(other, DEFAULT, other.sig.negated and not pattern.negated)
+    if pattern.annots is not None:
+        bare = bare.bare()
+    return unify(pattern.variable, bare, trail)
+
+
+def _unify_namespace(namespace: Any, actual: str, trail: Trail) -> bool:
+    if isinstance(namespace, str):
+        return namespace == actual
+    return unify(namespace, Literal(signature(actual)), trail)
+
+
+def _renamed(literal: Literal, namespace: str, negated: bool) -> Literal:
+    sig = literal.sig
+    if sig.namespace == namespace and sig.negated == negated:
+        return literal
+    return Literal(signature(sig.functor, sig.arity, negated, namespace), literal.args, literal.annots)
+
+
+def subset(left: tuple[Any, ...], right: tuple[Any, ...], trail: Trail) -> bool:
+    """Whether each annotation on the left unifies with one on the right (the first choice that fits, no backtracking).
+
+    A `Rest` at the end of the left takes what is left over of the right.
+    """
+    for _ in subsets(left, right, trail):
+        return True
+    return False
+
+
+def subsets(left: tuple[Any, ...], right: tuple[Any, ...], trail: Trail) -> Any:
+    """One solution after another of ``left`` being a subset of ``right``; bindings are undone between them."""
+    if not left:
+        yield None
+        return
+    first, others = left[0], left[1:]
+    mark = len(trail)
+    if type(first) is Rest:
+        if unify(first.tail, make_list(right), trail):
+            yield None
+        undo(trail, mark)
+        return
+    keep = bool(others) and type(others[-1]) is Rest
+    for i, candidate in enumerate(right):
+        if unify(first, candidate, trail):
+            yield from subsets(others, right[:i] + right[i + 1 :] if keep else right, trail)
+        undo(trail, mark)
+
+
+def in_default(term: Any) -> bool:
+    """Whether a plain variable takes a term: no literal of another namespace (rule 100)."""
+    term = deref(term)
+    return type(term) is not Literal or term.sig.namespace == DEFAULT
+
+
+def open_structure(term: Any, sig: Any, trail: Trail) -> Any:
+    """The arguments of a term that shall be a structure of this signature; None if it is something else.
+
+    A free variable becomes such a structure, with new variables as arguments.
+    """
+    term = value(term)
+    if type(term) is Literal:
+        return term.args if term.sig is sig else None
+    if type(term) is Var:
+        args = tuple(Var() for _ in range(sig.arity))
+        return args if bind(term, Literal(sig, args), trail) else None
+    return None
+
+
+def open_bare(term: Any, sig: Any, trail: Trail) -> Any:
+    """`open_structure` of a term that shall have no annotations."""
+    term = value(term)
+    return None if type(term) is Literal and term.annots else open_structure(term, sig, trail)
+
+
+def open_list(term: Any, trail: Trail) -> Any:
+    """Head and tail of a term that shall be a non-empty list, else None. A free variable becomes such a list."""
+    term = deref(term)
+    if type(term) is List:
+        return None if term is EMPTY else (term.items[term.at], term.rest())
+    if type(term) is Var:
+        head, tail = Var(), Var()
+        bind(term, List((head,), tail), trail)
+        return head, tail
+    return None

@@ -1,0 +1,55 @@
+"""How a formula fails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from agentd.language.terms.numbers import UndefinedNumber
+
+
+class Failed(Exception):
+    """A formula of a plan failed. The handler ``-!g`` of the goal sees these facts as annotations.
+
+    ``error`` is the name that ``error(E)`` shows, ``message`` the text of ``error_msg(M)``, ``annots`` what the
+    program itself added (``.fail(reason(wind))``).
+    """
+
+    def __init__(self, error: str, message: str = "", annots: tuple[Any, ...] = (), code: Any = None) -> None:
+        super().__init__(message or error)
+        self.error, self.message, self.annots, self.code = error, message, annots, code
+        self.step: Any = None
+        """The `agentd.mind.data.frames.Step` that failed, or that raised the goal that found no plan."""
+        self.goal: Any = None
+        """For a goal that found no plan: the `agentd.mind.plans.plan_library.Relevant` of its event. ``code`` is its
+        literal."""
+        self.tried: Sequence[Any] = ()
+        """For a goal that found no applicable plan: the `agentd.mind.introspection.decision_views.RejectedView` of
+        each."""
+
+
+def as_failed(error: Exception) -> Failed:
+    """The failure of a formula that raised an exception: an internal action may raise anything."""
+    match error:
+        case Failed():
+            return error
+        case UndefinedNumber():
+            return Failed("undefined_number", str(error))
+        case RecursionError():
+            return Failed("recursion_too_deep", "the computation is too deep")
+    return Failed("unknown", f"{type(error).__name__}: {error}")
+
+
+def wrong_arguments(message: str) -> NoReturn:
+    """An internal action got arguments of a wrong number or kind."""
+    raise Failed("wrong_arguments", message)
+
+
+def action_said_no() -> NoReturn:
+    """An internal action was a test and did not hold, or found nothing."""
+    raise Failed("ia_failed")
+
+
+def constraint_failed() -> NoReturn:
+    """A relation in a body does not hold."""
+    raise Failed("constraint_failed")

@@ -1,0 +1,139 @@
+"""What goes into a mind, each input at the beginning of a cycle; a recording of them replays to the same decisions.
+
+Nobody changes an input. The classes are not declared frozen because one is made for each message and percept, and a
+frozen one takes seven times as long to make.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from agentd.language.syntax_tree.signatures import Signature, signature
+from agentd.language.terms.terms import Literal
+
+
+@dataclass(slots=True)
+class PerceptReplaced:
+    """A percept now has these values.
+
+    It takes the place of the percepts with the same functor and arity whose arguments at the positions ``key`` agree
+    (``()``: of all of them). What has not changed raises no event.
+    """
+
+    literal: Literal
+    key: tuple[int, ...] = ()
+
+
+@dataclass(slots=True)
+class PerceptAdded:
+    """A percept holds besides those there."""
+
+    literal: Literal
+
+
+@dataclass(slots=True)
+class PerceptRemoved:
+    """The percepts with the functor and arity of ``literal`` whose arguments at ``key`` agree hold no longer."""
+
+    literal: Literal
+    key: tuple[int, ...] = ()
+
+
+PerceptKey: TypeAlias = tuple[Signature, tuple[Any, ...]]
+"""What a percept is known by: annotations take no part in comparisons."""
+
+
+@dataclass(slots=True)
+class PerceptsChanged:
+    """What has become of some percepts: the literal for one that holds now, None for one that holds no longer.
+
+    What is no change for the mind is passed over. All of them are ground, without bound variables inside. Whoever feeds
+    it leaves the dict alone from then on.
+    """
+
+    percepts: dict[PerceptKey, Literal | None]
+
+
+@dataclass(slots=True)
+class Mail:
+    """A message from another agent. ``in_reply_to`` is the id of the question that it answers, or ``""``."""
+
+    sender: str
+    performative: str
+    content: Any
+    msg_id: str = ""
+    in_reply_to: str = ""
+
+
+@dataclass(slots=True)
+class ActionDone:
+    """An external action has ended; ``state`` is its final status, ``reason`` why it failed, in words."""
+
+    id: int
+    ok: bool
+    reason: str = ""
+    state: str = ""
+
+
+@dataclass(slots=True)
+class TeamReply:
+    """The answer to a `TeamRequest`: a term (or what the request is for), or the error that its intention gets."""
+
+    id: int
+    value: Any = None
+    error: str = ""
+    message: str = ""
+
+
+@dataclass(slots=True)
+class GoalAdded:
+    """A goal to achieve, as ``!g`` in the program would have it; source(self) if it names none."""
+
+    literal: Literal
+
+
+@dataclass(slots=True)
+class BeliefAdded:
+    """A belief to add, with its event; source(self) if it names none."""
+
+    literal: Literal
+
+
+@dataclass(slots=True)
+class SignalRaised:
+    """An event without a belief, with source(self) if it names none."""
+
+    literal: Literal
+
+    @staticmethod
+    def named(functor: str, *args: Any) -> SignalRaised:
+        return SignalRaised(Literal(signature(functor, len(args)), args))
+
+
+@dataclass(slots=True)
+class TimeRead:
+    """The clock showed ``seconds`` when the program asked for the time within a cycle (see `Mind` about clocks)."""
+
+    seconds: float
+
+
+@dataclass(slots=True)
+class TooDeep:
+    """An intention had grown too deep when that was looked at, after some cycle, and failed."""
+
+
+Input: TypeAlias = (
+    PerceptReplaced
+    | PerceptAdded
+    | PerceptRemoved
+    | PerceptsChanged
+    | Mail
+    | ActionDone
+    | TeamReply
+    | GoalAdded
+    | BeliefAdded
+    | SignalRaised
+    | TimeRead
+    | TooDeep
+)

@@ -1,0 +1,220 @@
+"""Internal actions and functions by decorator.
+
+An internal action is a Python function ``f(mind, trail, *args)`` of run-time terms:
+
+- a *test* returns whether it holds, after unifying its results with `agentd.mind.beliefs.unification.unify`;
+- with ``backtracks=True`` it is a generator: one ``yield`` is one solution, and it undoes its bindings between them;
+- with ``suspends=True`` it can only be a step of a plan: it returns true when the intention has to wait.
+
+It raises `agentd.mind.data.formula_failure.Failed` with the error that the plan's handler shall see. A function
+(``math.max(1,2)``) is called as ``f(mind, *args)`` and returns its value, or None when it cannot be computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from agentd.language.errors.suggestions import near
+from agentd.language.terms.numbers import UndefinedNumber
+from agentd.mind.beliefs.work_limit import TooMuchWork, work
+from agentd.mind.data.formula_failure import Failed
+
+
+class InternalAction:
+    """A registered internal action."""
+
+    __slots__ = ("_guarded", "arities", "backtracks", "counts", "function", "name", "names", "suspends")
+
+    def __init__(
+        self,
+        name: str,
+        arities: range,
+        function: Callable[..., Any],
+        backtracks: bool = False,
+        suspends: bool = False,
+        names: int = 0,
+        counts: bool = False,
+    ) -> None:
+        self.name, self.arities, self.function = name, arities, function
+        self.backtracks, self.suspends = backtracks, suspends
+        self.names = names
+        """So many arguments at the beginning may be atoms or strings alike: an atom in the program comes as a str."""
+        self.counts = counts
+        """It counts its work itself (`agentd.mind.beliefs.work_limit`); of others each solution is a step."""
+        self._guarded: Callable[..., Any] | None = None
+
+    def guarded(self) -> Callable[..., Any]:
+        """For contexts and rules, where an error only makes the condition false, and nothing can wait."""
+        if self._guarded is None and self.suspends:
+            self._guarded = _guard_test(self._refuse_to_wait)
+        elif self._guarded is None:
+            self._guarded = (
+                _guard_generator(self.function, self.counts) if self.backtracks else _guard_test(self.function)
+            )
+        return self._guarded
+
+    def _refuse_to_wait(self, mind: Any, trail: Any, *args: Any) -> bool:
+        mind.warn_once(f"{self.name} may have to wait, so it is false in a condition: use it as a step of a plan")
+        return False
+
+
+def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
+    def guarded(mind: Any, trail: Any, *args: Any) -> bool:
+        try:
+            return bool(function(mind, trail, *args))
+        except TooMuchWork:
+            raise
+        except (Failed, UndefinedNumber):
+            return False
+        except RecursionError:
+            raise
+        except Exception as error:  # an action may raise anything; its error makes the condition false
+            mind.warn_once(_went_wrong(error))
+            return False
+
+    return guarded
+
+
+def _guard_generator(function: Callable[..., Any], counts: bool) -> Callable[..., Iterator[Any]]:
+    def guarded(mind: Any, trail: Any, *args: Any) -> Iterator[Any]:
+        try:
+            if counts:
+                yield from function(mind, trail, *args)
+                return
+            for _ in function(mind, trail, *args):
+                work(mind, 1)
+                yield
+        except TooMuchWork:
+            raise
+        except (Failed, UndefinedNumber):
+            return
+        except RecursionError:
+            raise
+        except Exception as error:  # as above
+            mind.warn_once(_went_wrong(error))
+
+    return guarded
+
+
+def _went_wrong(error: Exception) -> str:
+    return f"an internal action in a condition went wrong: {type(error).__name__}: {error}"
+
+
+ACTIONS: Final[dict[str, list[InternalAction]]] = {}
+"""Internal actions by name; several of one name differ in their arities."""
+
+FUNCTIONS: Final[dict[tuple[str, int], Callable[..., Any]]] = {}
+"""Functions by name and number of arguments."""
+
+_MANY: Final = 1 << 30
+
+
+def missing_action(name: str, arity: int) -> str:
+    """What is told of an internal action that does not exist."""
+    return f"there is no internal action {name}/{arity}{near(name, ACTIONS)}"
+
+
+def internal_action(
+    name: str,
+    arities: int | tuple[int, int | None],
+    *,
+    backtracks: bool = False,
+    suspends: bool = False,
+    names: int = 0,
+    counts: bool = False,
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register an internal action: ``arities`` is one number, or the least and the greatest (None: any number).
+
+    The first ``names`` arguments are names: one that the program writes as an atom comes as a str. With ``counts`` it
+    counts its work itself; of others that backtrack each solution is a step.
+    """
+    if isinstance(arities, int):
+        allowed = range(arities, arities + 1)
+    else:
+        least, most = arities
+        allowed = range(least, _MANY if most is None else most + 1)
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        ACTIONS.setdefault(name, []).append(
+            InternalAction(name, allowed, function, backtracks, suspends, names, counts)
+        )
+        return function
+
+    return register
+
+
+def find_function(name: str, arity: int) -> Callable[..., Any] | None:
+    """The function of this name for so many arguments."""
+    found = FUNCTIONS.get((name, arity))
+    if found is None and "." in name:
+        unusable = _look_further(name)
+        found = FUNCTIONS.get((name, arity)) or unusable
+    return found
+
+
+def function(name: str, *arities: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register a function."""
+
+    def register(compute: Callable[..., Any]) -> Callable[..., Any]:
+        for arity in arities:
+            FUNCTIONS[(name, arity)] = compute
+        return compute
+
+    return register
+
+
+SOURCES: Final[list[Callable[[str], str | None]]] = []
+"""Asked once for each package of which a program uses a name that is not registered (``mylib`` of ``mylib.do``).
+
+A source may register what the package has; it returns why the package cannot be used, if it should have been found.
+"""
+
+ASKED: Final[dict[str, str | None]] = {}
+"""The packages that the sources have been asked for, and why they cannot be used."""
+
+
+class Unusable(RuntimeError):
+    """What provides an internal action or function cannot be used; the text names it and says why."""
+
+
+def _look_further(name: str) -> Callable[..., Any] | None:
+    """Have the sources register the package of a name, once; what to call for a package that cannot be used."""
+    package, dot, _ = name.partition(".")
+    if not dot or not package or package.startswith("'"):
+        return None
+    if package not in ASKED:
+        ASKED[package] = None
+        for source in SOURCES:
+            ASKED[package] = source(package) or ASKED[package]
+    reason = ASKED[package]
+    if reason is None:
+        return None
+
+    def refuse(*args: Any) -> Any:
+        raise Unusable(reason)
+
+    return refuse
+
+
+def find_action(name: str, arity: int) -> InternalAction | None:
+    """The internal action of this name for so many arguments.
+
+    With a number of arguments that it does not take, an action that fails with ``wrong_arguments`` is returned.
+    """
+    found = ACTIONS.get(name)
+    if found is None:
+        unusable = _look_further(name)
+        if unusable is not None:
+            return InternalAction(name, range(arity, arity + 1), unusable, False, False)
+        found = ACTIONS.get(name)
+    if found is None:
+        return None
+    for action in found:
+        if arity in action.arities:
+            return action
+
+    def wrong(mind: Any, trail: Any, *args: Any) -> bool:
+        raise Failed("wrong_arguments", f"{name} does not take {arity} arguments")
+
+    return InternalAction(name, range(arity, arity + 1), wrong)

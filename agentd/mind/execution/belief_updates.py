@@ -1,0 +1,145 @@
+"""What the belief operators of a plan body do, and the events they raise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from agentd.language.syntax_tree import nodes
+from agentd.language.terms.source_annotations import SELF
+from agentd.language.terms.terms import Code, Literal, Open, Var, deref
+from agentd.mind.beliefs.annotations import with_source
+from agentd.mind.beliefs.belief_base import Predicate
+from agentd.mind.beliefs.rules import add_rule, remove_rule, remove_schema
+from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.intention import Intention
+from agentd.mind.execution.waiting import hear
+
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
+
+
+def believe(
+    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, last: bool = False
+) -> bool | None:
+    """``+b``, all of it resolved: true when the intention has to wait for the plan of the event."""
+    new = predicate.add(args, annots, last)
+    if new is None:
+        return None
+    mind.changes += 1
+    if relevant.plans and focus is not None and not mind.listeners:
+        mind.events.append((relevant, args, new, focus))
+        return True
+    return raise_event(mind, focus, relevant, args, new)
+
+
+def raise_event(mind: Mind, focus: Any, relevant: Any, args: Any, annots: Any) -> bool | None:
+    """The event of a belief change, in the focus of an intention or (None) as a new one."""
+    if mind.listeners:
+        hear(mind, relevant, args, annots)
+    if relevant.plans or mind.plans.has_nested:
+        if focus is None:
+            mind.post(relevant, args, annots)
+            return None
+        mind.events.append((relevant, args, annots, focus))
+        return True
+    if focus is not None and mind.events:
+        # No plan, but the event takes its turn in the queue as every other: the intention goes on after it.
+        mind.events.append((relevant, args, annots, focus))
+        return True
+    return None
+
+
+def disbelieve(
+    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, trail: Any
+) -> bool | None:
+    """``-b``: removes the first belief that unifies; its variables stay bound. No match is no failure."""
+    fact = None if predicate.open else predicate.entries.get(args)
+    found = annots
+    if fact is not None and fact.annots is annots:
+        predicate.remove(fact)
+    else:
+        fact = predicate.find(args, annots, trail)
+        if fact is None:
+            if predicate.rules:
+                remove_schema(mind, Literal(predicate.sig, args, annots), trail)
+            return None
+        if annots is not SELF:
+            found = resolve_all(annots)
+        predicate.take_annots(fact, found)
+    mind.changes += 1
+    if relevant.plans and focus is not None and not mind.listeners:
+        mind.events.append((relevant, fact.args, found, focus))
+        return True
+    return raise_event(mind, focus, relevant, fact.args, found)
+
+
+def replace(
+    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, gone: Any, args: Any, annots: Any
+) -> bool | None:
+    """``-+b``, all resolved: takes the annotations written from the first entry that has them, then adds (49, 50).
+
+    They include source(self) unless another source is written. A rule is an entry with source(self), as in Jason, and
+    goes without an event.
+    """
+    for fact in reversed(predicate.entries.values()):
+        if type(fact) is not Literal:
+            if annots is SELF:
+                predicate.remove_rule(fact)
+                mind.changes += 1
+                break
+        elif fact.annots is annots or all(a in fact.annots for a in annots):
+            predicate.take_annots(fact, annots)
+            mind.changes += 1
+            raise_event(mind, None, gone, fact.args, annots)
+            break
+    return believe(mind, focus, predicate, relevant, args, annots)
+
+
+def change_term(mind: Mind, intention: Intention, operator: str, term: Any) -> bool | None:
+    """A belief operator applied to a literal, rule or plan that only the run knows."""
+    term = deref(term)
+    if type(term) is Open:
+        term = closed(term)
+    if type(term) is Var:
+        raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    if type(term) is Code:
+        _change_code(mind, operator, term)
+        return None
+    if type(term) is not Literal:
+        raise Failed("body_var_not_literal", "The term is not a literal.")
+    predicate = mind.beliefs.predicate(term.sig)
+    focus = None if operator in ("++", "--") else intention
+    added, gone = mind.plans.relevant("+", "", term.sig), mind.plans.relevant("-", "", term.sig)
+    annots = with_source(term.annots)
+    if operator in ("-", "--"):
+        return disbelieve(mind, focus, predicate, gone, term.args, annots, intention.trail)
+    args, annots = tuple([resolve(a) for a in detach(term.args)]), resolve_annots(annots)
+    if operator == "-+":
+        return replace(mind, focus, predicate, added, gone, args, annots)
+    return believe(mind, focus, predicate, added, args, annots, operator == "+>")
+
+
+def _change_code(mind: Mind, operator: str, code: Code) -> None:
+    """``+{ rule }``, ``+{ plan }`` and their removal."""
+    values = {name: resolve(v) for name, v in code.values.items() if is_ground(v)}
+    if isinstance(code.syntax, nodes.Rule):
+        if operator.startswith("-") and operator != "-+":
+            remove_rule(mind, code.syntax)
+        else:
+            add_rule(mind, code.syntax, values, last=operator == "+>")
+    elif isinstance(code.syntax, nodes.Plan):
+        if operator in ("-", "--"):
+            if code.syntax.label is not None:
+                _remove_plans(mind, code.syntax.label)
+        else:
+            mind.plans.add(mind.plans.make(code.syntax, values), first=operator != "+>")
+    else:
+        raise Failed("body_var_not_literal", "Only literals, rules and plans can be added.")
+
+
+def _remove_plans(mind: Mind, label: Any) -> None:
+    """Take out the plans with a label, given as syntax."""
+    for plan in list(mind.plans):
+        if plan.label.sig.functor == getattr(label, "functor", None):
+            mind.plans.remove(plan)

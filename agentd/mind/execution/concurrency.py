@@ -1,0 +1,95 @@
+"""``|&|`` and ``|||``: branches of a body that run side by side as intentions of their own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.terms.terms import Var, deref
+from agentd.mind.beliefs.unification import unify
+from agentd.mind.data.effects import Log
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.frames import STEP, VARIABLES, Frame, Step
+from agentd.mind.data.intention import Intention
+from agentd.mind.execution.dropping import drop
+from agentd.mind.execution.waiting import fail_parent, resume_waiting
+
+
+class Fork:
+    """The branches of one fork, and the intention that waits for them."""
+
+    def __init__(self, parent: Intention, frame: Frame, all_needed: bool, failing: Step | None) -> None:
+        self.parent, self.frame, self.all_needed, self.failing = parent, frame, all_needed, failing
+        self.branches: list[Intention] = []
+        self._free = [(place, v) for place, v in enumerate(frame) if place >= VARIABLES and type(deref(v)) is Var]
+        """The variables that are free when the fork begins: each branch has its own, one branch's count (rule 80)."""
+
+    def frame_of_branch(self, first: Step) -> Frame:
+        """A copy of the frame for a branch."""
+        copy = list(self.frame)
+        copy[STEP] = first
+        fresh: dict[Var, Var] = {}
+        for place, variable in self._free:
+            cell = deref(variable)
+            copy[place] = fresh.setdefault(cell, Var(cell.name))
+        return copy
+
+    def ended(self, mind: Any, branch: Intention, frame: Frame) -> None:
+        """A branch has come to its join. The parent goes on with the variables of the one that counted last."""
+        self.branches.remove(branch)
+        if self.all_needed and self.branches:
+            return
+        for other in list(self.branches):
+            drop(mind, other)
+        self.branches.clear()
+        self.frame[VARIABLES:] = frame[VARIABLES:]
+        for place, variable in self._free:
+            unify(variable, frame[place], self.parent.trail)
+            self.frame[place] = variable
+        resume_waiting(mind, self.parent)
+
+    def failed(self, mind: Any, branch: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+        """A branch has failed without a handler of its own: fatal for ``|&|``, tolerated by ``|||``.
+
+        When all branches of ``|||`` have failed the intention ends without asking any handler, as Jason's does (rule
+        82), but not without a word.
+        """
+        if branch in self.branches:
+            self.branches.remove(branch)
+        if not self.all_needed and self.branches:
+            return
+        for other in list(self.branches):
+            drop(mind, other)
+        self.branches.clear()
+        if self.all_needed:
+            fail_parent(mind, self.parent, extra, where, failure)
+            return
+        text = f"{where}: {failure.error}: all branches of ||| have failed; the intention ends, no handler is asked"
+        mind.effects.append(Log("error", text, ends=True))
+        outer = self.parent.branch
+        drop(mind, self.parent)
+        if outer is not None:
+            outer.failed(mind, self.parent, extra, where, failure)
+
+
+def fork(mind: Any, intention: Intention, frame: Frame, operator: str, firsts: tuple[Step, ...]) -> bool:
+    """Start the branches; the intention waits for their join."""
+    if mind.crowded:
+        raise Failed("too_many_intentions", "there are as many events and intentions as there may be")
+    state = Fork(intention, frame, operator == "|&|", firsts[0] if firsts else None)
+    for first in firsts:
+        branch = mind.new_intention()
+        branch.stack.append(state.frame_of_branch(first))
+        branch.branch = state
+        state.branches.append(branch)
+        mind.running.append(branch)
+    mind.await_something(intention, "fork", state)
+    return True
+
+
+def join(mind: Any, intention: Intention, frame: Frame) -> bool:
+    """The last step of each branch."""
+    intention.stack.clear()
+    mind.gone(intention)
+    if intention.branch is not None:
+        intention.branch.ended(mind, intention, frame)
+    return True

@@ -1,0 +1,203 @@
+"""Failure: which plan handles it, and what it is told (rules 83 to 93)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from agentd.language.terms.format import text
+from agentd.language.terms.order import sorted_annots
+from agentd.language.terms.terms import Literal
+from agentd.mind.beliefs.term_copy import detach, resolve_all
+from agentd.mind.beliefs.unification import undo
+from agentd.mind.data.effects import Log
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, Frame, Step
+from agentd.mind.data.intention import Intention
+from agentd.mind.execution import goal_states
+from agentd.mind.execution.performatives import communication_error
+from agentd.mind.introspection.decision_log import MOST_FRAMES
+from agentd.mind.introspection.diagnosis import rejected_plans
+from agentd.mind.introspection.failure_report import failure_report
+from agentd.mind.introspection.failure_text import (
+    as_they_are,
+    brief,
+    code_of,
+    error_annots,
+    goal_text,
+    without_facts,
+    written,
+)
+from agentd.mind.plans.nested_plans import nested_plans
+
+MOST_RETRIES: Final = 100
+"""So often an intention's failure plan that fails itself is tried again before the intention ends."""
+_MOST_GOALS: Final = 5
+"""So many of the goals that end with a failure are named."""
+_MOST_NOTED: Final = 1000
+
+
+def step_failed(mind: Any, intention: Intention, step: Step, frame: Frame, failure: Failed) -> None:
+    """A formula of the intention's innermost plan has failed."""
+    code = failure.code if failure.code is not None else code_of(step, frame)
+    failure.step, failure.code = step, code
+    position = step.syntax.position
+    annots = error_annots(failure, code, position.line, position.file)
+    where = f"{position}: {brief(written(step, code))}"
+    fail(mind, intention, annots, where, failure)
+
+
+def _calling_line(mind: Any, intention: Intention) -> tuple[int, str]:
+    """Line and file of the formula that raised the event which the intention waits for."""
+    step = intention.last
+    if step is None:
+        return 0, ""
+    return step.syntax.position.line, step.syntax.position.file
+
+
+def goal_failed(mind: Any, event: Any) -> None:
+    """A goal event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
+    relevant, args, annots, intention = event
+    literal = Literal(relevant.sig, as_they_are(args), as_they_are(annots))
+    error, kind = ("no_applicable", "applicable") if relevant.plans else ("no_relevant", "relevant")
+    message = f"Found a goal for which there is no {kind} plan: {relevant.text}{text(literal)}"
+    failure = Failed(error, message, code=literal)
+    handled = _handles(mind, relevant.counterpart("-"), intention)
+    if not (handled or (intention is not None and _has_handler(intention))):
+        failure.tried = rejected_plans(mind, event)
+    fail_event(mind, event, failure)
+
+
+def fail_event(mind: Any, event: Any, failure: Failed) -> None:
+    """A goal fails before it has a plan; ``failure.code`` is the goal."""
+    relevant, args, annots, intention = event
+    line, source, where = 0, "", f"{relevant.text}{text(failure.code)}"
+    failure.goal = relevant
+    if intention is not None and intention.stack:
+        line, source = _calling_line(mind, intention)
+        where = f"{source}:{line}: {where}"
+        failure.step = intention.last
+    extra = error_annots(failure, failure.code, line, source)
+    handler = relevant.counterpart("-")
+    if _handles(mind, handler, intention):
+        if mind.plans.has_meta:
+            goal_states.failed(mind, intention, failure, handled=True)
+        facts = sorted_annots(tuple(annots) + extra)
+        if relevant.goal == "?" and intention is not None:
+            mind.events.append((handler, detach(args), resolve_all(facts), None))
+            _end_unanswered(mind, intention, extra, where, failure)
+        else:
+            mind.events.append((handler, args, facts, intention))
+    elif intention is not None:
+        fail(mind, intention, extra, where, failure)
+    else:
+        if mind.plans.has_meta:
+            goal_states.failed(mind, None, failure, handled=False)
+        _note(mind, None, failure, (), None)
+        mind.effects.append(failure_report(mind, failure, (), (), ""))
+
+
+def _handles(mind: Any, handler: Any, intention: Intention | None) -> bool:
+    """Whether there are failure plans for a goal, be it in the plan that called it (the innermost one now)."""
+    if handler.plans or not mind.plans.has_nested:
+        return bool(handler.plans)
+    return any(True for _ in nested_plans(mind, handler, intention))
+
+
+def _note(mind: Any, intention: Intention | None, failure: Failed, frames: Sequence[Frame], handler: Any) -> None:
+    """Remember a failure, in minds that do."""
+    if mind.recorder is not None:
+        mind.recorder.failed(intention, failure, frames, handler)
+
+
+def _end_unanswered(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+    """A test for which no ``+?g`` is applicable: ``-?g`` runs, but he who asked does not go on (rule 61)."""
+    told = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
+    mind.effects.append(Log("error", told, ends=True))
+    intention.stack.clear()
+    mind.gone(intention)
+    if intention.branch is not None:
+        intention.branch.failed(mind, intention, extra, where, failure)
+
+
+def fail(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+    """Look for the handler from the innermost goal down; without one the intention is dropped with a warning."""
+    stack = intention.stack
+    depth = len(stack)
+    frames = stack[: -1 - MOST_FRAMES : -1]
+    if mind.plans.has_meta:
+        goal_states.failed(mind, intention, failure, _has_handler(intention))
+    goals = [] if _has_handler(intention) else [goal_text(frame) for frame in frames[:_MOST_GOALS]]
+    because = ""
+    while stack:
+        top = stack.pop()
+        undo(intention.trail, top[MARK])
+        if top[PLAN].special:
+            mind.left(intention, top)
+        if not stack and intention.branch is not None:
+            break  # the plan around a branch belongs to its parent, which fails in its turn
+        if top[PLAN].on_failure is not None:
+            top[PLAN].on_failure(mind, failure)
+            break
+        relevant = top[RELEVANT]
+        if relevant.operator == "-":
+            if not relevant.goal:
+                because = "the plan of a deletion asks no handler"  # rule 92
+                break
+            if not stack and relevant.plans:
+                if _handled_again(mind, intention, top, extra):
+                    _note(mind, intention, failure, frames[:depth], relevant)
+                    return
+                because = f"its failure plan has failed {MOST_RETRIES} times"
+        elif relevant.operator == "+" and relevant.goal:
+            handler = relevant.counterpart("-")
+            if _handles(mind, handler, intention):
+                annots = sorted_annots((*top[ANNOTS], *extra))
+                mind.events.append((handler, top[ARGS], annots, intention))
+                _note(mind, intention, failure, frames[: depth - len(stack)], handler)
+                return
+            if relevant is mind.plans.kqml:
+                communication_error(mind, failure.error, str(failure))
+                _go_on(mind, intention)
+                return
+    mind.gone(intention)
+    _note(mind, intention, failure, frames, None)
+    if intention.branch is not None:
+        intention.branch.failed(mind, intention, extra, where, failure)
+        return
+    mind.effects.append(failure_report(mind, failure, goals, frames, because))
+
+
+def _go_on(mind: Any, intention: Intention) -> None:
+    """A built-in failure plan has ended: the plans below go on."""
+    from agentd.mind.execution.waiting import resume_waiting  # it fails intentions itself
+
+    resume_waiting(mind, intention)
+
+
+def _has_handler(intention: Intention) -> bool:
+    """Whether a goal of an intention has failure plans: then nobody needs the texts for the log."""
+    return any(
+        f[RELEVANT].operator == "+" and f[RELEVANT].goal and f[RELEVANT].counterpart("-").plans
+        for f in reversed(intention.stack)
+    )
+
+
+def _handled_again(mind: Any, intention: Intention, handler: Frame, extra: tuple[Any, ...]) -> bool:
+    """A failure plan with no goal below it has failed: its event comes again, with what failed now.
+
+    Jason does so for ever; here it ends after `MOST_RETRIES`.
+    """
+    relevant = handler[RELEVANT]
+    tries = mind.failed_handlers.get(intention.id, 0) + 1
+    if tries == 1:
+        mind.warn_once(f"{handler[PLAN].head} at {handler[PLAN].syntax.position} has failed itself; it is tried again")
+    elif tries > MOST_RETRIES:
+        del mind.failed_handlers[intention.id]
+        return False
+    if len(mind.failed_handlers) >= _MOST_NOTED:
+        mind.failed_handlers.clear()
+    mind.failed_handlers[intention.id] = tries
+    annots = sorted_annots((*without_facts(handler[ANNOTS]), *extra))
+    mind.events.append((relevant, handler[ARGS], annots, intention))
+    return True

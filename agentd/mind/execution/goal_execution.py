@@ -1,0 +1,150 @@
+"""Goals, tests, external actions and bodies that a running plan asks for and that generated code leaves to the mind."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentd.language.syntax_tree import nodes
+from agentd.language.terms.format import text
+from agentd.language.terms.terms import Code, Expression, Literal, Open, Var, deref
+from agentd.mind.beliefs.annotations import with_source
+from agentd.mind.beliefs.dynamic_formulas import solve
+from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots
+from agentd.mind.data.code_terms import lone_goal, trigger_literal
+from agentd.mind.data.effects import PerformAction
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.frames import STEP, Frame, Step
+from agentd.mind.data.intention import Intention
+from agentd.mind.execution.belief_updates import change_term
+from agentd.mind.execution.goal_states import pending
+from agentd.mind.plans.nested_plans import nested_plans
+
+
+def literal_of(term: Any) -> Literal:
+    """The literal that a variable in a body holds. Fails as rule 62 says."""
+    term = deref(term)
+    if type(term) is Var:
+        raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    if type(term) is Code and isinstance(term.syntax, nodes.Trigger):
+        return trigger_literal(term)
+    if type(term) is Code and isinstance(term.syntax, nodes.Body) and len(term.syntax.formulas) == 1:
+        goal = lone_goal(term)
+        if goal is not None:
+            return goal
+    if type(term) is Open:
+        term = closed(term)
+    if type(term) is not Literal:
+        raise Failed("body_var_not_literal", f"The term '{text(term)}' is not a literal.")
+    return term
+
+
+def qualify(namespace: Any, literal: Literal) -> Any:
+    """``N::p(1)`` as a term: a literal if N is bound, else an open one."""
+    return closed(Open(Var(), None, False, deref(namespace), literal)) if literal else None
+
+
+def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) -> bool | None:
+    """``!X`` or ``!!X``."""
+    literal = literal_of(term)
+    relevant = mind.plans.relevant("+", "!", literal.sig)
+    annots = with_source(literal.annots)
+    if mind.plans.has_meta:
+        pending(mind, relevant, literal.args, annots)
+    if new_focus:
+        mind.post(relevant, detach(literal.args), resolve_annots(annots))
+        return None
+    mind.events.append((relevant, literal.args, annots, intention))
+    return True
+
+
+def test_event(mind: Any, intention: Intention, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> bool:
+    """``?g`` that the beliefs do not answer: its event if there are plans for it, else a failure."""
+    if not relevant.plans and not (
+        mind.plans.has_nested and any(True for _ in nested_plans(mind, relevant, intention))
+    ):
+        raise Failed("test_goal_failed")
+    if mind.plans.has_meta:
+        pending(mind, relevant, args, annots)
+    mind.events.append((relevant, args, annots, intention))
+    return True
+
+
+def test_term(mind: Any, intention: Intention, term: Any) -> bool | None:
+    """``?X``."""
+    formula = deref(term)
+    if type(formula) is Var:
+        raise Failed("body_var_without_value", f"The variable '{formula.name}' must be ground.")
+    for _ in solve(mind, formula, intention.trail):
+        return None
+    if type(formula) is Open:
+        formula = closed(formula)
+    if type(formula) is Literal:
+        relevant = mind.plans.relevant("+", "?", formula.sig)
+        return test_event(mind, intention, relevant, formula.args, with_source(formula.annots))
+    raise Failed("test_goal_failed")
+
+
+def test_failed(mind: Any, intention: Intention) -> None:
+    """A compound test without a solution raises no event."""
+    raise Failed("test_goal_failed")
+
+
+def perform(mind: Any, intention: Intention, action: Any) -> bool:
+    """An external action: it goes out, and the intention waits for its end."""
+    if type(action) is not Literal:
+        action = literal_of(action)
+    name, args = action.sig.name, action.args
+    if args or action.annots:
+        open_ = not is_ground(action)
+        if open_ and "." in name:
+            raise Failed("action_failed", f"there is no internal action {action.sig.indicator}")
+        if open_ and not mind.names_variables:
+            raise Failed("action_failed", f"the action {text(action)} has a variable without a value")
+        args = detach(args) if open_ else resolve_all(args)
+    if mind.actions is not None and name not in mind.actions:
+        raise Failed("action_failed", f"nobody can perform the action {action.sig.indicator}")
+    mind.action_count += 1
+    number = intention.action = mind.action_count
+    mind.performing[number] = intention
+    mind.effects.append(PerformAction(number, name, args))
+    mind.await_something(intention, f"action {name}")
+    return True
+
+
+def run_term(mind: Any, intention: Intention, frame: Frame, step: Step, term: Any) -> bool | None:
+    """A variable as formula of a body: runs the body, goal, test, belief change or action that it holds."""
+    term = deref(term)
+    if type(term) is Var:
+        raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    if type(term) is Code:
+        return _run_code(mind, intention, frame, term)
+    if type(term) is Expression and term.operator != "not":
+        for _ in solve(mind, term, intention.trail):
+            return None
+        raise Failed("constraint_failed")
+    if type(term) is Expression:
+        raise Failed("action_failed", f"{text(term)} is no action; write ?({text(term)}) to test it")
+    literal = literal_of(term)
+    if "." in literal.sig.functor:
+        for _ in solve(mind, literal, intention.trail):
+            return None
+        raise Failed("ia_failed")
+    return perform(mind, intention, literal)
+
+
+def _run_code(mind: Any, intention: Intention, frame: Frame, code: Code) -> bool | None:
+    body = code.syntax
+    if isinstance(body, nodes.Trigger):
+        literal = literal_of(code)
+        if body.goal == "!":
+            return achieve_term(mind, intention, literal, False)
+        if body.goal == "?":
+            return test_term(mind, intention, literal)
+        return change_term(mind, intention, body.operator, literal)
+    if not isinstance(body, nodes.Body):
+        raise Failed("body_var_not_literal", "Only bodies, goals and actions can be run.")
+    plan = frame[1]
+    values = {name: resolve(v) for name, v in code.values.items() if is_ground(v)}
+    frame[STEP] = plan.fragment(body, values, frame[STEP])
+    frame.extend([None] * (plan.size - len(frame)))
+    return None

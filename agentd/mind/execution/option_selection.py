@@ -1,0 +1,181 @@
+"""Choosing among all options: for minds with a function ``select_option``, or a program with rules ``select__option``.
+
+The options of an event are the relevant plans whose context holds, in file order (nested plans in sight first), each
+with its bindings. The function gets them all. The rule ``select__option(E,I,P,U)`` is asked for one option after the
+other, with all solutions of a context, and the first for which it holds is taken: E is the event as a trigger term, I
+``intention(Id, Stack)`` as ``.intention`` shows stacks (or ``none``), P the plan as a term, U a list of
+``map(Name, Value)``. When it holds for none, no plan is applicable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.terms import Code, Literal, Var, atom, deref, make_list
+from agentd.mind.beliefs.term_copy import resolve, resolve_all
+from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.data.frames import Frame
+from agentd.mind.data.intention import Intention
+from agentd.mind.execution.intention_terms import stack_of
+from agentd.mind.execution.selection_functions import Event, Selector, choose
+from agentd.mind.introspection.decision_views import PASSED_OVER
+from agentd.mind.introspection.failure_text import context_failed
+from agentd.mind.introspection.term_snapshot import held_all
+from agentd.mind.plans.nested_plans import nested_plans
+from agentd.mind.plans.plan_terms import term_of
+
+RULE: Final = signature("select__option", 4)
+"""The rule by which a program chooses among options."""
+
+_MAP, _INTENTION = signature("map", 2), signature("intention", 2)
+_ALL: Final = signature("all_unifs")
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A way in which a plan is applicable to an event.
+
+    ``plan`` has its ``label`` (a literal with annotations) and its ``syntax``; ``bindings`` are the variables that have
+    a value, by name. A plan gives one option, for the first solution of its context, or with the label annotation
+    ``all_unifs`` one for each solution.
+    """
+
+    event: Event
+    plan: Any
+    bindings: dict[str, Any]
+    frame: Frame
+    bound: tuple[tuple[Var, Any], ...]
+
+    def annotation(self, name: str) -> Literal | None:
+        """The annotation of the plan's label with this name, such as ``priority(2)``."""
+        return next((a for a in self.plan.label.annots if type(a) is Literal and a.sig.functor == name), None)
+
+
+class Options:
+    """Finds the plan for an event among all that are applicable (`PlanLibrary.select`)."""
+
+    def __init__(self, mind: Any, selector: Selector | None) -> None:
+        self._selector = selector
+        """The embedder's function; None: the program's rule."""
+        mind.compiler.form = "options"
+        plans = mind.plans
+        plans.select_first = plans.select_nested = plans.select_noted = self.select
+        plans.select_by(self.select)
+        for plan in plans:
+            plan.unload()
+
+    def select(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+        """The frame of the option that is chosen, with its bindings on the trail; None if none is."""
+        rejected: list[tuple[Any, Any]] = []
+        shown = held_all(event[1])
+        mind.plans.taken = event
+        try:
+            if self._selector is None:
+                frame = _by_rule(mind, trail, event, rejected)
+            else:
+                frame = self._by_function(self._selector, mind, trail, event, rejected)
+        finally:
+            mind.plans.taken = None
+        if mind.recorder is not None:
+            mind.recorder.decided(event, shown, rejected or None, frame, bound=True)
+        return frame
+
+    def _by_function(
+        self, selector: Selector, mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]]
+    ) -> Frame | None:
+        mark = len(trail)
+        options: list[Option] = []
+        for plan, frame in _applicable(mind, trail, event, rejected, every=False):
+            options.append(_option(event, plan, frame, trail[mark:]))
+        undo(trail, mark)
+        place = choose(mind, selector, "select_option", options) if options else None
+        rejected += [(option.plan, PASSED_OVER) for number, option in enumerate(options) if number != place]
+        if place is None:
+            return None
+        chosen = options[place]
+        for variable, value in chosen.bound:
+            variable.ref = value
+            trail.append(variable)
+        return chosen.frame
+
+
+def _applicable(
+    mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]], every: bool
+) -> Iterator[tuple[Any, Frame]]:
+    """Each applicable plan with a frame while its bindings are in place, all solutions of it if ``every`` or asked for.
+
+    Plans that are not applicable are added to ``rejected``, with the reason.
+    """
+    relevant, args, annots, intention = event
+    mark = len(trail)
+    for plan, around in _candidates(mind, relevant, intention):
+        found = False
+        try:
+            for result in plan.options(mind, trail, relevant, args, annots, around):
+                if type(result) is not list:
+                    if not found:
+                        rejected.append((plan, result))
+                    break
+                found = True
+                yield plan, result
+                if not (every or any(type(a) is Literal and a.sig is _ALL for a in plan.label.annots)):
+                    break
+        except Exception as error:  # an internal action may raise anything; it must not end the mind
+            context_failed(mind, relevant, plan, error)
+            rejected.append((plan, error.with_traceback(None)))
+        undo(trail, mark)
+
+
+def _candidates(mind: Any, relevant: Any, intention: Intention | None) -> Iterator[tuple[Any, Any]]:
+    if mind.plans.has_nested:
+        yield from nested_plans(mind, relevant, intention)
+    for plan in relevant.plans:
+        yield plan, None
+
+
+def _option(event: Any, plan: Any, frame: Frame, bound: Sequence[Var]) -> Option:
+    """The option that a frame stands for, while its bindings are in place."""
+    return Option(Event.of(event), plan, _bindings(plan, frame), frame, tuple((var, var.ref) for var in bound))
+
+
+def _bindings(plan: Any, frame: Frame) -> dict[str, Any]:
+    values = {name: deref(frame[plan.slots[name]]) for name in plan.bound}
+    return {name: resolve(value) for name, value in values.items() if type(value) is not Var}
+
+
+def _by_rule(mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]]) -> Frame | None:
+    relevant, args, annots, intention = event
+    trigger = nodes.Trigger(relevant.operator, relevant.goal, nodes.Variable("Event"))
+    for plan, frame in _applicable(mind, trail, event, rejected, every=True):
+        literal = Literal(relevant.sig, resolve_all(args), resolve_all(annots))
+        asked = (
+            Code(trigger, {"Event": literal}),
+            atom("none")
+            if intention is None
+            else Literal(_INTENTION, (float(intention.id), stack_of(mind, intention))),
+            term_of(plan),
+            make_list([Literal(_MAP, (name, value)) for name, value in _bindings(plan, frame).items()]),
+        )
+        if _holds(mind, trail, asked):
+            return frame
+        if not rejected or rejected[-1] != (plan, PASSED_OVER):
+            rejected.append((plan, PASSED_OVER))
+    return None
+
+
+def _holds(mind: Any, trail: Trail, asked: tuple[Any, ...]) -> bool:
+    mark = len(trail)
+    answers = mind.beliefs.predicate(RULE).solve((True,) * len(asked), asked, mind, trail)
+    held = False
+    for answer in answers:
+        before = len(trail)
+        held = all(unify(found, given, trail) for given, found in zip(asked, answer, strict=True))
+        if held:
+            break
+        undo(trail, before)
+    undo(trail, mark)
+    return held

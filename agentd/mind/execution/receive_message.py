@@ -1,0 +1,256 @@
+"""Messages between agents: what each performative does to the mind that gets it (rules 1 to 19 of messages)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, Final
+
+from agentd.language.terms.format import text
+from agentd.language.terms.terms import FALSE, Literal, Var, atom, deref, make_list, proper
+from agentd.mind.beliefs.annotations import nested_source
+from agentd.mind.beliefs.term_copy import Copier, detach, resolve, resolve_all
+from agentd.mind.data.effects import Log
+from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
+from agentd.mind.data.inputs import Mail
+from agentd.mind.execution.answer_by_plan import answer_by_plan
+from agentd.mind.execution.belief_updates import believe, disbelieve
+from agentd.mind.execution.dropping import drop_desire
+from agentd.mind.execution.goal_states import raise_state
+from agentd.mind.execution.performatives import communication_error
+from agentd.mind.execution.query_limits import answers
+from agentd.mind.execution.send_message import answer_of, reply, send
+from agentd.mind.execution.waiting import hear, resume_waiting
+from agentd.mind.introspection.failure_text import error_annots
+from agentd.mind.plans.plan_terms import add_plans, relevant_plans, remove_plans
+
+if TYPE_CHECKING:
+    from agentd.mind.mind import Mind
+
+
+def receive(mind: Mind, mail: Mail) -> None:
+    """Handle one message, or post its event ``+!kqml_received``.
+
+    The event is for plans of the program's own, and for an atomic plan: what is told in a literal is believed and a
+    goal is desired while it runs, as in Jason; all other messages have their effects after it.
+    """
+    if is_answer(mail.in_reply_to):
+        question = mind.questions.get(mail.in_reply_to)
+        if question is not None and mail.sender in question.receivers:
+            question.answered(mind, mail)
+        return  # else nobody waits for it any more, or its sender was not asked
+    custom = mind.plans.kqml
+    if custom.plans or (mind.atomic is not None and not _is_direct(mail)):
+        args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
+        mind.post(custom, detach(args), ())
+        return
+    try:
+        _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
+    except Exception as error:  # a function of the program's may raise anything; it must not end the mind
+        _not_handled(mind, mail, as_failed(error))
+
+
+def is_answer(in_reply_to: str) -> bool:
+    """Whether a message answers a synchronous ask: it goes to whoever waits, and does nothing else to the mind."""
+    return in_reply_to.startswith("sync")
+
+
+def _is_direct(mail: Mail) -> bool:
+    """Whether a message acts on arrival without a plan for ``+!kqml_received`` (Jason's direct performatives)."""
+    return mail.performative in ("tell", "achieve") and type(mail.content) is Literal
+
+
+def handle(mind: Mind, mail: Mail) -> None:
+    """Do what a message asks for, as the built-in plans for ``+!kqml_received``. Raises `Failed` where these fail."""
+    _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
+
+
+def _nobody_handles(mind: Mind, mail: Mail) -> None:
+    raise Failed("no_applicable", f"nobody handles the performative {mail.performative}")
+
+
+def handle_event(mind: Mind, args: tuple[Any, ...], intention: Any) -> None:
+    """``+!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
+    mail = _mail_of(args)
+    try:
+        handle(mind, mail)
+    except Exception as error:  # a function of the program's may raise anything; it must not end the mind
+        _not_handled(mind, mail, as_failed(error))
+    if intention is not None:
+        resume_waiting(mind, intention)
+
+
+def _mail_of(args: tuple[Any, ...]) -> Mail:
+    sender, performative, content, msg_id = (deref(resolve(a)) for a in args)
+    return Mail(plain(sender), plain(performative), content, plain(msg_id))
+
+
+def plain(term: Any) -> str:
+    """A name or id as the plans for messages get it: an atom or a string."""
+    return term if type(term) is str else text(term)
+
+
+def _not_handled(mind: Mind, mail: Mail, failed: Failed) -> None:
+    """A message that cannot be handled: the program's own ``-!kqml_received`` is asked, else it is told."""
+    event = Literal(mind.plans.kqml.sig, (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id))
+    handler = mind.plans.kqml.counterpart("-")
+    if handler.plans:
+        mind.post(handler, detach(event.args), error_annots(failed, event, 0, ""))
+        return
+    what = str(failed)
+    if failed.error == "no_applicable":
+        what = f"Found a goal for which there is no applicable plan: +!{text(event)} ({what})"
+    communication_error(mind, failed.error, what)
+
+
+def told_annots(mind: Mind, literal: Literal, sender: str) -> tuple[Any, ...]:
+    """The annotations of a literal as told by somebody: its former sources stand inside the new one."""
+    return nested_source(literal.annots, "self" if sender == mind.name else sender)
+
+
+def _each(content: Any) -> Iterable[Any]:
+    if type(content) is Literal:
+        return (content,)
+    members = proper(content)
+    return [content] if members is None else members
+
+
+def _tell(mind: Mind, mail: Mail) -> None:
+    for content in _each(mail.content):
+        if type(content) is not Literal:
+            content = deref(content)
+        if type(content) is Literal:
+            args = content.args if content.ground else detach(resolve_all(content.args))
+            predicate = mind.beliefs.predicate(content.sig)
+            relevant = mind.plans.relevant("+", "", content.sig)
+            believe(mind, None, predicate, relevant, args, told_annots(mind, content, mail.sender))
+        elif content is mail.content:
+            raise Failed("no_applicable", "only literals can be told")
+
+
+def _untell(mind: Mind, mail: Mail) -> None:
+    content = deref(mail.content)
+    if type(content) is not Literal:
+        raise Failed("no_applicable", "only a literal can be untold")
+    predicate = mind.beliefs.predicate(content.sig)
+    relevant = mind.plans.relevant("-", "", content.sig)
+    trail: list[Var] = []
+    disbelieve(mind, None, predicate, relevant, content.args, told_annots(mind, content, mail.sender), trail)
+
+
+def _achieve(mind: Mind, mail: Mail) -> None:
+    if type(mail.content) is Literal:
+        _achieve_literal(mind, mail.content, mail.sender)
+        return
+    for content in _each(mail.content):
+        content = deref(content)
+        if type(content) is Literal:
+            _achieve_literal(mind, content, mail.sender)
+        elif content is mail.content:
+            raise Failed("body_var_not_literal", f"{text(content)} is no goal to achieve")
+
+
+def _achieve_literal(mind: Mind, goal: Literal, sender: str) -> None:
+    relevant = mind.plans.relevant("+", "!", goal.sig)
+    annots = told_annots(mind, goal, sender)
+    if mind.plans.has_meta:
+        raise_state(mind, relevant, goal.args, annots, "pending")
+    mind.post(relevant, goal.args if goal.ground else detach(goal.args), annots)
+
+
+def _unachieve(mind: Mind, mail: Mail) -> None:
+    content = deref(mail.content)
+    if type(content) is not Literal:
+        wrong_arguments(f"{text(content)} is no goal to drop")
+    drop_desire(mind, content, [])
+
+
+def _signal(mind: Mind, mail: Mail) -> None:
+    content = deref(mail.content)
+    if type(content) is not Literal:
+        raise Failed("unknown", f"{text(content)} is no event to signal")
+    annots = told_annots(mind, content, mail.sender)
+    relevant = mind.plans.relevant("+", "", content.sig)
+    if mind.listeners:
+        hear(mind, relevant, content.args, annots)
+    mind.post(relevant, content.args, annots)
+
+
+def _ask_one(mind: Mind, mail: Mail) -> None:
+    found = answers(mind, mail, 1)
+    if found is None:
+        reply(mind, mail, FALSE)
+        return
+    if found:
+        reply(mind, mail, answer_of(mind, mail, found[0]))
+        return
+    question = Copier(fresh=True).copy(mail.content)
+    if type(question) is Literal:
+        relevant = mind.plans.relevant("+", "?", question.sig)
+        if relevant.plans:
+            asked = question, told_annots(mind, question, mail.sender)
+            answer_by_plan(mind, mail, relevant, asked, unanswered)
+            return
+    unanswered(mind, mail, Failed("test_goal_failed", f"Failed to test '{text(mail.content)}'"))
+
+
+def unanswered(mind: Mind, mail: Mail, failed: Failed) -> None:
+    """A question without an answer: the program's own ``-!kqml_received`` is asked, else see `not_answered`."""
+    if mind.plans.kqml.counterpart("-").plans:
+        _not_handled(mind, mail, failed)
+    else:
+        not_answered(mind, mail, failed.error, str(failed))
+
+
+def not_answered(mind: Mind, mail: Mail, error: str, message: str) -> None:
+    """The answer is false when the test has failed; another failure gives none, as Jason."""
+    if error == "test_goal_failed":
+        reply(mind, mail, FALSE)
+    else:
+        mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {message}"))
+
+
+def failed_event(mind: Mind, args: tuple[Any, ...], error: str, message: str) -> None:
+    """``-!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
+    mail = _mail_of(args)
+    if mail.performative in ("askOne", "askIf"):
+        not_answered(mind, mail, error, message)
+    else:
+        communication_error(mind, error, message)
+
+
+def _ask_all(mind: Mind, mail: Mail) -> None:
+    found = [answer_of(mind, mail, a) for a in answers(mind, mail) or ()]
+    if mail.msg_id.startswith("sync") or found:
+        reply(mind, mail, make_list(found))
+
+
+def _ask_how(mind: Mind, mail: Mail) -> None:
+    found = relevant_plans(mind, mail.content, told_by=atom(mind.name))
+    if not mail.msg_id.startswith("sync"):
+        if found:
+            send(mind, mail.sender, "tellHow", make_list(found), mail.msg_id)
+        return
+    send(mind, mail.sender, "tell", make_list(found), mail.msg_id)
+
+
+def _tell_how(mind: Mind, mail: Mail) -> None:
+    add_plans(mind, mail.content, atom(mail.sender), first=False)
+
+
+def _untell_how(mind: Mind, mail: Mail) -> None:
+    remove_plans(mind, mail.content, atom(mail.sender))
+
+
+_HANDLERS: Final[dict[str, Callable[[Any, Mail], None]]] = {
+    "tell": _tell,
+    "untell": _untell,
+    "achieve": _achieve,
+    "unachieve": _unachieve,
+    "signal": _signal,
+    "askOne": _ask_one,
+    "askIf": _ask_one,
+    "askAll": _ask_all,
+    "askHow": _ask_how,
+    "tellHow": _tell_how,
+    "untellHow": _untell_how,
+}

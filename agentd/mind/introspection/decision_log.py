@@ -1,0 +1,381 @@
+"""Decision records: the last decisions of a mind, each with the plans that were rejected and why, and what failed.
+
+A mode of the compiled mind: with it plans are compiled so that they tell which literal of their context failed
+(`agentd.language.compiler.selection`), and events are taken by
+`agentd.mind.execution.event_selection.take_event_recorded`. Without it nothing here runs.
+
+A record holds what it is about by reference where that cannot change any more and as a short copy where it can
+(`agentd.mind.introspection.term_snapshot`), so it shows the state at the time of the decision. It becomes text only
+when somebody looks (`agentd.mind.introspection.decision_views`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
+from typing import Any, Final, NamedTuple
+
+from agentd.language.syntax_tree.signatures import Signature, signature
+from agentd.language.terms.source_annotations import PERCEPT, SELF, SOURCE_SELF
+from agentd.language.terms.terms import LargeLists, Literal, deref, elements
+from agentd.mind.beliefs.unification import Trail, undo
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.frames import VARIABLES, Frame, Step
+from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Input, Mail, SignalRaised
+from agentd.mind.introspection.failure_text import context_failed
+from agentd.mind.introspection.term_snapshot import held, held_all, lighten
+from agentd.mind.plans.nested_plans import nested_plans
+
+
+class Decision(NamedTuple):
+    """An event, the plans tried for it in order, and the one that was chosen."""
+
+    cycle: int
+    time: float
+    """Mission time in seconds."""
+    event: Any
+    """What was taken from the queue; its arguments and annotations may have changed since."""
+    below: Frame | None
+    """The frame of the plan that raised the event and waits for it."""
+    asked: Step | None
+    """The formula that raised the event; None if none waits for it."""
+    rejected: Sequence[tuple[Any, Any]] | None
+    """Each plan that was tried in vain, and why: see `compile_select`; an exception for a context that has no value."""
+    frame: Frame | None
+    """The frame of the chosen plan. What selection put into its places stays there."""
+    annots: tuple[Any, ...]
+    """The annotations of the event as they were."""
+    begun: int = 0
+    """The id of the intention that the chosen plan begins; 0 if it is for one that there was."""
+    origin: Origin | None = None
+    """Where an event that starts an intention comes from."""
+    args: tuple[Any, ...] | None = None
+    """The arguments of the event as they were, before any plan was tried; None if they cannot have changed."""
+    values: tuple[Any, ...] | None = None
+    """The variables of the frame as they were then; None if the event has no variables and selection bound none: then
+    those that are cells in the frame were free."""
+
+    @property
+    def relevant(self) -> Any:
+        return self.event[0]
+
+    @property
+    def shown_args(self) -> tuple[Any, ...]:
+        """The arguments as they were."""
+        found: tuple[Any, ...] = self.event[1] if self.args is None else self.args
+        return found
+
+    @property
+    def intention(self) -> int:
+        """The id of the intention that the plan is for; 0 if there is none."""
+        return self.begun if self.event[3] is None else int(self.event[3].id)
+
+
+class Failure(NamedTuple):
+    """A formula that failed, or a goal that found no plan, and the plans that ended with it."""
+
+    cycle: int
+    time: float
+    intention: int
+    code: Any
+    """The formula or goal as a term, with the values of its variables."""
+    failed: Failed
+    frames: tuple[Frame, ...]
+    """The frames that were given up, innermost first (at most `MOST_FRAMES`)."""
+    handler: Any
+    """The `Relevant` of the event ``-!g`` that goes on from here; None if nothing handles the failure."""
+
+
+Origin = tuple[Input | None, int, Step | None]
+"""Where an event that starts an intention comes from: an input, or the id of an intention and its formula that raised
+it; none of them for what the program starts with."""
+
+
+MOST_FRAMES: Final = 20
+"""So many of the plans that end with a failure are noted."""
+
+_KQML: Final = signature("kqml_received", 4)
+
+
+def record_of(entry: Any) -> Decision | Failure:
+    """The record of what `Decisions.note` was given."""
+    return entry if type(entry) is Failure else Decision(*entry)
+
+
+class Decisions:
+    """The last decisions and failures of a mind, at most ``most`` of both together.
+
+    ``tell`` is called with each record as soon as it is made.
+    """
+
+    def __init__(self, mind: Any, most: int, tell: Callable[[Decision | Failure], None] | None = None) -> None:
+        self._mind, self._tell = mind, tell
+        self._last: deque[Any] = deque(maxlen=most)
+        self.waiting: list[Any] = []
+        """While they are counted: those that `settle` has not counted yet."""
+        self.count = 0
+        """How many there have been since `count_all`."""
+        self._taken = 0
+        self._settled: Callable[[list[Any]], None] | None = None
+        self.note: Callable[[Any], None] = self._noting(self._last)
+        """Takes the fields of a `Decision` as a tuple (the last ones may be left out), or a `Failure`."""
+        self._post, self.pass_on = mind.post, mind.on_input
+        self._dropped: deque[tuple[Frame, Step | None]] = deque(maxlen=most)
+        self.shown: dict[int, tuple[Any, Any]] = {}
+        """What onlookers have made of entries, by the identity of these; `let_go` lets go of it too."""
+        self.large_lists = LargeLists.made
+        """How many large lists had been made when `let_go` looked last."""
+        self._origins: dict[int, tuple[Any, Origin]] = {}
+        """Where events that wait come from, by their identity; each is kept alive while it is in here."""
+        self._given: list[Any] = []
+        self._given_in = -1
+        """The inputs that may raise events, and the cycle in which they came."""
+        if mind.compiler.form == "select":
+            mind.compiler.form = "trace"
+        plans = mind.plans
+        plans.select_first, plans.select_nested = self.select_first, self.select_nested
+        plans.select_noted = self.select_noted
+        mind.post, mind.on_input = self.post, self.on_input
+
+    def records(self) -> list[Decision | Failure]:
+        """What is remembered, oldest first."""
+        return list(map(record_of, self.entries()))
+
+    def entries(self) -> list[Any]:
+        """The same as they are held: `record_of` makes records of them."""
+        self._settle()
+        return list(self._last)
+
+    def count_all(self, settled: Callable[[list[Any]], None] | None = None) -> None:
+        """Count the records from now on, for `take_new`; ``settled`` is given them whenever somebody calls `settle`,
+        which must be after each run of the mind. They should be few, as what is kept until then takes fresh memory.
+        """
+        self._settle()
+        self._taken, self._settled = self.count, settled
+        self.note = self._noting(self.waiting)
+
+    def count_none(self) -> None:
+        """Count the records no longer."""
+        self._settle()
+        self._settled = None
+        self.note = self._noting(self._last)
+
+    def settle(self) -> None:
+        """Put the new records to the others."""
+        if self.waiting:
+            self._settle()
+
+    def _settle(self) -> None:
+        new = self.waiting
+        if self._settled is not None:
+            self._settled(new)
+        self.count += len(new)
+        self._last.extend(new)
+        new.clear()
+
+    def take_new(self, most: int) -> tuple[int, int]:
+        """Return how many of the last records are new since this was asked last, at most so many, and how many more
+        there were.
+        """
+        self._settle()
+        new, self._taken = self.count - self._taken, self.count
+        shown = min(new, most, len(self._last))
+        return shown, new - shown
+
+    def let_go(self) -> None:
+        """Keep of large terms only what is shown of them, so that records are small however large lists become.
+
+        Records hold the frames of plans; where a plan has ended nobody else needs what is in its frame.
+        """
+        self.large_lists = LargeLists.made
+        self.shown.clear()
+        self._settle()
+        alive = {id(frame) for intention in self._mind.all_intentions() for frame in intention.stack}
+        for place, entry in enumerate(self._last):
+            frames = entry.frames if type(entry) is Failure else (Decision(*entry).below, Decision(*entry).frame)
+            for frame in frames:
+                if frame is not None and id(frame) not in alive:
+                    lighten(frame)
+            if type(entry) is tuple:
+                relevant, args, annots, intention = entry[2]
+                self._last[place] = (*entry[:2], (relevant, held_all(args), annots, intention), *entry[3:])
+
+    def last_rejected(self) -> Sequence[tuple[Any, Any]]:
+        """The plans that were tried in vain for the last event, as `Decision.rejected` holds them."""
+        self._settle()
+        last = self._last[-1] if self._last else None
+        return () if type(last) is not tuple else Decision(*last).rejected or ()
+
+    def select_first(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+        """Find the plan for an event among the relevant ones, and note how."""
+        return self._select(trail, event, (), event[0].plans, [])
+
+    def select_nested(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+        """Find the plan for an event in programs with nested plans, which come first, and note how."""
+        return self._select(trail, event, nested_plans(mind, event[0], event[3]), event[0].plans, [])
+
+    def select_noted(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+        """As `select_nested`, for programs whose contexts ask for the intention in hand."""
+        mind.plans.taken = event
+        try:
+            return self.select_nested(mind, trail, event)
+        finally:
+            mind.plans.taken = None
+
+    def select_after(
+        self, trail: Trail, event: Any, broken: Any, rejected: list[tuple[Any, Any]], error: Exception
+    ) -> Frame | None:
+        """Go on after a plan whose context could not be computed, and note it all."""
+        plans = event[0].plans
+        return self._select(
+            trail, event, (), plans[plans.index(broken) + 1 :], [*rejected, self._broken(event, broken, error)]
+        )
+
+    def _select(
+        self, trail: Trail, event: Any, nested: Iterable[tuple[Any, Frame]], plans: list[Any], rejected: list[Any]
+    ) -> Frame | None:
+        relevant, args, annots, _ = event
+        mind, shown, mark = self._mind, held_all(args), len(trail)
+        frame: Frame | None = None
+        for plan, around in chain(nested, ((plan, None) for plan in plans)):
+            try:
+                found = plan.trace(mind, trail, relevant, args, annots, around)
+            except Exception as error:
+                found = self._broken(event, plan, error)[1]
+            if type(found) is list:
+                frame = found
+                break
+            undo(trail, mark)
+            rejected.append((plan, found))
+        self.decided(event, shown, rejected or None, frame, len(trail) > mark)
+        return frame
+
+    def _broken(self, event: Any, plan: Any, error: Exception) -> tuple[Any, Exception]:
+        """A plan whose context could not be computed, which is told; an internal action may raise anything."""
+        context_failed(self._mind, event[0], plan, error)
+        return plan, error.with_traceback(None)
+
+    def decided(self, event: Any, args: Any, rejected: Any, frame: Frame | None, bound: bool) -> None:
+        """Note a decision; ``args`` are the arguments as they were, ``bound`` says that selection bound variables."""
+        mind = self._mind
+        relevant, given, annots, intention = event
+        if annots is not SELF and annots is not PERCEPT:
+            annots = held_all(annots)
+        held = None
+        if frame is not None and (bound or args is not given):
+            held = held_all(tuple(frame[VARIABLES:]))
+        if intention is not None:
+            stack = intention.stack
+            below = stack[-1] if stack else None
+            self.note(
+                (mind.cycle, mind.now, event, below, intention.last, rejected, frame, annots, 0, None, args, held)
+            )
+            return
+        if frame is None and rejected is None and not relevant.goal:
+            return  # a belief that no plan is for
+        begun = 0 if frame is None else mind.intention_count + 1
+        origin = self.origin_of(event)
+        self.note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin, args, held))
+
+    def failed(self, intention: Any, failed: Failed, frames: Sequence[Frame], handler: Any) -> None:
+        """Note a failure: see `Failure`."""
+        mind = self._mind
+        failed.__traceback__ = failed.__context__ = None  # they would keep alive what the failed call has used
+        number = 0 if intention is None else intention.id
+        record = Failure(mind.cycle, mind.now, number, held(failed.code), failed, tuple(frames), handler)
+        self.note(record)
+
+    def dropped(self, frames: Sequence[Frame]) -> None:
+        """Note the frames of plans that were dropped, the innermost last, and the formula that has done it."""
+        current = self._mind.current
+        by = None if current is None else current.last
+        name = getattr(getattr(by, "syntax", None), "term", None)
+        if not getattr(name, "name", "").startswith(_DROPPING):
+            by = None  # a goal condition, or an operator
+        self._dropped.extend((frame, by) for frame in frames[-MOST_FRAMES:])
+
+    def was_dropped(self, frame: Frame) -> bool:
+        """Whether a plan was dropped, as far as is remembered."""
+        return any(frame is dropped for dropped, _ in self._dropped)
+
+    def dropped_by(self, frame: Frame) -> Step | None:
+        """The formula that has dropped a plan, as far as is remembered."""
+        return next((by for dropped, by in self._dropped if dropped is frame), None)
+
+    def _noting(self, where: list[Any] | deque[Any]) -> Callable[[Any], None]:
+        """What notes a record there, and tells it."""
+        tell = self._tell
+        if tell is None:
+            return where.append
+
+        def note(entry: Any) -> None:
+            where.append(entry)
+            tell(record_of(entry))
+
+        return note
+
+    def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+        """Queue an event that starts an intention of its own, and note where it comes from."""
+        self._post(relevant, args, annots)
+        mind = self._mind
+        events = mind.events
+        if annots is PERCEPT or not events:
+            return
+        event = events[-1]
+        if event[1] is not args or event[0] is not relevant:
+            return  # it was dropped
+        origin: Origin | None = None
+        if self._given_in == mind.cycle:
+            last = self._given[-1]
+            if type(last) is Mail and type(last.content) is Literal and last.content.sig is relevant.sig:
+                origin = (last, 0, None)
+        if origin is None:
+            origin = self._origin(relevant, annots)
+            if origin is None:
+                return
+        if len(self._origins) > 2 * len(events) + 100:
+            waiting = set(map(id, events))
+            self._origins = {key: entry for key, entry in self._origins.items() if key in waiting}
+        self._origins[id(event)] = (event, origin)
+
+    def origin_of(self, event: Any) -> Origin | None:
+        """Where an event that starts an intention comes from; asked once, when it is taken."""
+        entry = self._origins.pop(id(event), None)
+        return None if entry is None else entry[1]
+
+    def _origin(self, relevant: Any, annots: tuple[Any, ...]) -> Origin | None:
+        mind = self._mind
+        if self._given_in == mind.cycle:
+            for item in self._given:
+                if _raises(item, relevant.sig):
+                    return item, 0, None
+        if annots is SELF or (SOURCE_SELF in annots and relevant.operator != "^"):
+            current = mind.current
+            return (None, 0, None) if current is None else (None, current.id, current.last)
+        return None  # a percept, a timer, the state of a goal
+
+    def on_input(self, cycle: int, item: Input) -> None:
+        """Note what may raise events in this cycle."""
+        if type(item) in _RAISING:
+            if self._given_in != cycle:
+                self._given.clear()
+                self._given_in = cycle
+            self._given.append(item)
+        if self.pass_on is not None:
+            self.pass_on(cycle, item)
+
+
+_DROPPING: Final = (".drop_", ".succeed_goal", ".fail_goal")
+"""How internal actions are called that drop plans."""
+_RAISING: Final = frozenset((Mail, GoalAdded, BeliefAdded, SignalRaised))
+
+
+def _raises(item: Any, sig: Signature) -> bool:
+    """Whether an event of this signature can come from an input."""
+    if type(item) is not Mail:
+        return bool(item.literal.sig is sig)
+    content = deref(item.content)
+    if type(content) is Literal:
+        return content.sig is sig or sig is _KQML
+    return sig is _KQML or any(type(deref(c)) is Literal and deref(c).sig is sig for c in elements(content))

@@ -1,0 +1,202 @@
+"""What people are told when a plan fails and nothing handles it: which formula, with its values, where and what for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+from agentd.language.errors.suggestions import near
+from agentd.language.syntax_tree import nodes
+from agentd.language.terms.terms import Literal, deref
+from agentd.mind.data.effects import Log
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.frames import PLAN, RELEVANT, Frame
+from agentd.mind.data.registry import find_action
+from agentd.mind.introspection.decision_views import RejectedView, event_text, plan_view, reason_of, what_failed
+from agentd.mind.introspection.diagnosis import rejected_plans
+from agentd.mind.introspection.failure_text import as_they_are, failure_of
+from agentd.mind.introspection.term_snapshot import short_text
+
+_MOST_SHOWN: Final = 5
+"""So many plans, goals or beliefs are named; of further ones the number."""
+_GOAL_CLOSENESS: Final = 0.7
+
+
+def failure_report(mind: Any, failed: Failed, goals: Sequence[str], frames: Sequence[Frame], because: str) -> Log:
+    """The note for a failure that ends its intention.
+
+    ``goals`` are the texts of the goals that end, innermost first, and ``frames`` those of their plans; ``because`` is
+    why nothing handles it, empty where no plan is there to do so.
+    """
+    position = failed.step.syntax.position if failed.step is not None else None
+    details = list(_hints(mind, failed))
+    if goals:
+        calls = [f"{goal} ({_place(frame)})" for goal, frame in zip(goals, frames, strict=False)]
+        details.append(f"in the plan for {', called by '.join(calls)}{', ...' if len(frames) > len(goals) else ''}")
+    if because:
+        details.append(f"{because}: the intention ends")
+    elif frames:
+        goals_of = [f[RELEVANT] for f in frames if f[RELEVANT].operator == "+" and f[RELEVANT].goal]
+        details.append(_unhandled(failed, goals_of))
+    else:
+        details.append(_unhandled(failed, [failed.goal]))
+    return Log("warning", _sentence(failed), tuple(details), position, ends=True)
+
+
+def unhandled_report(mind: Any, event: Any) -> Log:
+    """The note for a failed goal whose failure plans do not fit; the annotations of its event tell what failed."""
+    relevant, args, annots, _ = event
+    failed, position = failure_of(annots)
+    if failed.error in ("no_relevant", "no_applicable"):
+        failed.goal = relevant.counterpart("+")
+    goal = event_text(relevant, as_they_are(args))
+    plans = rejected_lines(rejected_plans(mind, event))
+    last = f"no plan for {goal} is applicable: the intention ends"
+    return Log("warning", _sentence(failed), (*_hints(mind, failed), *plans, last), position, ends=True)
+
+
+def _unhandled(failed: Failed, goals: list[Any]) -> str:
+    """That no failure plan is there; ``goals`` are the `Relevant` of those that could have one."""
+    without_plan = [failed.goal] if failed.goal is not None and failed.tried else []
+    handlers = list(dict.fromkeys(f"-{goal.goal}{goal.sig.name}" for goal in (*without_plan, *goals)))
+    if not handlers:
+        return "the intention ends"
+    some = " or ".join(handlers[:3]) + (" or ..." if len(handlers) > 3 else "")
+    return f"no plan {some} handles error({failed.error}): the intention ends"
+
+
+def _place(frame: Frame) -> str:
+    position = frame[PLAN].syntax.position
+    return f"{position.file}:{position.line}" if position.line else "message"
+
+
+def _sentence(failed: Failed) -> str:
+    """What failed, and why as far as the failure itself tells."""
+    what, reason = what_failed(failed, failed.code), reason_of(failed)
+    why = f": {reason}" if reason else ""
+    match failed.error:
+        case "constraint_failed":
+            return f"{what} does not hold"
+        case "test_goal_failed":
+            return f"{what} finds nothing"
+        case "no_relevant":
+            return f"there is no plan for {what}"
+        case "no_applicable":
+            return f"no plan for {what} is applicable"
+        case "wait_timeout":
+            return f"{what} has waited in vain"
+        case "ia_failed":
+            return f"{what} does not succeed{why}"
+        case "undefined_number":
+            return f"{what} cannot be computed{why}"
+        case "recursion_too_deep":
+            return f"{what} is too deep{why}"
+        case "body_var_without_value" | "body_var_not_literal":
+            return f"{what} cannot be run{why}"
+        case "action_failed" if _unknown_action(failed):
+            return f"there is no internal action {_unknown_action(failed)}"
+        case "action_failed":
+            return f"the action {what} fails{why}"
+    return f"{what} fails{why}"
+
+
+def _unknown_action(failed: Failed) -> str:
+    """Name and arity of an internal action that does not exist; empty for what is an action."""
+    code = failed.code
+    if type(code) is not Literal or failed.error != "action_failed" or not code.sig.functor.startswith("."):
+        return ""
+    if find_action(code.sig.functor, code.sig.arity) is None:
+        return str(code.sig.indicator)
+    return ""
+
+
+def _hints(mind: Any, failed: Failed) -> Iterable[str]:
+    """What may help to mend it."""
+    match failed.error:
+        case "test_goal_failed":
+            yield from _beliefs_like(mind, failed)
+        case "no_relevant":
+            yield from _goals_like(mind, failed.goal)
+        case "no_applicable":
+            yield from rejected_lines(failed.tried)
+        case "action_failed" if _unknown_action(failed):
+            yield from _actions_like(failed.code)
+        case "receiver_not_found":
+            yield from _agents_like(mind, failed.code)
+
+
+def rejected_lines(plans: Sequence[RejectedView]) -> Iterable[str]:
+    """A line for each plan that was tried."""
+    for rejected in plans[:_MOST_SHOWN]:
+        yield f"{_named(rejected)}: {_why(rejected)}"
+    if len(plans) > _MOST_SHOWN:
+        yield f"and {len(plans) - _MOST_SHOWN} more plans"
+
+
+def _named(rejected: RejectedView) -> str:
+    label = f"@{rejected.plan.label} " if rejected.plan.label else ""
+    return f"{label}{rejected.plan.trigger} ({rejected.plan.position})"
+
+
+def _why(rejected: RejectedView) -> str:
+    bindings = rejected.plan.bindings
+    if rejected.why != "context" or not bindings:
+        return rejected.message
+    return (
+        f"{rejected.literal} does not hold, with {', '.join(f'{name} = {value}' for name, value in bindings.items())}"
+    )
+
+
+def _beliefs_like(mind: Any, failed: Failed) -> Iterable[str]:
+    asked = deref(failed.code)
+    if type(asked) is not Literal:
+        return
+    predicate = mind.beliefs.known(asked.sig)
+    facts = [] if predicate is None else list(predicate.facts())
+    if facts:
+        shown = ", ".join(short_text(fact.bare()) for fact in facts[:_MOST_SHOWN])
+        more = f" and {len(facts) - _MOST_SHOWN} more" if len(facts) > _MOST_SHOWN else ""
+        yield f"believed are {shown}{more}" if len(facts) > 1 else f"believed is {shown}"
+    elif predicate is None or not predicate.rules:
+        known = [p.sig for p in mind.beliefs.predicates() if p.entries]
+        same = [s.indicator for s in known if s.name == asked.sig.name]
+        hint = f"; there is {', '.join(same)}" if same else near(asked.sig.indicator, [s.indicator for s in known])
+        yield f"nothing is believed about {asked.sig.indicator}{hint}"
+
+
+def _goals_like(mind: Any, goal: Any) -> Iterable[str]:
+    if goal is None:
+        return
+    known: dict[str, Any] = {}
+    for plan in mind.plans:
+        trigger = plan.syntax.trigger
+        if trigger.operator == "+" and trigger.goal == goal.goal and isinstance(trigger.literal, nodes.Structure):
+            known.setdefault(trigger.literal.functor, plan)
+    same = known.get(goal.sig.functor)
+    if same is not None and len(same.syntax.trigger.literal.args) != goal.sig.arity:
+        view, arity = plan_view(same), len(same.syntax.trigger.literal.args)
+        yield f"the plan {view.trigger} ({view.position}) takes {_arguments(arity)}, not {goal.sig.arity}"
+        return
+    found = near(goal.sig.functor, known, _GOAL_CLOSENESS)
+    if found:
+        view = plan_view(known[found.removeprefix("; did you mean ").removesuffix("?")])
+        yield f"did you mean {view.trigger} ({view.position})?"
+
+
+def _arguments(number: int) -> str:
+    return "1 argument" if number == 1 else f"{number} arguments" if number else "no argument"
+
+
+def _actions_like(action: Literal) -> Iterable[str]:
+    from agentd.mind.data.registry import ACTIONS  # the library needs the mind
+
+    found = near(action.sig.functor, ACTIONS)
+    if found:
+        yield found.removeprefix("; ")
+
+
+def _agents_like(mind: Any, sending: Any) -> Iterable[str]:
+    if type(sending) is Literal and sending.args and mind.agents is not None:
+        found = near(short_text(sending.args[0]), [name for name in mind.agents() if name != mind.name])
+        if found:
+            yield found.removeprefix("; ")

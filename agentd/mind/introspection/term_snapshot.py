@@ -1,0 +1,172 @@
+"""Terms as they are now, for records that are read later: by reference where they cannot change, else a short copy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from typing import Any, Final
+
+from agentd.language.terms.format import flat_text, text
+from agentd.language.terms.terms import EMPTY, Code, Collection, Expression, List, Literal, Var, atom, deref, make_list
+from agentd.mind.data.frames import ARGS, VARIABLES, Frame
+
+_MOST_COPIED: Final = 60
+"""So many parts of a term with variables in it are copied; what lies beyond shows as ``...``."""
+_MOST_LOOKED_AT: Final = 2_000
+"""So many parts of a term are looked at for variables; numbers and strings in a list do not count."""
+_MOST_HELD: Final = 500
+"""A term of more parts is held as a short copy: records are few, so their memory is bounded if each is small."""
+_LONGEST_HELD: Final = 2_000
+"""Characters of a string that is held whole."""
+_FLAT: Final = frozenset((float, str))
+_FLOATS: Final = frozenset((float,))
+_LONGEST: Final = 200
+"""Characters of a term that are shown."""
+
+MORE: Final = atom("...")
+"""Stands for the part of a term that was not held."""
+
+
+def held(term: Any) -> Any:
+    """The term as it is now: whatever is bound or freed later shows no change in it. A large one is cut short."""
+    kind = type(term)
+    if kind is float:
+        return term
+    if kind is str:
+        return term if len(term) <= _LONGEST_HELD else f"{term[:_LONGEST]}..."
+    if not ((kind is Literal or kind is List) and term.ground):
+        term = deref(term)
+        if not _is_ground(term):
+            return _Copy(lambda part: part.ground and _is_small(part)).of(term)
+    return term if _is_small(term) else _Copy(lambda part: part is EMPTY).of(term)
+
+
+def held_all(terms: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The terms as they are now."""
+    for term in terms:
+        kind = type(term)
+        if kind is not float and not (kind is Literal and not term.args and term.ground):
+            return tuple([held(t) for t in terms])
+    return terms
+
+
+def _is_small(term: Any) -> bool:
+    """Whether a ground term has few parts."""
+    left = _MOST_HELD
+    pending = [term]
+    while pending:
+        part = pending.pop()
+        kind = type(part)
+        if kind is Literal:
+            left -= 1
+            pending += part.args
+            pending += part.annots
+        elif kind is List:
+            if part is not EMPTY:
+                left -= len(part.items) - part.at
+                if left > 0:
+                    items = part.items[part.at :]
+                    if not _FLOATS.issuperset(map(type, items)):
+                        pending += items
+                    pending.append(part.tail)
+        elif kind is str:
+            left -= 1 + len(part) // 16
+        else:
+            left -= 1
+        if left <= 0:
+            return False
+    return True
+
+
+def _is_ground(term: Any) -> bool:
+    """Whether no variable is inside, bound or free; noted in the literals and lists looked through, so seldom asked."""
+    pending, seen = [term], []
+    budget = _MOST_LOOKED_AT
+    while pending:
+        budget -= 1
+        if not budget:
+            return False
+        part = pending.pop()
+        kind = type(part)
+        if kind is Literal:
+            if not part.ground:
+                seen.append(part)
+                pending += part.args
+                pending += part.annots
+        elif kind is List:
+            if not part.ground:
+                seen.append(part)
+                items = part.items[part.at :]
+                if not _FLAT.issuperset(map(type, items)):
+                    pending += items
+                pending.append(part.tail)
+        elif kind is not float and kind is not str:
+            return False
+    for part in seen:
+        part.ground = True
+    return True
+
+
+class _Copy:
+    """A copy of a term, cut off where it gets long; a variable that occurs twice in it stays one variable."""
+
+    def __init__(self, keeps: Callable[[Any], bool]) -> None:
+        self._left = _MOST_COPIED
+        self._keeps = keeps
+        """Which literals and lists need not be copied."""
+        self._variables: dict[int, Var] = {}
+
+    def of(self, term: Any) -> Any:
+        self._left -= 1
+        if self._left < 0:
+            return MORE
+        term = deref(term)
+        match term:
+            case str() if len(term) > _LONGEST:
+                return f"{term[:_LONGEST]}..."
+            case Literal():
+                return term if self._keeps(term) else Literal(term.sig, self._each(term.args), self._each(term.annots))
+            case List():
+                return term if self._keeps(term) else self._list(term)
+            case Var():
+                return self._variables.setdefault(id(term), Var(term.name))
+            case Expression():
+                return Expression(term.operator, self._each(term.operands))
+            case Code():
+                return Code(term.syntax, {name: self.of(value) for name, value in term.values.items()}, term.bare)
+            case Collection():
+                return Collection(term.kind, copy(term.content)) if len(term.content) <= _MOST_COPIED else MORE
+        return term
+
+    def _each(self, terms: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple([self.of(t) for t in terms])
+
+    def _list(self, term: List) -> Any:
+        items: list[Any] = []
+        rest: Any = term
+        while type(rest) is List and rest is not EMPTY and not self._keeps(rest) and self._left > 0:
+            items.append(self.of(rest.head))
+            rest = deref(rest.rest())
+        return make_list(items, self.of(rest))
+
+
+def lighten(frame: Frame) -> None:
+    """Let go of what is large in the frame of a plan that has ended."""
+    frame[ARGS] = held_all(frame[ARGS])
+    for place in range(VARIABLES, len(frame)):
+        value = frame[place]
+        if type(value) is Var:
+            if not _is_small(deref(value)):
+                frame[place] = Var(value.name)  # it was free when the plan was selected
+        elif type(value) is list or type(value) is tuple:
+            frame[place] = None  # the rounds of a loop
+        elif value is not None:
+            frame[place] = held(value)
+
+
+def short_text(term: Any) -> str:
+    """The text of a term for people: of a long one only the beginning."""
+    whole = flat_text(term)
+    if whole is None:
+        whole = text(_Copy(lambda part: part is EMPTY).of(term))
+    return whole if len(whole) <= _LONGEST else f"{whole[: _LONGEST - 3]}..."

@@ -1,0 +1,267 @@
+"""Keeping a mind across restarts: what has changed in it since that was asked last, and a mind as it was.
+
+A `Keeper` is given to a mind when it is made. It notes what changes at the cost of the change, does no I/O, and minds
+without one pay nothing. Kept are beliefs in query order (`agentd.mind.persistence.belief_store`), rules and plans
+that the run has added or removed (`agentd.mind.persistence.plan_store`), what is pending
+(`agentd.mind.persistence.pending_events`), functions of included files, properties of namespaces, and the counts that
+ids are made of. Percepts are not kept: they come anew.
+
+The program is the authority for its own plans and rules: a restored mind has those of the program that it is made from,
+but for those that the run had removed. Initial beliefs and goals are those of the first start only.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from agentd.language.compiler.compile import CompiledProgram
+from agentd.language.terms.terms import Literal
+from agentd.mind.data.inputs import Mail
+from agentd.mind.execution.program_loading import load_program, register_functions, warn
+from agentd.mind.persistence.belief_store import KeptBeliefs
+from agentd.mind.persistence.pending_events import Origin, Origins, Pending
+from agentd.mind.persistence.plan_store import KeptPlans
+from agentd.mind.persistence.rows import MindChanges, PendingKey, StoredMind
+from agentd.mind.persistence.term_codec import BadBytes, CannotKeep, terms_from_bytes, terms_to_bytes
+
+
+class Keeper:
+    """Notes what changes in the one mind that it is given to: ``Mind(name, program, keeper=Keeper(stored))``.
+
+    With ``stored`` the mind is restored instead of beginning with its initial beliefs and goals; no event is raised by
+    that. `resume` is to be called once; until then what was pending stays kept as it is.
+    """
+
+    def __init__(self, stored: StoredMind | None = None) -> None:
+        self._stored = stored
+        self.lives = 0
+        """How often the mind has been restored: 0 after a first start."""
+        self.pending_own: tuple[Pending, ...] = ()
+        """What a restored mind had begun or was to begin of its own accord."""
+        self.pending_others: tuple[Pending, ...] = ()
+        """The same of what others had asked for."""
+        self.left_out: list[str] = []
+        """What was stored and cannot be restored, in words."""
+        self.unkept = 0
+        """How often something could not be kept."""
+        self._told: list[str] = []
+        self._refused: dict[tuple[str, str, int], Any] = {}
+        """Properties of namespaces that cannot be kept, which has been told."""
+        self._fed: deque[tuple[Mail, Any]] = deque()
+        self._pending: dict[PendingKey, tuple[Any, ...]] = {}
+        """What is kept as pending: its origin and its event."""
+        self._waiting: set[PendingKey] = set()
+        """What was restored and not given again yet."""
+        self._values: dict[str, bytes] = {}
+        self._seen: tuple[int, ...] = ()
+
+    # --- for the mind that is being made ---
+
+    def belief_base(self, opened: Callable[[], None]) -> KeptBeliefs:
+        """The belief base of the mind; ``opened`` as in `agentd.mind.beliefs.belief_base.BeliefBase`."""
+        self._beliefs = KeptBeliefs(opened)
+        return self._beliefs
+
+    def begin(self, mind: Any, program: CompiledProgram) -> None:
+        """Give the mind its program, and what it was before if it is restored."""
+        self._mind, self._plans = mind, KeptPlans(mind.plans)
+        self._functions = set(program.functions)
+        if self._stored is None:
+            self._beliefs.begin(program)
+            load_program(mind, program)
+            self._plans.begin()
+        else:
+            self._restore(mind, program, self._stored)
+            self._stored = None
+        self._origins = Origins(mind, max((number for queued, number in self._waiting if queued), default=0))
+        for event in mind.events:
+            self._origins.mark(event, Origin.NEVER)
+
+    # --- for the one who runs the mind ---
+
+    def resume(self, own: bool) -> int:
+        """Give the restored mind again what was pending: of others, and its own if ``own``. Returns how much."""
+        mind, count = self._mind, 0
+        self._waiting, self._seen = set(), ()
+        for item in sorted((*self.pending_own, *self.pending_others), key=lambda item: item.place):
+            if item.origin is Origin.OWN and not own:
+                continue
+            relevant = mind.plans.relevant(item.operator, item.goal, item.literal.sig)
+            before = len(mind.events)
+            mind.post(relevant, item.literal.args, item.literal.annots)
+            if len(mind.events) > before:
+                self._origins.mark(mind.events[-1], item.origin)
+                count += 1
+        return count
+
+    def give_in_any_case(self, event: Any) -> None:
+        """A queued event of the mind's own is given again like those of others: the mind has no other word of it."""
+        self._origins.mark(event, Origin.OTHERS)
+
+    def in_hand(self) -> str:
+        """What the mind works at, as it is written; it may be asked by another thread."""
+        return self._origins.in_hand()
+
+    def set_aside(self, event: str) -> int:
+        """Take the queued events that are written so out of the mind; return how many."""
+        return self._origins.drop(event)
+
+    def feed(self, mail: Mail, mark: Any) -> None:
+        """Feed the mind a message; ``mark`` is in `MindChanges.absorbed` once the mind has taken it."""
+        mailbox = self._mind.mailbox
+        self._mind.feed(mail)
+        if mailbox and mailbox[-1] is mail:
+            self._fed.append((mail, mark))
+
+    @property
+    def dirty(self) -> bool:
+        """Whether anything may have changed since `changes` was asked last; it costs nothing to ask.
+
+        Properties of namespaces change without a word, as maps in beliefs do: a mind with any is always looked at.
+        """
+        return self._seen != self._state() or self._beliefs.dirty or bool(self._mind.namespaces)
+
+    def _state(self) -> tuple[int, ...]:
+        """What differs when anything but beliefs has changed; percepts that come and go alone are no change.
+
+        They may end what waits for them, though, and with it an intention. None begins to wait in such a cycle, so how
+        many wait tells that.
+        """
+        mind = self._mind
+        waiting, suspended = len(mind.waiting), len(mind.suspended)
+        return mind.cycle - mind.still, len(mind.events), waiting, suspended, mind.plans.version, mind.message_count
+
+    def changes(self) -> MindChanges:
+        """What has changed since this was asked last. To be asked between two calls of `Mind.run` only.
+
+        It costs as much as what has changed, and a look at each intention and queued event.
+        """
+        changes = MindChanges(absorbed=self._absorbed())
+        self._beliefs.change(changes, self._cannot)
+        self._plans.change(changes, self._cannot)
+        self._change_pending(changes)
+        values = self._beliefs.values() | self._plans.values() | self._own_values()
+        for name in self._values.keys() | values.keys():
+            data = values.get(name, _NOTHING)
+            if self._values.get(name) != data:
+                self._values[name] = changes.values[name] = data
+        changes.unkept, self._told = self._told, []
+        self._seen = self._state()
+        return changes
+
+    def _absorbed(self) -> list[Any]:
+        fed = self._fed
+        if not fed:
+            return []
+        waiting = {id(mail) for mail in self._mind.mailbox}
+        if not waiting:
+            self._fed = deque()
+            return [mark for _, mark in fed]
+        self._fed = deque(item for item in fed if id(item[0]) in waiting)
+        return [mark for mail, mark in fed if id(mail) not in waiting]
+
+    def _cannot(self, what: str, why: Exception) -> None:
+        self.unkept += 1
+        self._told.append(f"{what} cannot be kept: {why}")
+
+    def _change_pending(self, changes: MindChanges) -> None:
+        before = self._pending
+        now: dict[PendingKey, tuple[Any, ...]] = {}
+        for key, origin, event in self._origins.pending():
+            relevant, args, annots = event
+            known = before.get(key)
+            if known is not None and known[0] is relevant and known[1] is args and known[2] is annots:
+                now[key] = known
+                continue
+            now[key] = event
+            literal = Literal(relevant.sig, args, annots)
+            try:
+                data = Pending(origin, relevant.operator, relevant.goal, literal, key).to_bytes()
+            except CannotKeep as why:
+                self._cannot(f"the event {relevant}", why)
+                changes.pending_gone.append(key)
+            else:
+                changes.pending.append((key, origin, data))
+        now.update((key, before[key]) for key in self._waiting)
+        changes.pending_gone += [key for key in before if key not in now]
+        self._pending = now
+
+    def _own_values(self) -> dict[str, bytes]:
+        """What is kept as a whole and is neither belief nor plan."""
+        mind = self._mind
+        counts = (self.lives, mind.message_count, mind.action_count)
+        values = {"counts": terms_to_bytes(map(float, counts))}
+        if mind.namespaces:
+            values["namespaces"] = terms_to_bytes(self._properties())
+        functions = [(name, arity, rule) for (name, arity), rule in mind.compiler.rules_of_functions.items()]
+        if added := [function for function in functions if function not in self._functions]:
+            values["functions"] = terms_to_bytes(part for name, n, rule in added for part in (name, float(n), rule))
+        if mind.compiler.namespaced:
+            values["namespaced"] = terms_to_bytes([1.0])
+        return values
+
+    def _properties(self) -> list[Any]:
+        """The properties of namespaces: namespace, key and value of each."""
+        found: list[Any] = []
+        for namespace, properties in self._mind.namespaces.items():
+            for key, value in properties.items():
+                try:
+                    terms_to_bytes([value])
+                except CannotKeep as why:
+                    if (namespace, key, id(value)) not in self._refused:
+                        self._refused[(namespace, key, id(value))] = value
+                        self._cannot(f"the property {key} of the namespace {namespace}", why)
+                else:
+                    found += [namespace, key, value]
+        return found
+
+    # --- restoring ---
+
+    def _restore(self, mind: Any, program: CompiledProgram, stored: StoredMind) -> None:
+        """Give a mind its program and all that was kept, without events."""
+        values = self._read_values(stored)
+        functions = values.get("functions", [])
+        register_functions(mind, program.functions)
+        register_functions(mind, zip(functions[::3], map(int, functions[1::3]), functions[2::3], strict=True))
+        mind.compiler.namespaced |= program.namespaced or bool(values.get("namespaced"))
+        self._beliefs.restore_order(stored, self._left)
+        self._plans.restore(program, stored, values.get("program_plans", []), self._left)
+        self._beliefs.restore(mind, program, stored, values.get("rules_removed", []), self._left)
+        properties = values.get("namespaces", [])
+        for namespace, key, value in zip(properties[::3], properties[1::3], properties[2::3], strict=True):
+            mind.namespaces.setdefault(namespace, {})[key] = value
+        lives, mind.message_count, mind.action_count = map(int, values.get("counts", (0, 0, 0)))
+        self.lives = lives + 1
+        mind.random.seed(f"{mind.random.getrandbits(64)} {self.lives}")
+        pending = list(self._read_pending(stored))
+        self.pending_own = tuple(item for item in pending if item.origin is Origin.OWN)
+        self.pending_others = tuple(item for item in pending if item.origin is Origin.OTHERS)
+        self._pending = {key: (None, None, None) for key, _, _ in stored.pending}
+        self._waiting = set(self._pending)
+        mind.intention_count = max((number for queued, number in self._waiting if not queued), default=0)
+        self._values = dict(stored.values)
+        warn(mind, program)
+
+    def _read_values(self, stored: StoredMind) -> dict[str, list[Any]]:
+        found = {}
+        for name, data in stored.values.items():
+            try:
+                found[name] = terms_from_bytes(data)
+            except BadBytes as why:
+                self._left(f"the {name} of the mind", why)
+        return found
+
+    def _read_pending(self, stored: StoredMind) -> Iterable[Pending]:
+        for key, origin, data in stored.pending:
+            try:
+                yield Pending.from_bytes(key, Origin(origin), data)
+            except BadBytes as why:
+                self._left(f"an event (row {key})", why)
+
+    def _left(self, what: str, why: Exception) -> None:
+        self.left_out.append(f"{what} cannot be restored: {why}")
+
+
+_NOTHING = terms_to_bytes([])

@@ -1,0 +1,226 @@
+"""What a mind has begun or is to begin: the events that a restarted mind has to be given again.
+
+An intention stands for its *root*, the event of its outermost plan; an event that no intention waits for stands for
+itself. Where an event comes from decides what becomes of it at a restart: see `Origin`. Events carry their sources as
+annotations, so only what these cannot tell is noted, when an event begins an intention.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import IntEnum
+from typing import Any, Final, NamedTuple
+
+from agentd.language.terms.format import text
+from agentd.language.terms.source_annotations import SELF, SOURCE_PERCEPT, SOURCE_SELF, is_source
+from agentd.language.terms.terms import Literal, atom
+from agentd.mind.beliefs.term_copy import detach
+from agentd.mind.data.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP
+from agentd.mind.data.inputs import Mail
+from agentd.mind.data.intention import Event, Intention
+from agentd.mind.execution.answer_by_plan import AnsweringPlan
+from agentd.mind.persistence.rows import PendingKey
+from agentd.mind.persistence.term_codec import BadBytes, terms_from_bytes, terms_to_bytes
+
+_MOST_NOTED: Final = 4096
+"""So many roots are noted before those of intentions that have ended are looked for."""
+
+
+class Origin(IntEnum):
+    """Where an event comes from."""
+
+    NEVER = 0
+    """It is not given again: initial goals and beliefs, percepts (they come anew), states of goals (``^!g``)."""
+    OWN = 1
+    """The mind itself: ``!!g``, ``++b``, ``.signal``, what it told itself."""
+    OTHERS = 2
+    """Another agent: a message, or what a message has brought about."""
+
+
+class Pending(NamedTuple):
+    """An event that is to be given again."""
+
+    origin: Origin
+    operator: str
+    """``+`` or ``-``."""
+    goal: str
+    """``!``, ``?`` or nothing."""
+    literal: Literal
+    place: PendingKey
+    """0 and the number of its intention, or 1 and its place among all queued events: they are given again in order."""
+
+    def __str__(self) -> str:
+        return f"{self.operator}{self.goal}{text(self.literal)}"
+
+    def to_bytes(self) -> bytes:
+        """Return the event as bytes. Raises CannotKeep."""
+        return terms_to_bytes([self.operator, self.goal, self.literal])
+
+    @staticmethod
+    def from_bytes(place: PendingKey, origin: Origin, data: bytes) -> Pending:
+        """Return what was made bytes. Raises BadBytes."""
+        match terms_from_bytes(data):
+            case [str() as operator, str() as goal, Literal() as literal]:
+                return Pending(origin, operator, goal, literal, place)
+        raise BadBytes("no event")
+
+
+def written(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
+    """An event as it is written."""
+    return f"{relevant.text}{text(Literal(relevant.sig, args, annots))}"
+
+
+class _Root(NamedTuple):
+    """Where an intention comes from."""
+
+    origin: Origin
+    seen: tuple[Any, ...]
+    """The arguments of its event, whose variables the plan may have bound since."""
+    args: tuple[Any, ...]
+    """The same as they were."""
+
+
+class Origins:
+    """Knows where the events and intentions of a mind come from. It takes the place of ``mind.take_event``."""
+
+    def __init__(self, mind: Any, places: int) -> None:
+        """``places`` in the queue were given before, in a former life."""
+        self._mind, self._take = mind, mind.take_event
+        self._marked: dict[int, tuple[Event, Origin]] = {}
+        """Queued events whose origin their annotations do not tell, by their identity."""
+        self._roots: dict[int, _Root] = {}
+        """By the number of the intention; one without is never given again. Branches of a fork are such: their parent
+        has one."""
+        self._most = _MOST_NOTED
+        self._queued: dict[int, tuple[Event, int]] = {}
+        """The events seen in the queue, by their identity, with their places."""
+        self._places = places
+        self._taken: Event | None = None
+        """The event that a plan is being selected for."""
+        mind.take_event = self.take_event
+
+    def mark(self, event: Event, origin: Origin) -> None:
+        """Say where a queued event comes from."""
+        self._marked[id(event)] = (event, origin)
+
+    def take_event(self, mind: Any, event: Event) -> bool:
+        """`agentd.mind.execution.event_selection.take_event`, noting where an intention that begins comes from."""
+        self._taken = event
+        taken = self._take_noted(mind, event) if event[3] is None else bool(self._take(mind, event))
+        self._taken = None
+        return taken
+
+    def in_hand(self) -> str:
+        """The event that the mind works at, or that of the outermost plan of the intention that does; for people.
+
+        It may be called by another thread while the mind runs.
+        """
+        event = self._taken
+        intention = self._mind.current if event is None else event[3]
+        if intention is not None and intention.stack:
+            frame, root = intention.stack[0], self._roots.get(intention.id)
+            args = root.args if root is not None and frame[ARGS] is root.seen else frame[ARGS]
+            return written(frame[RELEVANT], args, frame[ANNOTS])
+        return "" if event is None else written(*event[:3])
+
+    def drop(self, text_of_event: str) -> int:
+        """Take the queued events that are written so out of the queue; return how many."""
+        events = self._mind.events
+        left = [event for event in events if event[3] is not None or written(*event[:3]) != text_of_event]
+        dropped = len(events) - len(left)
+        if dropped:
+            events.clear()
+            events.extend(left)
+        return dropped
+
+    def _take_noted(self, mind: Any, event: Event) -> bool:
+        marked = self._marked.pop(id(event), None)
+        origin = self._by_source(event) if marked is None else marked[1]
+        began, seen = mind.intention_count, event[1]
+        args = detach(seen) if origin else seen
+        taken = bool(self._take(mind, event))
+        if mind.intention_count != began:
+            if origin:
+                if len(self._roots) >= self._most:
+                    self._prune()
+                self._roots[began + 1] = _Root(origin, seen, args)
+        elif mind.events and event[0].goal:
+            follows = mind.events[-1]
+            if follows[3] is None and follows[0].operator == "-" and follows[0].sig is event[0].sig:
+                self.mark(follows, origin)  # no plan was applicable: its failure plan is asked
+        return taken
+
+    def _by_source(self, event: Event) -> Origin:
+        relevant, _, annots, _ = event
+        if annots is SELF:
+            return Origin.OWN if relevant.operator != "^" else Origin.NEVER
+        if not annots and relevant is self._mind.plans.kqml:
+            return Origin.OTHERS
+        if relevant.operator == "^":
+            return Origin.NEVER
+        sources = [a for a in annots if is_source(a)]
+        if any(a not in (SOURCE_SELF, SOURCE_PERCEPT) for a in sources):
+            return Origin.OTHERS
+        return Origin.NEVER if SOURCE_PERCEPT in sources else Origin.OWN
+
+    def _prune(self) -> None:
+        living = {intention.id for intention in self._mind.all_intentions()}
+        self._roots = {number: root for number, root in self._roots.items() if number in living}
+        self._most = max(_MOST_NOTED, 2 * len(self._roots))
+
+    def pending(self) -> Iterator[tuple[PendingKey, Origin, tuple[Any, ...]]]:
+        """What is pending: its place and origin, and the event as relevant plans, arguments and annotations."""
+        mind = self._mind
+        waiting: dict[int, Event] = {}
+        events = mind.all_events()
+        for event in events:
+            if event[3] is not None:
+                waiting.setdefault(event[3].id, event)
+        for intention in mind.all_intentions():
+            origin, found = self._root(intention, waiting.get(intention.id))
+            if origin:
+                yield (0, intention.id), origin, found
+        queued, self._queued = self._queued, {}
+        for event in events:
+            if event[3] is not None:
+                continue
+            marked = self._marked.get(id(event))
+            origin = self._by_source(event) if marked is None else marked[1]
+            if not origin:
+                continue
+            known = queued.get(id(event))
+            if known is None:
+                self._places += 1
+                known = (event, self._places)
+            self._queued[id(event)] = known
+            yield (1, known[1]), origin, event[:3]
+
+    def _root(self, intention: Intention, event: Event | None) -> tuple[Origin, tuple[Any, ...]]:
+        """Where an intention comes from, and the event that its plans answer."""
+        stack = intention.stack
+        if stack and type(stack[0][PLAN]) is AnsweringPlan:
+            return Origin.OTHERS, self._arrival(intention, stack[0][PLAN].mail)
+        root = self._roots.get(intention.id)
+        if root is None:
+            return Origin.NEVER, ()
+        if event is not None and (not stack or _gives_way(stack, event)):
+            return root.origin, event[:3]
+        if not stack:
+            return Origin.NEVER, ()
+        frame = stack[0]
+        args = root.args if frame[ARGS] is root.seen else frame[ARGS]
+        return root.origin, (frame[RELEVANT], args, frame[ANNOTS])
+
+    def _arrival(self, intention: Intention, mail: Mail) -> tuple[Any, ...]:
+        """The question that an intention answers, as the event of a message that has arrived: any mind handles that."""
+        root = self._roots.get(intention.id)
+        if root is None:
+            args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
+            root = self._roots[intention.id] = _Root(Origin.OTHERS, args, args)
+        return self._mind.plans.kqml, root.args, ()
+
+
+def _gives_way(stack: list[Any], event: Event) -> bool:
+    """Whether the only plan of an intention has ended but for a goal of its own kind, which takes its place."""
+    frame = stack[0]
+    return len(stack) == 1 and frame[STEP] is None and frame[RELEVANT].tail is event[0].call and not frame[PLAN].special

@@ -1,0 +1,71 @@
+"""What is kept of a mind, as rows of bytes: what has changed in it, and all of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+Row = tuple[int, bytes]
+"""A number that gives the row its place, and what stands there."""
+PendingKey = tuple[int, int]
+"""Where something pending stands: see `agentd.mind.persistence.pending_events`."""
+PendingRow = tuple[PendingKey, int, bytes]
+"""The place of an event, its `Origin`, and the event."""
+
+
+@dataclass(slots=True)
+class MindChanges:
+    """What has changed in a mind since that was asked last. False where nothing has."""
+
+    beliefs: list[Row] = field(default_factory=list)
+    """Facts and rules that are new or different, by their rank; the highest rank of a predicate is asked first."""
+    beliefs_gone: list[int] = field(default_factory=list)
+    predicates: list[Row] = field(default_factory=list)
+    """Predicates that are new, by their number: the order in which they were first mentioned."""
+    plans: list[Row] = field(default_factory=list)
+    """Plans that the run has added, by their rank; those below 0 stand before the program's."""
+    plans_gone: list[int] = field(default_factory=list)
+    pending: list[PendingRow] = field(default_factory=list)
+    pending_gone: list[PendingKey] = field(default_factory=list)
+    values: dict[str, bytes] = field(default_factory=dict)
+    """Whatever is kept as a whole, by name, where it is different."""
+    absorbed: list[Any] = field(default_factory=list)
+    """The marks of the messages that the mind has taken, in that order: see `Keeper.feed`."""
+    unkept: list[str] = field(default_factory=list)
+    """What cannot be kept, in words, each once. It is not in the rows, and what stood for it there before is gone."""
+
+    def __bool__(self) -> bool:
+        return any(getattr(self, name) for name in self.__slots__)
+
+
+@dataclass(slots=True)
+class StoredMind:
+    """A mind as it was: the sum of all its changes, each part in rising order."""
+
+    beliefs: list[Row] = field(default_factory=list)
+    predicates: list[Row] = field(default_factory=list)
+    plans: list[Row] = field(default_factory=list)
+    pending: list[PendingRow] = field(default_factory=list)
+    values: dict[str, bytes] = field(default_factory=dict)
+
+    def changed(self, changes: MindChanges) -> StoredMind:
+        """Return the mind as it is after changes: what a database does with them."""
+        pending = {key: (key, origin, data) for key, origin, data in self.pending}
+        for gone in changes.pending_gone:
+            pending.pop(gone, None)
+        pending.update({row[0]: row for row in changes.pending})
+        return StoredMind(
+            _merged(self.beliefs, changes.beliefs, changes.beliefs_gone),
+            _merged(self.predicates, changes.predicates, []),
+            _merged(self.plans, changes.plans, changes.plans_gone),
+            [pending[key] for key in sorted(pending)],
+            {**self.values, **changes.values},
+        )
+
+
+def _merged(rows: list[Row], new: list[Row], gone: list[int]) -> list[Row]:
+    found = dict(rows)
+    for rank in gone:
+        found.pop(rank, None)
+    found.update(new)
+    return sorted(found.items())

@@ -1,0 +1,72 @@
+"""Plans nested in ``{ }``: which are in sight of an event (rule 95)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from agentd.mind.beliefs.unification import Trail, undo
+from agentd.mind.data.frames import PLAN, Frame
+from agentd.mind.data.intention import Intention
+
+
+def select_first(mind: Any, trail: Trail, event: Any) -> Frame | None:
+    """The frame of the first applicable plan for an event, with its bindings on the trail."""
+    relevant, args, annots, _ = event
+    mark = len(trail)
+    for plan in relevant.plans:
+        frame: Frame | None = plan.select(mind, trail, relevant, args, annots)
+        if frame is not None:
+            return frame
+        undo(trail, mark)
+    return None
+
+
+def select_nested(mind: Any, trail: Trail, event: Any) -> Frame | None:
+    """The same in programs with nested plans: those in sight come first."""
+    relevant, args, annots, intention = event
+    frame = nested_frame(mind, trail, relevant, args, annots, intention)
+    return select_first(mind, trail, event) if frame is None else frame
+
+
+def nested_frame(
+    mind: Any, trail: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None
+) -> Frame | None:
+    """The frame of a nested plan for an event, if one is in sight and applicable."""
+    for plan, around in nested_plans(mind, relevant, intention):
+        mark = len(trail)
+        found: Frame | None = plan.select(mind, trail, relevant, args, annots, around)
+        if found is not None:
+            return found
+        undo(trail, mark)
+    return None
+
+
+def nested_plans(mind: Any, relevant: Any, intention: Intention | None) -> Iterator[tuple[Any, Frame]]:
+    """The nested plans that are in sight of an event, each with the frame of the plan around it.
+
+    A goal sees the plans nested in the plan that called it, and those around that plan. A belief event of its own sees
+    those of every goal that is active.
+    """
+    if intention is not None:
+        if intention.stack:
+            yield from _of_frame(mind, relevant, intention.stack[-1], intention)
+    elif not relevant.goal:
+        for other in mind.all_intentions():
+            for frame in reversed(other.stack):
+                yield from _of_frame(mind, relevant, frame, None)
+
+
+def _of_frame(mind: Any, relevant: Any, frame: Frame, intention: Intention | None) -> Iterator[tuple[Any, Frame]]:
+    plan, around = frame[PLAN], frame
+    while plan is not None:
+        for inner in plan.subplans:
+            if mind.plans.answers(inner, relevant):
+                yield inner, around
+        plan = plan.outer
+        if plan is None or intention is None:
+            return
+        enclosing = next((f for f in reversed(intention.stack) if f[PLAN] is plan), None)
+        if enclosing is None:
+            return
+        around = enclosing

@@ -1,0 +1,449 @@
+"""A mind lived again from what was recorded of it (`{agent}/trace/inputs`): to prove that it decides the same, or
+to see what an edited program would have done.
+
+    result = replay(batches, decisions)                       # the recorded program: exact, cycle by cycle
+    result = compare(batches, program=Path("edited.asl"))     # another program beside the recorded one
+    life = Life(batches[0]); life.feed(batches[0]); life.mind # to look into a mind as it was
+
+`batches` are the `MindInputs` of one life, in order from number 0; `decisions` the `MindDecisions` of the same agent as
+far as there are any (only used to say more about a difference). Nothing here does I/O but reading an edited program.
+Python that a program uses is run again: if that asks the world, the lives may part there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from agentd.language.syntax_tree.printer import source_text
+from agentd.mind.data.effects import Log
+from agentd.mind.data.frames import PLAN
+from agentd.mind.data.inputs import ActionDone, Mail, TeamReply
+from agentd.mind.introspection.decision_log import Failure
+from agentd.mind.introspection.term_snapshot import short_text
+from agentd.replay.replayed_mind import CannotReplay, Done, Life, digest_of
+from agentd.trace.environment_reads import CameBack, Given, MailRefused, NamesRead
+from schemas.files.text_files import read_bounded
+from schemas.wire.mind_records import DecisionView, MindBirth, MindDecisions, MindInputs
+
+__all__ = ["Act", "CannotReplay", "Difference", "Life", "Result", "acts", "compare", "replay"]
+
+NEXT: Final = 6
+"""So many of what each did after a difference are shown."""
+NEXT_CYCLES: Final = 20_000
+"""Cycles in which that is looked for."""
+AHEAD: Final = 1_000
+"""Cycles that an edited program may take for what comes between two inputs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """A decision or an effect of a mind."""
+
+    cycle: int
+    time: float
+    """Mission seconds."""
+    kind: Literal["decision", "failure", "effect"]
+    text: str
+    """A decision: the event and the plan chosen for it. An effect: what was done, such as `action goto(1,2)`."""
+    decision: DecisionView | None = None
+    """With the plans that were rejected and why, where it is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Where two lives part."""
+
+    cycle: int
+    time: float
+    batch: int
+    """Number of the batch of inputs in which it is."""
+    exact: bool
+    """Whether this is the place itself; otherwise it is somewhere in this batch, up to here."""
+    recorded: Act | None
+    """What the recorded mind did; none: nothing any more, or it is not known."""
+    replayed: Act | None
+    inputs: tuple[str, ...]
+    """What went in last before it, in words, the last one last."""
+    recorded_next: tuple[Act, ...] = ()
+    """What each did next."""
+    replayed_next: tuple[Act, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How far two lives agree."""
+
+    agent: str
+    program: str
+    batches: int
+    inputs: int
+    cycles: int
+    """All of these agree: up to the difference, if there is one."""
+    decisions: int
+    effects: int
+    until: float
+    """Mission seconds up to which they agree."""
+    proven: int = 0
+    """Batches whose digest was recorded and is the same."""
+    unlike: tuple[int, ...] = ()
+    """`compare`: the batches that the recorded program itself did not live as they were."""
+    difference: Difference | None = None
+    notes: tuple[str, ...] = ()
+    """What should be known about this result."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether there is no difference, and the recorded program itself lived as it was recorded."""
+        return self.difference is None and not self.unlike
+
+
+class _Tally:
+    """Counts what agrees."""
+
+    def __init__(self, life: Life) -> None:
+        self._life = life
+        self.batches = self.inputs = self.cycles = self.decisions = self.effects = self.proven = 0
+        self.unheard = 0
+        """Batches that have no digest."""
+        self.unlike: list[int] = []
+        self.notes: list[str] = []
+
+    def batch(self, batch: MindInputs, *, alike: bool = True) -> None:
+        """A batch was lived to its end; `alike`: its digest, if it has one, is the same."""
+        self.batches += 1
+        self.inputs += len(batch.inputs)
+        self.cycles = batch.last
+        if not batch.digest:
+            self.unheard += 1
+        elif alike:
+            self.proven += 1
+        else:
+            self.unlike.append(batch.number)
+
+    def count(self, done: Iterable[Done]) -> None:
+        for one in done:
+            if one.decides:
+                self.decisions += 1
+            else:
+                self.effects += 1
+
+    def result(self, difference: Difference | None = None) -> Result:
+        if difference is None and self.unheard:
+            self.notes.append(
+                f"{self.unheard} of {self.batches} batches have no digest: nobody listened when they were made"
+            )
+        birth = self._life.birth
+        return Result(
+            agent=self._life.agent,
+            program=birth.program,
+            batches=self.batches,
+            inputs=self.inputs,
+            cycles=self.cycles,
+            decisions=self.decisions,
+            effects=self.effects,
+            until=self._life.now,
+            proven=self.proven,
+            unlike=tuple(self.unlike),
+            difference=difference,
+            notes=tuple(self.notes),
+        )
+
+
+Progress = Callable[[MindInputs], None]
+
+
+def replay(
+    batches: Iterable[MindInputs], decisions: Iterable[MindDecisions] = (), *, progress: Progress | None = None
+) -> Result:
+    """Live the recorded program again, exactly: the same inputs in the same cycles at the same times.
+
+    Raises CannotReplay.
+    """
+    life, rest = _first(batches)
+    tally, before = _Tally(life), 0
+    for batch in rest:
+        done = life.feed(batch)
+        if batch.digest and digest_of(done, life.birth.decisions > 0) != (batch.decided, batch.digest):
+            return tally.result(_where(life, batch, done, before, decisions))
+        tally.batch(batch)
+        before = batch.last
+        tally.count(done)
+        if progress is not None:
+            progress(batch)
+    return tally.result()
+
+
+def compare(
+    batches: Iterable[MindInputs],
+    decisions: Iterable[MindDecisions] = (),
+    *,
+    program: Path | str | None = None,
+    files: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> Result:
+    """Live the recorded program and an edited one on the same inputs; find the first decision or effect that differs.
+
+    `program`: the file (Path) or the text (str) that takes the place of the main file; `files`: texts that take the
+    place of further files, by their recorded paths. Plans are told apart by trigger and body, not by their place.
+    Raises CannotReplay.
+    """
+    life, rest = _first(batches)
+    birth = life.birth
+    first = next(rest)
+    other, tally = Life(first, program=_texts(birth, program, files)), _Tally(life)
+    keys = _Keys()
+    for batch in _and(first, rest):
+        life.take(batch)
+        other.take(batch)
+        exact: list[Done] = []
+        while life.mind.cycle < batch.last:
+            own, others = life.cycle(), other.cycle()
+            exact += own
+            place = keys.difference(own, others)
+            if place is not None:
+                tally.count(own[:place])
+                tally.cycles = life.mind.cycle - 1
+                return tally.result(_parting(life, other, batch, rest, own[place:], others[place:]))
+            tally.count(own)
+        life.end_of_batch()
+        other.end_of_batch()
+        alike = not batch.digest or digest_of(exact, birth.decisions > 0) == (batch.decided, batch.digest)
+        tally.batch(batch, alike=alike)
+        if progress is not None:
+            progress(batch)
+    return tally.result()
+
+
+def acts(
+    batches: Iterable[MindInputs],
+    *,
+    program: Path | str | None = None,
+    files: Mapping[str, str] | None = None,
+    until: int | None = None,
+) -> Iterator[Act]:
+    """Live a mind again and tell what it decides and does, up to a cycle; `program` and `files` as in `compare`.
+
+    Raises CannotReplay.
+    """
+    rest = iter(batches)
+    first = next(rest, None)
+    if first is None or first.birth is None:
+        raise CannotReplay("there is no birth of a mind in the recording")
+    life = Life(first, program=_texts(first.birth, program, files))
+    for batch in _and(first, rest):
+        life.take(batch)
+        while life.mind.cycle < (batch.last if until is None else min(until, batch.last)):
+            for one in life.cycle():
+                yield _act(life, one)
+        if until is not None and batch.last >= until:
+            return
+        life.end_of_batch()
+
+
+def _texts(birth: MindBirth, program: Path | str | None, files: Mapping[str, str] | None) -> dict[str, str]:
+    """The texts that take the place of those recorded."""
+    texts = dict(files or {})
+    if unknown := sorted(texts.keys() - birth.files.keys()):
+        known = ", ".join(birth.files) or "none"
+        raise CannotReplay(f"the recorded program has no file {unknown[0]}; its files are {known}")
+    if program is not None:
+        texts[birth.program] = program if isinstance(program, str) else _text(program)
+    return texts
+
+
+def _first(batches: Iterable[MindInputs]) -> tuple[Life, Iterator[MindInputs]]:
+    """Make the mind; return it with all batches, the first one included."""
+    rest = iter(batches)
+    first = next(rest, None)
+    if first is None:
+        raise CannotReplay("there are no inputs of a mind in the recording")
+    return Life(first), _and(first, rest)
+
+
+def _and(first: MindInputs, rest: Iterator[MindInputs]) -> Iterator[MindInputs]:
+    yield first
+    yield from rest
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_bounded(path).decode("utf-8-sig")
+    except OSError as error:
+        raise CannotReplay(f"{path}: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise CannotReplay(f"{path}: the file is not UTF-8 text") from None
+
+
+# --- an exact life that is not the same ---
+
+
+def _where(
+    life: Life, batch: MindInputs, done: list[Done], before: int, decisions: Iterable[MindDecisions]
+) -> Difference:
+    """Find the first difference of a batch whose digest is another one, by the decisions that were recorded."""
+    own = [one for one in done if type(one.what) is tuple]
+    views = [(one, view) for one in own if (view := life.view_of(one)) is not None]
+    known = {_decided(view): (one, view) for one, view in views}
+    recorded = [d for some in decisions if some.agent == life.agent for d in some.decisions]
+    recorded = [d for d in recorded if before < d.cycle <= batch.last]
+    inputs = tuple(f"cycle {cycle}: {given_text(item)}" for cycle, item in life.lasts)
+    for view in recorded:
+        if _decided(view) in known:
+            continue
+        mine = next(((one, v) for one, v in views if one.cycle >= view.cycle), None)
+        act = Act(view.cycle, view.time, "decision", _decision_text(view), view)
+        return Difference(
+            cycle=view.cycle,
+            time=view.time,
+            batch=batch.number,
+            exact=True,
+            recorded=act,
+            replayed=None if mine is None else _act(life, mine[0]),
+            inputs=inputs,
+            replayed_next=tuple(_act(life, one) for one in done if one.cycle > view.cycle)[:NEXT],
+        )
+    return Difference(
+        cycle=batch.last,
+        time=life.now,
+        batch=batch.number,
+        exact=False,
+        recorded=None,
+        replayed=None,
+        inputs=inputs,
+        replayed_next=tuple(_act(life, one) for one in done[:NEXT]),
+    )
+
+
+def _decided(view: DecisionView) -> tuple[Any, ...]:
+    return view.cycle, view.kind, view.name, None if view.chosen is None else view.chosen.position
+
+
+# --- two programs ---
+
+
+class _Keys:
+    """What two programs are compared by."""
+
+    def __init__(self) -> None:
+        self._plans: dict[Any, str] = {}
+
+    def difference(self, own: list[Done], others: list[Done]) -> int | None:
+        """Return the place of the first difference of what was done in a cycle."""
+        for place, (one, other) in enumerate(zip_longest(own, others)):
+            if one is None or other is None or self._key(one) != self._key(other):
+                return place
+        return None
+
+    def _key(self, done: Done) -> tuple[Any, ...]:
+        what = done.what
+        if type(what) is Failure:
+            return what.intention, what.failed.error
+        if type(what) is tuple:
+            relevant, frame = what[2][0], what[6]
+            event = done.line.rpartition(" ")[0].rpartition(" ")[0]  # without how many were tried, and the place
+            return relevant.text, event, "" if frame is None else self._plan(frame[PLAN])
+        return (_PLACE.sub("", done.line) if isinstance(what, Log) else done.line,)
+
+    def _plan(self, plan: Any) -> str:
+        known = self._plans.get(plan)
+        if known is None:
+            node = plan.syntax
+            known = self._plans[plan] = f"{source_text(node.trigger)} <- {source_text(node.body)}"
+        return known
+
+
+_PLACE: Final = re.compile(r":\d+(:\d+)?\b")
+
+
+def _parting(
+    life: Life, other: Life, batch: MindInputs, rest: Iterator[MindInputs], own: list[Done], others: list[Done]
+) -> Difference:
+    """Two lives part here: `own` and `others` are what differs in this cycle. Look at what each does next."""
+    cycle, time = life.mind.cycle, life.now
+    inputs = tuple(f"cycle {at}: {given_text(item)}" for at, item in life.lasts)
+    recorded, replayed = (_act(life, own[0]) if own else None), (_act(other, others[0]) if others else None)
+    mine, theirs = [_act(life, one) for one in own[1:]], [_act(other, one) for one in others[1:]]
+    limit, here = cycle + NEXT_CYCLES, batch
+    while life.mind.cycle < limit and (len(mine) < NEXT or len(theirs) < NEXT):
+        if life.mind.cycle >= here.last:
+            following = next(rest, None)
+            if following is None:  # nothing more came in: what the edited program has begun it may end
+                theirs += [_act(other, one) for one in other.go_on(AHEAD)]
+                break
+            here = following
+            life.take(here)
+            other.take(here)
+            continue
+        if life.at_boundary:
+            theirs += [_act(other, one) for one in other.go_on(AHEAD)]
+        mine += [_act(life, one) for one in life.cycle()]
+        other.mind.cycle = life.mind.cycle - 1  # what goes in is numbered by the recorded cycles
+        theirs += [_act(other, one) for one in other.cycle()]
+    return Difference(
+        cycle=cycle,
+        time=time,
+        batch=batch.number,
+        exact=True,
+        recorded=recorded,
+        replayed=replayed,
+        inputs=inputs,
+        recorded_next=tuple(mine[:NEXT]),
+        replayed_next=tuple(theirs[:NEXT]),
+    )
+
+
+# --- in words ---
+
+
+def _act(life: Life, done: Done) -> Act:
+    what = done.what
+    if type(what) is tuple:
+        view = life.view_of(done)
+        text = done.line if view is None else _decision_text(view)
+        return Act(done.cycle, done.time, "decision", text, view)
+    text = done.line.partition(" ")[2]
+    return Act(done.cycle, done.time, "failure" if type(what) is Failure else "effect", text)
+
+
+def _decision_text(view: DecisionView) -> str:
+    if view.chosen is None:
+        return f"{view.event}: no plan"
+    label = f"{view.chosen.label} " if view.chosen.label else ""
+    return f"{view.event}: {label}{view.chosen.trigger} ({view.chosen.position})"
+
+
+def given_text(item: Given) -> str:
+    """What went into a mind, in words."""
+    match item:
+        case Mail():
+            return f"{item.performative} {short_text(item.content)} from {item.sender}"
+        case ActionDone():
+            reason = f": {item.reason}" if item.reason else ""
+            return f"action #{item.id} {item.state or ('succeeded' if item.ok else 'failed')}{reason}"
+        case TeamReply():
+            return f"answer of the team to #{item.id}{f': {item.error} {item.message}' if item.error else ''}"
+        case NamesRead(names=names):
+            return f"the team is {', '.join(names)}"
+        case MailRefused():
+            return f"message {item.msg_id} was refused: {item.message}"
+        case CameBack(life=life):
+            return f"it was back for the {life}. time"
+    literal = getattr(item, "literal", None)
+    kind = type(item).__name__
+    return kind if literal is None else f"{_WORDS.get(kind, kind)} {short_text(literal)}"
+
+
+_WORDS: Final = {
+    "PerceptReplaced": "percept",
+    "PerceptAdded": "percept also",
+    "PerceptRemoved": "no percept any more",
+    "GoalAdded": "goal",
+    "BeliefAdded": "belief",
+    "SignalRaised": "signal",
+    "Interrupted": "signal",
+}

@@ -1,0 +1,290 @@
+"""A mind that lives again: made of what was recorded of its birth, given what was recorded of its course."""
+
+from __future__ import annotations
+
+import sys
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import msgspec
+
+from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
+from agentd.language.parser.parser import parse_formula
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Belief, Goal, Item, Program
+from agentd.mind import Mind
+from agentd.mind.data.effects import Effect, SendMail
+from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.inputs import TimeRead, TooDeep
+from agentd.mind.execution.dropping import fail_too_deep
+from agentd.mind.introspection.decision_log import Decision, Failure
+from agentd.mind.introspection.decision_views import view_of
+from agentd.mind.persistence.change_tracking import Keeper
+from agentd.persistence.restart import come_back, raise_interrupted
+from agentd.runtime.program_loader import read_item
+from agentd.standalone.command import DEEPEST_CALLS
+from agentd.trace.decision_digest import Acts, DecisionLines, deed_line
+from agentd.trace.environment_reads import CameBack, Given, Interrupted, MailRefused, NamesRead
+from agentd.trace.initial_state import unpack, zone_of
+from agentd.trace.input_records import Unreadable, read
+from agentd.trace.program_sources import Texts
+from schemas.wire.mind_records import DecisionView, MindBirth, MindInputs
+
+REMEMBERED: Final = 5_000
+"""Decisions that a mind which lives again remembers, to show them."""
+
+MOST_IDLE: Final = 100_000
+"""Cycles one after the other without anything to do or given: no mind counts so many without noting the time."""
+
+
+class CannotReplay(ValueError):
+    """Why a recording cannot be lived again: batches are missing, another version, a program that cannot be read."""
+
+
+@dataclass(slots=True)
+class Done:
+    """A decision, a failure or an effect, as it comes out of a mind."""
+
+    cycle: int
+    time: float
+    what: Any
+    """An effect, or a record of `agentd.mind.introspection.decision_log`."""
+    line: str
+
+    @property
+    def decides(self) -> bool:
+        """Whether it is a decision or a failure."""
+        return type(self.what) in (tuple, Failure)
+
+
+class Life:
+    """One mind that lives again. `feed` batch after batch; in between `mind` may be looked at."""
+
+    def __init__(self, first: MindInputs, *, program: Mapping[str, str] | None = None) -> None:
+        """`first` is batch 0; `program`: texts by path that take the place of those recorded. Raises CannotReplay."""
+        if first.number != 0 or first.birth is None:
+            raise CannotReplay(f"the recording of {first.agent} begins with batch {first.number}: its birth is missing")
+        if first.birth.unknown:
+            raise CannotReplay(f"{first.agent} cannot live again: {first.birth.unknown}")
+        sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))  # as deep as where it lived
+        self.agent, self.birth, self.number = first.agent, first.birth, -1
+        self.now = first.birth.start
+        self.lasts: deque[tuple[int, Given]] = deque(maxlen=5)
+        """What went in last."""
+        self._done: list[Done] = []
+        self._line = DecisionLines().of
+        self._steps: deque[tuple[int, float]] = deque()
+        self._given: deque[tuple[int, Given]] = deque()
+        self._times: deque[float] = deque()
+        self._names: tuple[str, ...] = ()
+        self._refused: dict[str, MailRefused] = {}
+        self._too_deep = False
+        self._idle = 0
+        """Cycles since the last one with something to do or given."""
+        self._instead: Goal | None = None
+        self._early = [item for item in map(_read, first.inputs) if item[0] == 0]
+        for _, item in self._early:
+            self._note(item)
+        self.mind = self._make(first.birth, {**first.birth.files, **(program or {})})
+
+    def _make(self, birth: MindBirth, texts: dict[str, str]) -> Mind:
+        program, self._instead = program_of(birth, texts)
+        try:
+            zone = zone_of(birth.zone)
+            stored = unpack(birth.memory) if birth.memory else None
+        except ValueError as error:
+            raise CannotReplay(f"the birth of {self.agent} cannot be read: {error}") from None
+        self.keeper = Keeper(stored) if birth.kept else None
+        mind = Mind(
+            self.agent,
+            program,
+            seed=birth.seed,
+            start=birth.start,
+            names_variables=birth.names_variables,
+            clock=self._clock,
+            agents=lambda: self._names,
+            has_team=birth.has_team,
+            ask_timeout=birth.ask_timeout,
+            epoch=birth.epoch,
+            zone=zone,
+            decisions=REMEMBERED,
+            keeper=self.keeper,
+        )
+        self._times.clear()
+        for text in birth.formulas:
+            mind.query(parse_formula(text, birth.mission))
+        mind.post_office = self._send
+        mind.most_frames, mind.asleep = float("inf"), None
+        assert mind.recorder is not None
+        mind.recorder.count_all(self._decided)
+        return mind
+
+    # --- what the mind learns from where it lives ---
+
+    def _clock(self) -> float:
+        return self._times.popleft() if self._times else self.mind.now if hasattr(self, "mind") else self.now
+
+    def _send(self, mail: SendMail) -> None:
+        assert self.mind.recorder is not None
+        self.mind.recorder.settle()
+        if refused := self._refused.pop(mail.msg_id, None):
+            raise Failed(refused.error, refused.message)
+        self._did(mail)
+
+    def _decided(self, entries: list[Any]) -> None:
+        self._done += [Done(entry[0], self.now, entry, self._line(entry)) for entry in entries]
+
+    def _did(self, effect: Effect) -> None:
+        cycle = self.mind.cycle
+        self._done.append(Done(cycle, self.now, effect, deed_line(cycle, effect)))
+
+    # --- living ---
+
+    def feed(self, batch: MindInputs) -> list[Done]:
+        """Live a batch; return what was decided and done, in order. Raises CannotReplay."""
+        self.take(batch)
+        done: list[Done] = []
+        while self.mind.cycle < batch.last:
+            done += self.cycle()
+        self.end_of_batch()
+        return done
+
+    def take(self, batch: MindInputs) -> None:
+        """Have a batch, to be lived by `cycle`. Raises CannotReplay if it is not the next one."""
+        if batch.agent != self.agent:
+            raise CannotReplay(f"batch {batch.number} is of {batch.agent}, not of {self.agent}")
+        if batch.number != self.number + 1:
+            what = "is" if batch.number == self.number + 2 else f"to {batch.number - 1} are"
+            raise CannotReplay(f"batch {self.number + 1} {what} missing: what went in then is not known")
+        self.number = batch.number
+        self._steps += [(step.first, step.now) for step in batch.steps]
+        self._given += [item for item in map(_read, batch.inputs) if item[0] > 0]
+
+    @property
+    def at_boundary(self) -> bool:
+        """Whether something goes in, or the time goes on, before the next cycle."""
+        cycle = self.mind.cycle + 1
+        return any(queue and queue[0][0] <= cycle for queue in (self._steps, self._given))
+
+    def cycle(self) -> list[Done]:
+        """Live the next cycle, as it was recorded; return what was decided and done. Raises CannotReplay."""
+        cycle = self.mind.cycle + 1
+        while self._steps and self._steps[0][0] <= cycle:
+            self.now = self._steps.popleft()[1]
+        items: list[Given] = []
+        while self._given and self._given[0][0] <= cycle:
+            self.lasts.append(self._given[0])
+            items.append(self._given.popleft()[1])
+        for item in items:
+            self._note(item)
+        for item in items:
+            self._give(item)
+        self._idle = 0 if items or self.mind.ready else self._idle + 1
+        if self._idle > MOST_IDLE:
+            raise CannotReplay(f"batch {self.number} of {self.agent} counts cycles in which nothing can have happened")
+        return self._run()
+
+    def go_on(self, cycles: int) -> list[Done]:
+        """Live so many cycles beyond what was recorded, as far as there is something to do."""
+        done: list[Done] = []
+        while cycles and self.mind.ready:
+            cycles -= 1
+            done += self._run()
+        return done
+
+    def _run(self) -> list[Done]:
+        mind = self.mind
+        effects = mind.run(self.now, 1)
+        if self._too_deep and mind.current is not None:
+            fail_too_deep(mind, mind.current)
+            effects, mind.effects = effects + mind.effects, []
+        assert mind.recorder is not None
+        mind.recorder.settle()
+        for effect in effects:
+            self._did(effect)
+        self._times.clear()
+        self._refused.clear()
+        self._too_deep = False
+        done, self._done = self._done, []
+        return done
+
+    def end_of_batch(self) -> None:
+        """Let go of what nobody needs."""
+        if self.keeper is not None:
+            self.keeper.changes()
+
+    def _note(self, item: Given) -> None:
+        """Have ready what the mind will ask for in this cycle."""
+        match item:
+            case TimeRead(seconds=seconds):
+                self._times.append(seconds)
+            case NamesRead(names=names):
+                self._names = names
+            case MailRefused(msg_id=identity):
+                self._refused[identity] = item
+            case TooDeep():
+                self._too_deep = True
+
+    def _give(self, item: Given) -> None:
+        """Tell the mind what comes from outside."""
+        match item:
+            case CameBack(life=life, interrupted=interrupted):
+                if self.keeper is not None:
+                    come_back(self.mind, self.keeper, life, interrupted, self._instead)
+            case Interrupted(literal=literal):
+                if self.keeper is not None:
+                    raise_interrupted(self.mind, self.keeper, literal)
+            case TimeRead() | NamesRead() | MailRefused() | TooDeep():
+                pass
+            case _:
+                self.mind.feed(item)
+
+    # --- for who looks ---
+
+    def view_of(self, done: Done) -> DecisionView | None:
+        """The decision with its rejected plans, as it was made; None for what is none."""
+        if type(done.what) is not tuple:
+            return None
+        return msgspec.convert(view_of(self.mind, Decision(*done.what)), DecisionView, from_attributes=True)
+
+
+def _read(record: Any) -> tuple[int, Given]:
+    try:
+        return record.cycle, read(record)
+    except Unreadable as bad:
+        raise CannotReplay(str(bad)) from None
+
+
+def digest_of(done: Iterable[Done], decisions: bool) -> tuple[int, str]:
+    """Return how much was decided and done, and its digest; without `decisions` of effects alone."""
+    acts, rest = Acts(), list(done)
+    if decisions:
+        acts.decided(one.what for one in rest if one.decides)
+    for one in rest:
+        if not one.decides:
+            acts.did(one.line)
+    return acts.take()
+
+
+def program_of(birth: MindBirth, texts: Mapping[str, str]) -> tuple[CompiledProgram, Goal | None]:
+    """Compile a program from recorded texts; with the goal of a restart. Raises CannotReplay."""
+    read = Texts(texts).parse_file
+    try:
+        program = read(birth.program) if birth.program else Program("")
+        items: list[Item] = [*program.items]
+        for text in birth.beliefs:
+            items += read_item(text, birth.mission, Belief)
+        for text in birth.goals:
+            items += read_item("!" + text.strip().lstrip("!"), birth.mission, Goal)
+        instead = None
+        if birth.on_restart:
+            inner = birth.on_restart.strip().removeprefix("goal(").removesuffix(")").strip().lstrip("!")
+            found = read_item(f"!{inner}", birth.mission, Goal)[0]
+            instead = found if isinstance(found, Goal) else None
+        return compile_program(replace(program, items=tuple(items)), read), instead
+    except SyntaxErrors as errors:
+        raise CannotReplay(str(errors.findings[0])) from None
+    except (DirectiveError, OSError, ValueError) as error:
+        raise CannotReplay(f"the program cannot be read: {error}") from None

@@ -1,0 +1,374 @@
+"""The agents of one daemon: those of the mission, and those that they make at run time.
+
+What a mind asks of its team (`TeamRequest`) is carried out here: agents to make, clone and end, files to include and
+save, the directory of services. Agents made at run time live in the daemon of the agent that made them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from agentd.extensions.file_access import AgentFiles, NotAllowed
+from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program, in_namespace
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.terms.terms import EMPTY, atom, make_list
+from agentd.mind.data.effects import StopTeam, TeamRequest, TeamRequestRefused
+from agentd.mind.data.inputs import TeamReply
+from agentd.persistence.restore import FILE, Memory, open_memory
+from agentd.runtime.agent_directory import Roster
+from agentd.runtime.agent_host import Host, Part
+from agentd.runtime.presence_beliefs import Company
+from agentd.runtime.service_client import Do, NotDone, Services
+from agentd.trace.input_records import Included
+from agentd.trace.program_sources import Sources
+from commd.bus.bus import Bus, Token
+from commd.bus.errors import AlreadyRunning, BusClosed
+from commd.common.clock import Clock
+from commd.common.tasks import Tasks
+from commd.process.process import report_health
+from commd.process.systemd import Member, Unit
+from schemas.mission.mail_rights import MailRights
+from schemas.mission.model import RESERVED, Mission
+from schemas.wire import keys
+from schemas.wire.names import check_name
+from schemas.wire.records import BoardServices
+
+MOST_MADE = 50
+"""So many agents made at run time may live in one daemon at once."""
+TURN = 1.0
+"""Wall seconds after which it is looked whether an agent made meanwhile has ended."""
+LEAVING = 1.0
+"""Wall seconds that the directory has to let an agent go when the daemon ends; it does so later by itself."""
+ENDING = 5.0
+"""Wall seconds that an agent which is killed has to leave before its killer goes on."""
+MOST_TRIES = 100
+"""So many names are tried for an agent whose own is taken."""
+log = logging.getLogger("crew")
+
+
+class Crew:
+    """Runs the agents of a daemon until each has ended, and answers what they ask for."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        mission: Mission,
+        state: Path,
+        seed: int,
+        *,
+        fresh: bool = False,
+        unit: Member | None = None,
+    ) -> None:
+        """`state` has a folder for each agent; `fresh`: the agents forget what is kept there, and begin anew."""
+        self._unit = unit or Unit({}).member("agentd")
+        self.hosts: dict[str, Host] = {}
+        self.stopped: StopTeam | None = None
+        """What a program said when it stopped the team."""
+        self.roster = Roster(bus, mission.mailboxes)
+        self._bus, self._clock, self._mission, self._state, self._seed = bus, clock, mission, state, seed
+        self._made: dict[str, None] = {}
+        self._homes: dict[str, str] = {}
+        """The boards of the agents of this daemon."""
+        self._ends: dict[str, asyncio.Event] = {}
+        self._running: dict[asyncio.Task[None], str] = {}
+        self._stop = asyncio.Event()
+        self._services = Services(bus)
+        self._company = Company(bus, self.roster, clock)
+        self._work = Tasks("working for the agents")
+        self._fresh = fresh
+        self._writer = ThreadPoolExecutor(1, "keeping")
+        """Writes the checkpoints of all agents, one after the other."""
+
+    async def add(self, *parts: Part) -> None:
+        """Join the bus under the names of agents of the mission; they reason from `run` on.
+
+        Raises AlreadyRunning, BusClosed and CheckpointError.
+        """
+        tokens = await self._bus.claim_all([part.name for part in parts])
+        memories = await asyncio.gather(*(self._memory(part.name) for part in parts))
+        for part, memory in zip(parts, memories, strict=True):
+            self._house(part, self._mission.agents[part.name].board, tokens[part.name], memory)
+
+    def _house(self, part: Part, board: str, token: Token, memory: Memory | None = None) -> Host:
+        rights = MailRights(self._mission, part.name, board)
+        host = Host(self._bus, self._clock, part, self.roster, self.answer, token, memory, rights.accept)
+        self.hosts[part.name] = host
+        self._homes[part.name] = board
+        self.roster.add(part.name, board)
+        return host
+
+    async def _memory(self, name: str) -> Memory | None:
+        """What an agent has on disk; one that begins anew each time has nothing, nor has one made at run time."""
+        agent = self._mission.agents.get(name)
+        if agent is None:
+            return None
+        anew = agent.on_restart == "fresh"
+        if anew and not (self._state / name / FILE).exists():
+            return None
+        synchronous, fresh = self._mission.mail.synchronous, self._fresh or anew
+        memory = await open_memory(self._state / name, name, self._writer, synchronous, fresh=fresh)
+        if anew:
+            await asyncio.get_running_loop().run_in_executor(self._writer, memory.checkpoint.forget)
+            return None
+        return memory
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Let the agents reason until `stop` is set or a program stops the team. Raises AccessDenied."""
+        health = [keys.health(self._bus.fleet, name, self._bus.daemon) for name in self.hosts]
+        try:
+            await self._bus.permitted(puts=health)
+        except BusClosed:
+            self._writer.shutdown(wait=False)
+            raise
+        boards = sorted(set(self._homes.values()))
+        await self.roster.watch(boards)
+        self._work.spawn(self.roster.follow(boards))
+        if any(host.part.presence for host in self.hosts.values()):
+            self._work.spawn(self._company.follow())
+        self._bus.on_router(self._hurry)
+        for board in boards:
+            self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._hurry(alive))
+        for host in list(self.hosts.values()):
+            self._begin(host)
+        self._unit.ready(f"reasoning: {', '.join(self.hosts)}")
+        watch = asyncio.create_task(stop.wait())
+        watch.add_done_callback(lambda _: self._end_all())
+        try:
+            while self._running:
+                ended, _ = await asyncio.wait(self._running, return_when=asyncio.FIRST_COMPLETED, timeout=TURN)
+                for task in ended:
+                    del self._running[task]
+                    task.result()
+                self._tell()
+        finally:
+            self._unit.stopping()
+            watch.cancel()
+            self._work.cancel()
+            await asyncio.gather(*(host.part_with(forget=self.stopped is not None) for host in self.hosts.values()))
+            self._writer.shutdown(wait=False)
+
+    def _tell(self) -> None:
+        """Tell the service manager who reasons, and what is not as it should be."""
+        notes = [f"{name}: {note}" for name, host in self.hosts.items() for note in host.notes()]
+        away = [] if self._bus.router_up else ["the router is lost"]
+        self._unit.status(f"reasoning: {', '.join(self.hosts)}", *away, *notes)
+
+    def _hurry(self, there: bool) -> None:
+        """Commd or the router is back: mail need not wait for its next attempt."""
+        if there:
+            for host in self.hosts.values():
+                host.hurry()
+
+    def _end_all(self) -> None:
+        self._stop.set()
+        for end in self._ends.values():
+            end.set()
+
+    def _begin(self, host: Host) -> None:
+        end = self._ends[host.part.name] = asyncio.Event()
+        if self._stop.is_set():
+            end.set()
+        task = asyncio.create_task(self._live(host, end))
+        self._running[task] = host.part.name
+        self._company.begin(host.part.name)
+        if host.part.presence:
+            self._company.tell(host.part.name, host.take)
+        if host.begins and host.part.name not in self._made:
+            self._work.spawn(self._forget_services(host.part.name))
+
+    async def _forget_services(self, name: str) -> None:
+        """An agent begins anew: what it offered and wanted in a former life does not count any more."""
+        try:
+            await self._ask(name, "leave")
+        except NotDone as why:
+            log.warning("agent=%s may still be listed with the services of a former life: %s", name, why)
+
+    async def _live(self, host: Host, end: asyncio.Event) -> None:
+        """Run one agent; when its program stops the team, all agents of this daemon end."""
+        name = host.part.name
+        report = asyncio.create_task(report_health(self._bus, name, self._clock, host.health))
+        try:
+            await host.run(end, self._unit.loop())
+        finally:
+            report.cancel()
+        if host.stopped is not None:
+            log.info("agent=%s stops the team", name)
+            self.stopped = self.stopped or host.stopped
+            self._end_all()
+        self._company.end(name)
+        if name in self._made:
+            await self._gone(host)
+
+    async def _gone(self, host: Host) -> None:
+        """An agent made at run time has ended: its name is free again when its board has let it go."""
+        name = host.part.name
+        host.close()
+        self.roster.remove(name)
+        try:
+            async with asyncio.timeout(LEAVING if self._stop.is_set() else None):
+                await self._ask(name, "leave")
+        except (NotDone, TimeoutError) as why:
+            log.warning("agent=%s its board forgets it later: %s", name, why or "its commd does not answer")
+        self._services.done_with(name)
+        del self._made[name], self.hosts[name], self._ends[name], self._homes[name]
+
+    # --- what agents ask for ---
+
+    async def answer(self, host: Host, request: TeamRequest) -> TeamReply:
+        """Fulfil a request, or say why not."""
+        handlers: dict[str, Callable[..., Any]] = {
+            "create": self._create,
+            "clone": self._clone,
+            "kill": self._kill,
+            "include": self._include,
+            "save": self._save,
+            "df_register": self._register,
+            "df_deregister": self._deregister,
+            "df_search": self._search,
+            "df_subscribe": self._subscribe,
+        }
+        try:
+            handler = handlers.get(request.what)
+            if handler is None:
+                raise TeamRequestRefused("action_failed", f"agentd serve does not do what '{request.what}' asks for")
+            reply = TeamReply(request.id, await handler(host, *request.arguments))
+            if isinstance(reply.value, Included):
+                reply.value = host.included(request.id, reply.value)
+            return reply
+        except TeamRequestRefused as refused:
+            return TeamReply(request.id, None, refused.error, str(refused))
+        except NotDone as why:
+            return TeamReply(request.id, None, "action_failed", str(why))
+        except (NotAllowed, SyntaxErrors, DirectiveError, AlreadyRunning, BusClosed) as error:
+            return TeamReply(request.id, None, "unknown", str(error))
+        except (OSError, UnicodeDecodeError) as error:
+            return TeamReply(request.id, None, "unknown", getattr(error, "strerror", None) or str(error))
+
+    def _files(self, host: Host) -> AgentFiles:
+        return AgentFiles([self._mission.path.parent], self._state / host.part.name)
+
+    async def _create(self, host: Host, name: str, path: str) -> str:
+        program, sources = CompiledProgram(host.part.program.file), Sources()
+        if path:
+            found = self._files(host).readable(path, host.part.program.file)
+            sources = Sources(main=str(found))
+            read = sources.parse_file
+            program = await asyncio.to_thread(lambda: compile_program(read(found), read))
+        made = await self._make(host, name, program, sources)
+        self._begin(made)
+        log.info("agent=%s made=%s program=%s", host.part.name, made.part.name, path or "none")
+        return made.part.name
+
+    async def _clone(self, host: Host, name: str) -> str:
+        made = await self._make(host, name, CompiledProgram(host.part.program.file), Sources())
+        made.copy_from(host)
+        self._begin(made)
+        log.info("agent=%s cloned=%s", host.part.name, made.part.name)
+        return made.part.name
+
+    async def _make(self, maker: Host, wanted: str, program: CompiledProgram, sources: Sources) -> Host:
+        """Find a name that is free in the fleet, let it join the board of its maker and claim it on the bus."""
+        try:
+            check_name(wanted)
+        except ValueError as error:
+            raise TeamRequestRefused("unknown", str(error)) from None
+        taken = {*self._mission.robots, *self._mission.boards, *RESERVED}
+        for number in range(MOST_TRIES):
+            if len(self._made) >= MOST_MADE:
+                raise TeamRequestRefused(
+                    "unknown", f"{MOST_MADE} agents made at run time are all that this daemon takes"
+                )
+            name = wanted if number == 0 else f"{wanted}_{number}"
+            if name in self.roster.names or name in taken or name in self._made:
+                continue
+            self._made[name] = None  # before anything is waited for: nobody else gets this name or the last place
+            try:
+                if made := await self._welcome(name, program, sources, self._homes[maker.part.name]):
+                    return made
+            except BaseException:
+                del self._made[name]
+                raise
+            del self._made[name]
+        raise TeamRequestRefused("unknown", f"{MOST_TRIES} agents are called {wanted} or {wanted}_N already")
+
+    async def _welcome(self, name: str, program: CompiledProgram, sources: Sources, board: str) -> Host | None:
+        """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
+        try:
+            self.roster.told(await self._services.ask(board, name, "join"))
+            part = Part(name, program, None, {}, {}, self._seed, inject=self._mission.inject, sources=sources)
+            return self._house(part, board, await self._bus.claim(name))
+        except AlreadyRunning:
+            return None
+        except NotDone as why:
+            if why.answered and name.startswith(why.prefix):
+                return None
+            raise
+
+    async def _kill(self, host: Host, name: str, delay: float) -> Any:
+        if name not in self.roster.names:
+            raise TeamRequestRefused("ia_failed", f"there is no agent '{name}'")
+        if name in self._mission.agents:
+            message = (
+                f"'{name}' is an agent of the mission: only those made at run time can be killed; .stopMAS ends all"
+            )
+            raise TeamRequestRefused("action_failed", message)
+        if name not in self._ends:
+            why = "is still being made" if name in self._made else "lives in another daemon, which alone can end it"
+            raise TeamRequestRefused("action_failed", f"'{name}' {why}")
+        end = self._ends[name]
+        if delay > 0:
+            asyncio.get_running_loop().call_later(self._clock.to_wall(delay), end.set)
+            return EMPTY
+        end.set()
+        self.roster.remove(name)
+        log.info("agent=%s killed=%s", host.part.name, name)
+        if name != host.part.name:
+            lives = [task for task, agent in self._running.items() if agent == name]
+            await asyncio.wait(lives, timeout=ENDING)
+        return EMPTY
+
+    async def _include(self, host: Host, path: str, namespace: str) -> Included | None:
+        try:
+            found = self._files(host).readable(path, host.part.program.file)
+        except FileNotFoundError as error:
+            log.error("agent=%s cannot include: %s", host.part.name, error)
+            return None
+        sources = Sources(main=str(found))
+        read = sources.parse_file
+        program = await asyncio.to_thread(lambda: in_namespace(read(found), namespace, read))
+        return Included(program, str(found), namespace, sources)
+
+    async def _save(self, host: Host, path: str, text: str) -> Any:
+        await asyncio.to_thread(self._files(host).save, path, text)
+        return EMPTY
+
+    # --- the directory of services ---
+
+    async def _ask(self, agent: str, do: Do, service: str = "") -> BoardServices:
+        """Ask the directory of an agent's board. Raises NotDone."""
+        answer = await self._services.ask(self._homes[agent], agent, do, service)
+        self.roster.told(answer)
+        return answer
+
+    async def _register(self, host: Host, service: str) -> Any:
+        await self._ask(host.part.name, "register", service)
+        return EMPTY
+
+    async def _deregister(self, host: Host, service: str) -> Any:
+        await self._ask(host.part.name, "deregister", service)
+        return EMPTY
+
+    async def _search(self, host: Host, service: str) -> Any:
+        answer = await self._ask(host.part.name, "search", service)
+        return make_list([atom(name) for name in answer.found])
+
+    async def _subscribe(self, host: Host, service: str) -> Any:
+        """Those who offer it are told by mail, from `df`, now and later."""
+        await self._ask(host.part.name, "subscribe", service)
+        return EMPTY

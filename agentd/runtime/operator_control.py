@@ -1,0 +1,249 @@
+"""What an operator does to a mind, where the mission says `inject: true`: pause, step, resume, give a goal or a belief.
+
+A pause holds the mind between two cycles. Its actions go on, its timers run and fire when it goes on, its mail waits at
+commd as that of a busy mind does, and what it has become is kept. It ends by itself: nobody forgets a mind; and soon if
+the mind has a robot, for nobody reacts to what that one tells meanwhile.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+from collections.abc import Callable
+from typing import Final, TypeAlias
+
+from agentd.conversion.term_conversion import MAX_DEPTH, BadTerm, to_wire
+from agentd.language.parser.parser import parse_literal
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Structure
+from agentd.language.terms.from_ast import instantiate
+from agentd.language.terms.terms import Literal
+from agentd.mind import Mind
+from agentd.mind.beliefs.term_copy import is_ground
+from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Input
+from agentd.mind.execution.receive_message import told_annots
+from commd.bus.bus import Bus, Query
+from schemas.wire import keys
+from schemas.wire.mind_records import MindOrder
+from schemas.wire.records import Outcome
+
+log = logging.getLogger("control")
+
+LONGEST_PAUSE: Final = 600.0
+"""Wall seconds after which a mind that is paused goes on by itself."""
+LONGEST_WITH_ROBOT: Final = 60.0
+"""The same for a mind with a robot."""
+MOST_WAITING: Final = 20_000
+"""Inputs that wait for a paused mind before it goes on by itself."""
+TOLD_AGAIN: Final = 60.0
+"""Wall seconds for which health tells that a mind went on by itself."""
+STEP_PATIENCE: Final = 5.0
+"""Wall seconds that a step may take before the operator is told that it has not been made yet."""
+LARGEST: Final = 4096
+"""Bytes of an order: the event loop, and with it every agent of the process, waits while it is read."""
+DEEPEST: Final = MAX_DEPTH
+"""Brackets within brackets of a goal or belief, and terms within terms: what the trace of a mind can write."""
+LOGGED: Final = 200
+"""Characters of an order in the log."""
+OPERATOR: Final = "operator"
+"""The source of the operator's goals and beliefs."""
+NOT_ALLOWED: Final = "the mission does not say `inject: true`: only then its minds take orders"
+
+
+Step: TypeAlias = "asyncio.Future[str]"
+"""Somebody waits for a step: the result is why it has not been made, empty if it has."""
+MOST_STEPS: Final = 100
+"""Steps that wait at once."""
+_BRACKETS: Final = re.compile(r"[][(){}]|\"(?:[^\"\\]|\\.)*\"")
+"""Brackets, and strings, whose brackets do not count."""
+
+
+class Control:
+    """The operator's hold on one mind."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        mind: Mind,
+        allowed: bool,
+        *,
+        wall: Callable[[], float],
+        now: Callable[[], float],
+        feed: Callable[[Input], None],
+        changed: Callable[[str], None],
+        robot: str | None = None,
+    ) -> None:
+        """`wall` tells wall seconds, `now` mission seconds; `feed` gives the mind an input; `robot` is the mind's.
+
+        `changed` hears of each order, in words.
+        """
+        self._mind, self._allowed, self._wall, self._now = mind, allowed, wall, now
+        self._feed, self._changed = feed, changed
+        self._longest = LONGEST_PAUSE if robot is None else LONGEST_WITH_ROBOT
+        self._alone = "" if robot is None else f"; until then nobody reacts to what {robot} does and tells"
+        """What a pause means for the robot, in words."""
+        self._since = self._until = 0.0
+        """When the pause began and when it ends by itself, if there is one."""
+        self._paused = False
+        self._steps: list[Step] = []
+        """The steps that are to be made."""
+        self._over: tuple[float, str] | None = None
+        """When a pause has ended by itself, and why."""
+        self.withdraw = bus.serve(keys.control(bus.fleet, mind.name), MindOrder, self._serve, at_most=LARGEST)
+
+    @property
+    def paused(self) -> bool:
+        """Whether the mind is to stand still, but for steps."""
+        return self._paused
+
+    @property
+    def left(self) -> float | None:
+        """Wall seconds until the mind goes on by itself; None if it is not paused."""
+        return max(0.0, self._until - self._wall()) if self._paused else None
+
+    def may_reason(self) -> bool:
+        """Whether the mind may reason now as it likes; ends a pause that is over."""
+        if not self._paused:
+            return True
+        if self._wall() >= self._until:
+            self._go_on_by_itself(f"a pause lasts at most {self._longest:g} s")
+        elif len(self._mind.inputs) > MOST_WAITING:
+            self._go_on_by_itself(f"more than {MOST_WAITING} inputs waited for it")
+        return not self._paused
+
+    def take_step(self) -> list[Step]:
+        """Return who waits for a cycle that is to be run now; nobody if none is."""
+        while self._steps:
+            if not (step := self._steps.pop(0)).done():  # who waits no more was told that it has not been made
+                return [step]
+        return []
+
+    def notes(self) -> tuple[str, ...]:
+        """What people should know now."""
+        now = self._wall()
+        if self._paused:
+            left = max(0.0, self._until - now)
+            since = f"paused by the operator for {now - self._since:.0f} s"
+            return (f"{since}; it goes on by itself in {left:.0f} s{self._alone}",)
+        if self._over is not None and now < self._over[0] + TOLD_AGAIN:
+            return (f"paused by the operator, it went on by itself: {self._over[1]}",)
+        return ()
+
+    async def _serve(self, query: Query[MindOrder]) -> None:
+        if not query.concrete:
+            query.reply_error("an order is for one mind: its key must not have a wildcard")
+        elif query.record is None:
+            query.reply_error(query.error or "an order was expected: do=pause, step, resume, goal or belief")
+        elif not self._allowed:
+            query.reply(Outcome(ok=False, reason=NOT_ALLOWED))
+        else:
+            query.reply(await self.carry_out(query.record))
+
+    async def carry_out(self, order: MindOrder) -> Outcome:
+        """Carry out an order, or say why not."""
+        match order.do:
+            case "pause":
+                return self._pause()
+            case "resume":
+                return self._resume()
+            case "step":
+                return await self._step()
+            case "goal" | "belief":
+                return self._give(order)
+
+    def _pause(self) -> Outcome:
+        now = self._wall()
+        if not self._paused:
+            self._paused, self._since, self._over = True, now, None
+            self._until = now + self._longest
+            self._told("pause")
+            return Outcome(ok=True, reason=f"it goes on by itself in {self._longest:g} s{self._alone}")
+        left = f"it goes on by itself in {max(0.0, self._until - now):.0f} s"
+        return Outcome(ok=True, reason=f"it was paused already, and {left}{self._alone}")
+
+    def _resume(self) -> Outcome:
+        if not self._paused:
+            return Outcome(ok=False, reason="it is not paused")
+        self._end()
+        self._told("resume")
+        return Outcome(ok=True)
+
+    async def _step(self) -> Outcome:
+        if not self._paused:
+            return Outcome(ok=False, reason="it is not paused: only then it can be stepped")
+        if len(self._steps) >= MOST_STEPS:
+            return Outcome(ok=False, reason=f"{MOST_STEPS} steps wait already")
+        step: Step = asyncio.get_running_loop().create_future()
+        self._steps.append(step)
+        due = self._mind.wake_at
+        idle = not self._mind.ready and (due is None or due > self._now())
+        self._told("step")
+        try:
+            async with asyncio.timeout(STEP_PATIENCE):
+                if why := await step:
+                    return Outcome(ok=False, reason=why)
+        except TimeoutError:
+            return Outcome(ok=False, reason=f"it has not been made within {STEP_PATIENCE:g} s")
+        cycle = f"cycle {self._mind.cycle}"
+        return Outcome(ok=True, reason=f"{cycle}: there was nothing to do" if idle else cycle)
+
+    def _give(self, order: MindOrder) -> Outcome:
+        """Give the mind a goal or a belief of the operator's."""
+        sign = "!" if order.do == "goal" else "+"
+        try:
+            literal = _literal(order.text.strip().removeprefix(sign))
+            to_wire(literal)
+        except SyntaxErrors as errors:
+            return Outcome(ok=False, reason=f"the {order.do} cannot be read: {errors.findings[0].message}")
+        except BadTerm as bad:  # the mind could never be lived again
+            return Outcome(ok=False, reason=f"the {order.do} cannot be taken: {bad}")
+        if order.do == "belief" and not is_ground(literal):
+            return Outcome(ok=False, reason=f"a belief without variables was expected, got {literal}")
+        if order.do == "goal" and (why := self._no_plan(literal)):
+            return Outcome(ok=False, reason=why)
+        theirs = literal.with_annots(told_annots(self._mind, literal, OPERATOR))
+        self._feed(GoalAdded(theirs) if order.do == "goal" else BeliefAdded(theirs))
+        self._told(f"{order.do} {sign}{literal}")
+        return Outcome(ok=True, reason="it is paused: it takes it when it goes on" if self._paused else "")
+
+    def _no_plan(self, goal: Literal) -> str:
+        """Why a goal would be in vain, in words; empty if the program has a plan for it."""
+        plans = self._mind.plans
+        if plans.has_nested or plans.relevant("+", "!", goal.sig).plans:
+            return ""
+        triggers = [plan.syntax.trigger for plan in plans]
+        achieved = [t.literal for t in triggers if t.operator == "+" and t.goal == "!"]
+        structures = [one for one in achieved if isinstance(one, Structure)]
+        same = {f"+!{one.functor}/{len(one.args)}" for one in structures if one.functor == goal.functor}
+        others = f"; it has plans for {', '.join(sorted(same))}" if same else ""
+        return f"its program has no plan for +!{goal.sig.indicator}{others}"
+
+    def _go_on_by_itself(self, why: str) -> None:
+        self._end()
+        self._over = (self._wall(), why)
+        log.warning("agent=%s goes on by itself after the operator's pause: %s", self._mind.name, why)
+        self._changed(f"resume by itself: {why}")
+
+    def _end(self) -> None:
+        self._paused = False
+        for step in self._steps:
+            if not step.done():
+                step.set_result("the mind went on before this step was made")
+        self._steps.clear()
+
+    def _told(self, order: str) -> None:
+        log.info("agent=%s operator=%s", self._mind.name, order if len(order) <= LOGGED else f"{order[:LOGGED]}...")
+        self._changed(order)
+
+
+def _literal(text: str) -> Literal:
+    """Read a goal or belief as the program would write it. Raises SyntaxErrors, and BadTerm for deep brackets."""
+    depth = 0
+    for bracket in _BRACKETS.findall(text):
+        depth += {"(": 1, "[": 1, "{": 1, ")": -1, "]": -1, "}": -1}.get(bracket, 0)
+        if depth > DEEPEST:
+            raise BadTerm(f"nested deeper than {DEEPEST}")
+    literal = instantiate(parse_literal(text, "operator"))
+    assert type(literal) is Literal
+    return literal

@@ -1,0 +1,109 @@
+"""Shows a mind to whoever asks: `{agent}/mind`.
+
+A look must not disturb the mind: who asks often is shown the last look again, and each look is bounded
+(`agentd.conversion.mind_view`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final
+
+from agentd.conversion.introspection import EVERYTHING, BadParameter, Look
+from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, drops_of, events_of, intentions_of, questions_of
+from agentd.language.syntax_tree.nodes import Formula
+from agentd.mind import Mind
+from agentd.runtime.operator_control import Control
+from commd.bus.bus import Bus, Query
+from commd.common.clock import Clock
+from schemas.wire import keys
+from schemas.wire.mind_records import Deed, MindView
+
+SHOWN_AGAIN: Final = 0.2
+"""Wall seconds for which a view is shown again to who asks for the same."""
+
+
+class Viewer:
+    """Shows one mind."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        mind: Mind,
+        clock: Clock,
+        control: Control,
+        *,
+        life: str,
+        prints: Iterable[str],
+        actions: Iterable[Deed],
+        done: Mapping[str, Formula],
+        failed: Mapping[str, Formula],
+    ) -> None:
+        """`life` is what the ids of this life's messages end with.
+
+        `prints` and `actions` hold the last ones at any time; `done` and `failed` are the mission's formulas.
+        """
+        self._bus, self._mind, self._clock, self._control = bus, mind, clock, control
+        self._life, self._prints, self._actions, self._done, self._failed = life, prints, actions, done, failed
+        self._beliefs, self._plans = Beliefs(mind), Plans(mind)
+        self._made: dict[Look, tuple[float, MindView]] = {}
+        """The last looks, and when they were made in wall seconds."""
+        self._key = keys.mind(bus.fleet, mind.name)
+        self.withdraw: Callable[[], None] = bus.serve(self._key, MindView, self._show, aside=True)
+
+    def forget(self) -> None:
+        """The mind is not as it was: an operator has done something to it."""
+        self._made.clear()
+
+    async def _show(self, query: Query[MindView]) -> None:
+        try:
+            look = Look.of(query.parameters)
+        except BadParameter as bad:
+            query.reply_error(str(bad))
+            return
+        await query.answer(self._recent(look), self._key)
+
+    def _recent(self, look: Look) -> MindView:
+        """The mind as it is, or was a moment ago."""
+        now = self._clock.wall()
+        made = self._made.get(look)
+        if made is None or now >= made[0] + SHOWN_AGAIN:
+            self._made = {one: other for one, other in self._made.items() if now < other[0] + SHOWN_AGAIN}
+            made = self._made[look] = (now, self.view(look))
+        return made[1]
+
+    def view(self, look: Look = EVERYTHING) -> MindView:
+        """What the agent believes and intends now."""
+        mind, paused_for, now = self._mind, self._control.left, self._clock.now()
+        believed, beliefs_left_out = self._beliefs.shown(look, now)
+        intentions, intentions_left_out = intentions_of(mind)
+        events, events_left_out = events_of(mind, look.about)
+        decisions, failures = decisions_of(mind, look)
+        return MindView(
+            header=self._bus.header("mind", mind.name),
+            agent=mind.name,
+            program=mind.program.file,
+            cycle=mind.cycle,
+            time=now,
+            state="paused" if self._control.paused else "reasoning" if mind.ready else "waiting",
+            paused_for=paused_for,
+            beliefs=tuple(one.text for one in believed),
+            believed=believed,
+            beliefs_left_out=beliefs_left_out,
+            intentions=intentions,
+            intentions_left_out=intentions_left_out,
+            events=events,
+            events_left_out=events_left_out,
+            mailbox=len(mind.mailbox),
+            questions=questions_of(mind, self._life),
+            plans=self._plans.shown(look),
+            plan_count=len(mind.plans.plans),
+            prints=tuple(self._prints),
+            decisions=decisions,
+            failures=failures,
+            dropped=dict(mind.drops.counts),
+            drops=drops_of(mind),
+            actions=tuple(self._actions),
+            done={text: mind.query(formula) for text, formula in self._done.items()},
+            failed={text: mind.query(formula) for text, formula in self._failed.items()},
+        )

@@ -1,0 +1,196 @@
+"""``agentd run``: agents in one process, without any bus, for trying programs out."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agentd.conversion.slow_notice import loading, told_if_long
+from agentd.exit_handling import seconds
+from agentd.extensions.user_code import MISTAKES, UserCodeError, describe_error, load_class
+from agentd.language.compiler.compile import CompiledProgram, DirectiveError
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.runtime.agent_setup import Setup
+from agentd.runtime.program_paths import SourcePaths, read_folders
+from agentd.standalone.decision_printer import add_why_arguments, narrator_of
+from agentd.standalone.standalone_team import Team
+from schemas.files.findings import Findings
+
+if TYPE_CHECKING:
+    from agentd.environment import Environment
+
+DEEPEST_CALLS = 9000
+"""How deep rules may call one another; a computation beyond fails its plan."""
+
+
+_DESCRIPTION = """\
+Run agents in this process, without any bus. Exit code: that of .stopMAS; 0 when nothing was left to do, whether or not
+the agents have reached their goals (see --fail-on-error); 1 when the --timeout was over, or the output cannot be
+written; 2 when a program or argument cannot be used; 128 + N when signal N ended it (SIGINT 130, SIGTERM 143), after
+the environment was stopped."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument(
+        "agents",
+        nargs="+",
+        metavar="[NAME=]FILE.asl | FILE.mas2j",
+        help="an agent (its name is the file's if none is given), or a project file of Jason",
+    )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.description = _DESCRIPTION
+    parser.add_argument("--exit-when-idle", action="store_true", help="end when no agent has anything left to do")
+    parser.add_argument(
+        "--fail-on-error",
+        action="store_true",
+        help="end with exit code 1 instead of 0 when an intention has ended by a failure that no plan handled, or "
+        "still waited when --exit-when-idle ended the run",
+    )
+    parser.add_argument("--timeout", type=seconds, metavar="S", help="end with exit code 1 after so many seconds")
+    parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
+    parser.add_argument(
+        "--allow-folder",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="also let .include, .create_agent and .save_agent name files in this folder; without it they are in the "
+        "working folder, the programs' or those of --include-path, links resolved (repeatable)",
+    )
+    add_why_arguments(parser)
+    add_environment_arguments(parser)
+    add_path_argument(parser)
+
+
+def add_environment_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments that name a Python environment."""
+    parser.add_argument("--env", metavar="MODULE:CLASS", help="what the agents live in: a class of agentd.Environment")
+    parser.add_argument(
+        "--env-arg", action="append", default=[], metavar="TEXT", help="an argument of its init (repeatable)"
+    )
+
+
+def make_environment(name: str | None) -> Environment | None:
+    """The environment that ``--env`` names. Raises `agentd.extensions.user_code.UserCodeError`."""
+    if name is None:
+        return None
+    from agentd.environment import Environment
+
+    chosen = load_class(name, Environment)
+    try:
+        made: Environment = chosen()
+    except MISTAKES as error:
+        raise UserCodeError(f"{name} cannot be made: {describe_error(error)}") from error
+    return made
+
+
+def add_path_argument(parser: argparse.ArgumentParser) -> None:
+    """The argument that says where files which programs name are looked for."""
+    parser.add_argument(
+        "--include-path",
+        "--map",
+        action="append",
+        default=[],
+        metavar="[NAME=]FOLDER",
+        help="also look in this folder for the files that programs name; with a name, it is the folder that $NAME "
+        "stands for in them, such as --map '$jasonJar=jason' (repeatable)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the agents; the exit code as the command's contract says."""
+    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
+    with told_if_long(loading(args.agents)):
+        team = _team(args)
+    if team is None:
+        return 2
+    code = team.run(args.timeout, args.exit_when_idle)
+    return 1 if code == 0 and args.fail_on_error and team.failures else code
+
+
+def _team(args: argparse.Namespace) -> Team | None:
+    """The agents, ready to run; None if they cannot be, which is told."""
+    try:
+        setup = _set_up(args, read_folders(args.include_path))
+    except (ProgramsRefused, ValueError) as refused:
+        print(refused, file=sys.stderr)
+        return None
+    try:
+        return Team(
+            setup.programs,
+            args.seed,
+            paths=setup.paths,
+            environment=make_environment(args.env),
+            environment_arguments=args.env_arg or setup.environment_arguments,
+            decisions=args.decisions,
+            narrator=narrator_of(args),
+            verbosity=setup.verbosity,
+            folders=_folders(args, setup),
+        )
+    except UserCodeError as error:
+        print(f"--env {args.env}: error: {error}", file=sys.stderr)
+        return None
+
+
+def _folders(args: argparse.Namespace, setup: Setup) -> list[Path]:
+    """The folders that files named at run time must be in: the project's, the programs', and those that are named."""
+    programs = [Path(program.file).parent for _, program in setup.programs]
+    return [setup.paths.project, *programs, *setup.paths.folders, *setup.paths.names.values(), *args.allow_folder]
+
+
+class ProgramsRefused(Exception):
+    """The arguments name no agents that can run; the text is for the terminal."""
+
+
+def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
+    """The agents that the arguments name. Raises ProgramsRefused."""
+    if any(argument.endswith(".mas2j") for argument in args.agents):
+        if len(args.agents) > 1:
+            raise ProgramsRefused("a project file is run alone: it names its agents")
+        return _project(args.agents[0], paths, args.env is not None)
+    setup = Setup(paths=paths)
+    taken: set[str] = set()
+    refused: list[str] = []
+    for argument in args.agents:
+        name, equals, path = argument.partition("=")
+        if not equals:
+            name, path = Path(argument).stem, argument
+        if not name:
+            raise ProgramsRefused(f"{argument}: the agent has no name; NAME=FILE.asl is expected")
+        if name in taken:
+            raise ProgramsRefused(f"two agents are called '{name}'; give them names: NAME=FILE.asl")
+        taken.add(name)
+        try:
+            setup.programs.append((name, read_program(path, paths)))
+        except ProgramsRefused as wrong:
+            refused.append(str(wrong))
+    if refused:
+        raise ProgramsRefused("\n".join(dict.fromkeys(refused)))
+    return setup
+
+
+def _project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
+    from agentd.jason_project.loader import read_project
+
+    try:
+        setup = read_project(file, paths, has_environment)
+    except OSError as error:
+        raise ProgramsRefused(f"{file}: error: cannot read the project: {error.strerror or error}") from error
+    except (SyntaxErrors, Findings) as error:
+        raise ProgramsRefused(str(error)) from error
+    for warning in sorted(setup.warnings):
+        print(warning, file=sys.stderr)
+    return setup
+
+
+def read_program(path: str, paths: SourcePaths) -> CompiledProgram:
+    """Read and compile a program. Raises ProgramsRefused, with what is wrong in words."""
+    try:
+        return paths.compiled(path)
+    except OSError as error:
+        raise ProgramsRefused(f"{path}: error: cannot read the program: {error.strerror or error}") from error
+    except (SyntaxErrors, DirectiveError) as error:
+        raise ProgramsRefused(str(error)) from error

@@ -1,0 +1,147 @@
+"""``agentd run --why``: tells each decision of the agents as it is made, in words, on standard error."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+from agentd.mind.introspection.decision_views import DecisionView, FailureView, PlanView, RejectedView
+from schemas.files.terminal import escape_lines
+
+IN_FULL = 3
+"""So often decisions that were made for the same reasons are told; further ones are counted."""
+
+MOST_SUMMED_UP = 20
+"""So many kinds of decisions that were only counted are named at the end."""
+
+View = DecisionView | FailureView
+
+
+def add_why_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments that ask for decisions to be told."""
+    parser.add_argument(
+        "--why",
+        action="store_true",
+        help="tell on standard error which plan was chosen for each event, which were rejected and why, and what "
+        "failed; decisions made for the same reasons are told three times, then counted",
+    )
+    parser.add_argument(
+        "--why-about",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="as --why, but every decision about goals and beliefs of this name, and no others (repeatable)",
+    )
+    parser.add_argument(
+        "--decisions",
+        type=int,
+        default=0,
+        metavar="N",
+        help="remember the last N decisions of each agent as 'agentd serve' does, to see what that costs (default 0)",
+    )
+
+
+def narrator_of(args: argparse.Namespace) -> Narrator | None:
+    """The narrator that the arguments ask for, if they do."""
+    return Narrator(args.why_about) if args.why or args.why_about else None
+
+
+class Narrator:
+    """Tells decisions to ``write``, one line each call; ``about`` are the names that are asked for (none: all)."""
+
+    def __init__(self, about: Iterable[str] = (), write: Callable[[str], object] | None = None) -> None:
+        self._about = frozenset(about)
+        self._write = write or (lambda line: print(escape_lines(line), file=sys.stderr))
+        self._told: Counter[tuple[str, ...]] = Counter()
+
+    def listener(self, agent: str) -> Callable[[View], None]:
+        """What a mind of this name is to be made with as ``on_decision``."""
+
+        def tell(view: View) -> None:
+            for line in self._lines(agent, view):
+                self._write(f"[{agent}] {line}")
+
+        return tell
+
+    def _lines(self, agent: str, view: View) -> list[str]:
+        if isinstance(view, FailureView):
+            return [] if self._about and not self._about & set(map(_functor, view.given_up)) else failure_lines(view)
+        if self._about:
+            return decision_lines(view) if view.name.partition("/")[0] in self._about else []
+        shape = _shape(agent, view)
+        self._told[shape] += 1
+        return decision_lines(view) if self._told[shape] <= IN_FULL else []
+
+    def finish(self) -> None:
+        """Tell how many decisions were only counted."""
+        left = [(shape, count - IN_FULL) for shape, count in self._told.most_common() if count > IN_FULL]
+        for (agent, event, chosen, *_), count in left[:MOST_SUMMED_UP]:
+            self._write(f"[{agent}] why: {count} more times {event}: {chosen}, for the same reasons")
+        if len(left) > MOST_SUMMED_UP:
+            others = sum(count for _, count in left[MOST_SUMMED_UP:])
+            self._write(f"why: {others} more decisions of {len(left) - MOST_SUMMED_UP} other kinds")
+
+
+def _shape(agent: str, view: DecisionView) -> tuple[str, ...]:
+    """What decisions made for the same reasons share."""
+    rejected = [f"{r.plan.position} {r.why} {r.literal}" for r in view.rejected]
+    chosen = f"the plan at {view.chosen.position}" if view.chosen is not None else "no plan"
+    return (agent, f"{view.kind}{view.name}", chosen, *rejected)
+
+
+def _functor(trigger: str) -> str:
+    """The name in the text of an event: ``go`` of ``+!go(1)[source(bob)]``."""
+    return trigger.lstrip("+-^!?~").partition("(")[0].partition("[")[0]
+
+
+def decision_lines(view: DecisionView) -> list[str]:
+    """A decision in words, a line for the event and one for each plan."""
+    return [f"why: {line}" for line in (_event_line(view), *_plan_lines(view))]
+
+
+def _event_line(view: DecisionView) -> str:
+    where = f" at {view.asked_at}" if view.asked_at else ""
+    if view.goal:
+        return f"{view.event}, raised by the plan for {view.goal}{where}"
+    return f"{view.event}, from {view.cause}{where}" if view.cause else f"{view.event}{where}"
+
+
+def _plan_lines(view: DecisionView) -> Iterable[str]:
+    for rejected in view.rejected:
+        yield f"  not {_name(rejected.plan)}: {_why(rejected)}"
+    if view.chosen is not None:
+        yield f"  chosen: {_name(view.chosen)}{_with(view.chosen.bindings)}"
+        if view.untried:
+            yield f"  not needed: {', '.join(map(_name, view.untried))}"
+    elif view.rejected:
+        yield "  no plan is applicable"
+    else:
+        yield f"  there is no plan for {view.kind}{view.name}"
+
+
+def _name(plan: PlanView) -> str:
+    label = f"@{plan.label} " if plan.label else ""
+    return f"{label}{plan.trigger} ({plan.position})"
+
+
+def _why(rejected: RejectedView) -> str:
+    if rejected.why != "context":
+        return rejected.message
+    return f"{rejected.literal} does not hold{_with(rejected.plan.bindings)}"
+
+
+def _with(bindings: dict[str, str]) -> str:
+    return f", with {', '.join(f'{name} = {value}' for name, value in bindings.items())}" if bindings else ""
+
+
+def failure_lines(view: FailureView) -> list[str]:
+    """A failure in words."""
+    where = f"{view.position}: " if view.position else ""
+    reason = f": {view.reason}" if view.reason else ""
+    lines = [f"{where}{view.formula} fails, {view.error}{reason}"]
+    if view.given_up:
+        lines.append(f"  given up: {', '.join(view.given_up)}")
+    lines.append(f"  goes on with {view.handled_by}" if view.handled_by else "  nothing handles it")
+    return [f"why: {line}" for line in lines]

@@ -1,0 +1,159 @@
+"""What one agent does and what is done to it, for people who look on."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from agentd.conversion.log_format import line_of
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.terms import Literal
+from agentd.mind.data.effects import Effect, Log, PerformAction, Print, SendMail, StopTeam
+from agentd.mind.data.inputs import ActionDone, Mail
+from agentd.mind.introspection.term_snapshot import short_text
+from agentd.trace.decision_digest import called
+from agentd.trace.environment_reads import Given
+from schemas.wire.mind_records import Deed
+
+MOST_LINES: Final = 100
+"""Prints and logs in a batch: what floods them shall not hide the rest."""
+MOST: Final = 300
+"""Other deeds in a batch."""
+LAST_ACTIONS: Final = 60
+"""So many deeds of actions are remembered while nobody listens."""
+LONGEST: Final = 2_000
+"""Characters of a text."""
+OFFICE: Final = "mail"
+"""Who tells of mail that was not delivered."""
+UNDELIVERED: Final = "undelivered"
+_DETAIL: Final = signature("detail", 1)
+"""The annotation of a notice that says more than its code."""
+
+
+class Deeds:
+    """The deeds of one agent since somebody asked last."""
+
+    def __init__(
+        self, agent: str, action_id: Callable[[int], str], mail_id: Callable[[str], str], now: Callable[[], float]
+    ) -> None:
+        """`action_id` and `mail_id` give what a mind has numbered its id on the bus; `now` is the mission time."""
+        self._own = f".{agent}"
+        """What ids of the agent's own messages end with in its mind."""
+        self.listened = False
+        self.actions: deque[Deed] = deque(maxlen=LAST_ACTIONS)
+        """The last actions and their outcomes."""
+        self._action_id, self._mail_id, self._now = action_id, mail_id, now
+        self._new: list[Deed] = []
+        self._lines = self._left_out = 0
+
+    def did(self, cycle: int, effect: Effect) -> None:
+        """The mind has done something."""
+        match effect:
+            case PerformAction(id=number, name=name, parameters=parameters):
+                text = called(name, parameters)[:LONGEST]
+                self._action(Deed(cycle=cycle, time=self._now(), kind="action", text=text, id=self._action_id(number)))
+                return
+        if not self.listened:
+            return
+        match effect:
+            case Print() | Log() if self._lines >= MOST_LINES:
+                self._left_out += 1
+            case Print(text=text):
+                self._line(Deed(cycle=cycle, time=self._now(), kind="print", text=text[:LONGEST]))
+            case Log(level=level):
+                text = line_of(effect)[:LONGEST]
+                self._line(Deed(cycle=cycle, time=self._now(), kind="log", text=text, state=level))
+            case StopTeam(exit_code=code, delay=delay):
+                text = f"it stops the team in {delay:g} s with exit code {code}"
+                self.add(Deed(cycle=cycle, time=self._now(), kind="stopped", text=text))
+            case _:
+                pass
+
+    def sent(self, cycle: int, mail: SendMail, receivers: list[str]) -> None:
+        """A message has been taken by the outbox, once for each receiver."""
+        if self._is_full():
+            self._left_out += len(receivers)
+            return
+        text, identity = short_text(mail.content)[:LONGEST], self._mail_id(mail.msg_id)
+        for receiver in receivers:
+            self.add(
+                Deed(
+                    cycle=cycle,
+                    time=self._now(),
+                    kind="sent",
+                    text=text,
+                    id=identity,
+                    other=receiver,
+                    performative=mail.performative,
+                    in_reply_to=mail.in_reply_to,
+                )
+            )
+
+    def given(self, cycle: int, item: Given) -> None:
+        """Something has gone into the mind."""
+        if type(item) is ActionDone:
+            state = item.state or ("succeeded" if item.ok else "failed")
+            identity, time = self._action_id(item.id), self._now()
+            self._action(Deed(cycle=cycle, time=time, kind="outcome", id=identity, state=state, reason=item.reason))
+        elif type(item) is Mail and self._is_full():
+            self._left_out += 1
+        elif type(item) is Mail and self.listened:
+            self.add(self._undelivered(cycle, item) or self._received(cycle, item))
+
+    def _received(self, cycle: int, mail: Mail) -> Deed:
+        answers = mail.in_reply_to
+        return Deed(
+            cycle=cycle,
+            time=self._now(),
+            kind="received",
+            text=short_text(mail.content)[:LONGEST],
+            id=mail.msg_id,
+            other=mail.sender,
+            performative=mail.performative,
+            in_reply_to=self._mail_id(answers) if answers.endswith(self._own) else answers,
+        )
+
+    def _undelivered(self, cycle: int, mail: Mail) -> Deed | None:
+        """A notice about a message that was not delivered: `undelivered(Receiver, Performative, Content, Why)`."""
+        told = mail.content
+        if mail.sender != OFFICE or type(told) is not Literal or told.sig.functor != UNDELIVERED or len(told.args) < 4:
+            return None
+        receiver, performative, content = map(short_text, told.args[:3])
+        details = (one.args[0] for one in told.annots if type(one) is Literal and one.sig == _DETAIL)
+        return Deed(
+            cycle=cycle,
+            time=self._now(),
+            kind="undelivered",
+            text=content[:LONGEST],
+            id=mail.msg_id.removeprefix(f"{UNDELIVERED}."),
+            other=receiver,
+            performative=performative,
+            reason=str(next(details, told.args[3])),
+        )
+
+    def _action(self, deed: Deed) -> None:
+        self.actions.append(deed)
+        if self.listened:
+            self.add(deed)
+
+    def _line(self, deed: Deed) -> None:
+        self._lines += 1
+        self._new.append(deed)
+
+    def _is_full(self) -> bool:
+        """Whether further deeds are only counted: to put them into words would cost."""
+        return self.listened and len(self._new) - self._lines >= MOST
+
+    def add(self, deed: Deed) -> None:
+        """Tell a deed while somebody listens."""
+        if self._is_full():
+            self._left_out += 1
+        elif self.listened:
+            self._new.append(deed)
+
+    def take(self) -> tuple[tuple[Deed, ...], int]:
+        """Return the deeds since this was asked last, and how many more there were."""
+        found = tuple(self._new), self._left_out
+        self._new, self._lines, self._left_out = [], 0, 0
+        return found

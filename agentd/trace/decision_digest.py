@@ -1,0 +1,160 @@
+"""What a mind decides and does, as lines of text and as a digest: two lives agree if these do."""
+
+from __future__ import annotations
+
+import sys
+from array import array
+from collections.abc import Iterable
+from hashlib import blake2b
+from typing import Any, Final
+
+from agentd.language.terms.terms import Literal
+from agentd.mind.data.effects import (
+    AskPercepts,
+    CancelAction,
+    Effect,
+    Log,
+    PerformAction,
+    Print,
+    SendMail,
+    StopTeam,
+    TeamRequest,
+)
+from agentd.mind.data.frames import PLAN
+from agentd.mind.introspection.decision_log import Failure
+from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.plans.plan_library import Plan
+
+
+class Names(dict[Any, str]):
+    """The texts of events (by their `Relevant`) and of the places of plans, each made once; of None "-"."""
+
+    def __missing__(self, what: Any) -> str:
+        if len(self) > MOST_KNOWN:  # a program may add plans for ever
+            self.clear()
+        if what is None:
+            text = "-"
+        else:
+            text = str(what.syntax.position) if type(what) is Plan else f"{what.text}{what.sig.indicator}"
+        self[what] = text
+        return text
+
+
+class Acts:
+    """What a mind decides and does in a stretch of its life, noted for a digest.
+
+    A busy mind decides many thousand times a second: what tells its decisions apart is put into one list of texts and
+    one of numbers, and made into bytes only at the end.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        """Decisions, failures and deeds so far."""
+        self._names = Names()
+        self._texts: list[str] = []
+        self._numbers = array("d")
+        self._deeds: list[str] = []
+
+    def decided(self, entries: Iterable[Any]) -> None:
+        """Note records of `agentd.mind.introspection.decision_log.Decisions`."""
+        names, text, number = self._names, self._texts.append, self._numbers.append
+        for entry in entries:
+            self.count += 1
+            number(entry[0])
+            if type(entry) is Failure:
+                number(entry.intention)
+                text(f"failure {entry.failed.error}")
+                continue
+            relevant, args, _, _ = entry[2]
+            rejected, frame = entry[5], entry[6]
+            text(names[relevant])
+            text(names[None if frame is None else frame[PLAN]])
+            if rejected is not None:
+                number(len(rejected))
+            for term in args:
+                if type(term) is float:
+                    number(term)
+                else:
+                    text(_brief(term))
+
+    def did(self, deed: str) -> None:
+        """Note something that was done: `deed_line`."""
+        self.count += 1
+        self._deeds.append(deed)
+
+    def take(self) -> tuple[int, str]:
+        """Return how much there was since this was asked last, and its digest; others have another one."""
+        if sys.byteorder == "big":
+            self._numbers.byteswap()
+        found = blake2b(self._numbers.tobytes(), digest_size=12)
+        found.update("\n".join((*self._texts, "", *self._deeds)).encode(errors="replace"))
+        count, self.count = self.count, 0
+        self._texts, self._numbers, self._deeds = [], array("d"), []
+        return count, found.hexdigest()
+
+
+class DecisionLines:
+    """Writes records of `agentd.mind.introspection.decision_log.Decisions` as lines; it is quick rather than that
+    they are readable."""
+
+    def __init__(self) -> None:
+        self._names = Names()
+
+    def of(self, entry: Any) -> str:
+        """A record as a line."""
+        if type(entry) is Failure:
+            return f"{entry.cycle} failure {entry.intention} {entry.failed.error}"
+        relevant, args, _, _ = entry[2]
+        frame, rejected = entry[6], entry[5]
+        place = self._names[None if frame is None else frame[PLAN]]
+        terms = " ".join(map(_brief, args))
+        return f"{entry[0]} {self._names[relevant]} {terms} {0 if rejected is None else len(rejected)} {place}"
+
+
+def _brief(term: Any) -> str:
+    """What distinguishes a term, mostly: it takes the same time for large ones."""
+    kind = type(term)
+    if kind is float:
+        return repr(term)
+    if kind is str:
+        return str(term[:100])
+    if kind is Literal:
+        return str(term.sig.indicator) if term.args else str(term.sig.functor)
+    return kind.__name__
+
+
+MOST_KNOWN: Final = 10_000
+
+
+def deed_line(cycle: int, effect: Effect) -> str:
+    """What a mind wants done, as a line."""
+    return f"{cycle} {effect_text(effect)}"
+
+
+def effect_text(effect: Effect) -> str:
+    """What a mind wants done, in words."""
+    match effect:
+        case Print(text=text):
+            return f"print {text}"
+        case Log(level=level, text=text):
+            return f"log {level} {text}"
+        case PerformAction(id=number, name=name, parameters=parameters):
+            return f"action {called(name, parameters)} #{number}"
+        case CancelAction(id=number):
+            return f"cancel #{number}"
+        case SendMail():
+            answers = f" in reply to {effect.in_reply_to}" if effect.in_reply_to else ""
+            to = "all" if effect.receiver is None else effect.receiver
+            return f"send {effect.performative} {short_text(effect.content)} to {to}{answers} ({effect.msg_id})"
+        case TeamRequest(id=number, what=what, arguments=arguments):
+            return f"ask the team {called(what, arguments)} #{number}"
+        case StopTeam(exit_code=code, delay=delay):
+            return f"stop the team with {code} in {delay:g} s"
+        case AskPercepts():
+            return "ask for percepts"
+
+
+def called(name: str, parameters: Iterable[Any]) -> str:
+    """A name with its arguments, as a program writes it."""
+    found = ",".join(map(short_text, parameters))
+    return f"{name}({found})" if found else name

@@ -1,0 +1,253 @@
+"""`argosy check`: reads everything that a mission names, starts nothing, and tells all that is wrong in one run."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from agentd.check.command import Robot, findings_of
+from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
+from agentd.check.finding_kinds import FAILS_WHERE_REACHED
+from agentd.check.programs import Surveyed, read_survey
+from agentd.conversion.slow_notice import loading, told_if_long
+from agentd.language.parser.parser import parse_file, parse_literal
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.nodes import Formula, Program, Structure
+from agentd.runtime.program_loader import compose, endings
+from agentd.runtime.program_paths import SourcePaths
+from argosy.check.belief_mentions import beliefs_of, mentioned
+from argosy.check.fleet_rules import check_boards, check_team
+from argosy.check.mission_outline import Outline, outline
+from argosy.processes.mavlink_links import check_links, group_of
+from argosy.processes.simulators import check_simulations, only_real
+from bridged.bridge.manifest_loader import load_robot_manifest
+from bridged.bridge.robot_setup import prepare
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
+from schemas.files.findings import Finding, Findings
+from schemas.files.shipped_files import mission_file
+from schemas.files.yaml_positions import Steps, did_you_mean
+from schemas.manifest import built_in
+from schemas.manifest.loader import Manifest
+from schemas.mission.model import Ending, Mission, load_mission
+
+_FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy check`."""
+    parser.add_argument("mission", nargs="+", help="mission file")
+    parser.add_argument("--json", action="store_true", help="findings as a JSON array on stdout")
+
+
+def run(args: Namespace) -> int:
+    """Check missions. Returns 0 if none has an error, 2 otherwise."""
+    findings: list[Finding] = []
+    results: list[str] = []
+    for path in args.mission:
+        with told_if_long(loading([path])):
+            mission, found = check_mission(path)
+        if mission is not None:
+            found = sorted([*found, *_only_real(mission), *check_boards(mission)])
+        findings += [one for one in found if one not in findings]
+        results.append(f"{path}: {_result(mission, found)}")
+    errors = sum(finding.severity == "error" for finding in findings)
+    if args.json:
+        fields = ("file", "line", "column", "severity", "message")
+        print(json.dumps([{name: getattr(finding, name) for name in fields} for finding in findings], indent=2))
+    else:
+        for finding in findings:
+            print(finding, file=sys.stderr)
+        if len(results) > 1 or not errors:  # of a single file that is wrong, the findings say enough
+            print("\n".join(results))
+    return EXIT_BAD_INPUT if errors else EXIT_DONE
+
+
+def _only_real(mission: Mission) -> list[Finding]:
+    findings = []
+    for name, why in only_real(mission).items():
+        text = f"{why}: this robot can only be flown with --real {','.join(group_of(mission, name))}"
+        findings.append(mission.positions.finding(("robots", name, "link"), text))
+    return [replace(finding, severity="warning") for finding in findings]
+
+
+def _result(mission: Mission | None, found: list[Finding]) -> str:
+    errors = sum(finding.severity == "error" for finding in found)
+    if mission is None or errors:
+        return f"{errors} error{'s' if errors != 1 else ''}"
+    return f"ok: {_contents(mission)}"
+
+
+def _contents(mission: Mission) -> str:
+    counted = (("agent", mission.agents), ("robot", mission.robots), ("done formula", mission.done))
+    return ", ".join(f"{len(things)} {name}{'s' if len(things) != 1 else ''}" for name, things in counted)
+
+
+def at_start(findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings as starting a mission judges them: an error that keeps no agent from starting is a warning."""
+    return [
+        replace(one, severity="warning") if one.severity == "error" and one.kind in FAILS_WHERE_REACHED else one
+        for one in findings
+    ]
+
+
+def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission | None, list[Finding]]:
+    """Return the mission, if it can be read at all, and everything that is wrong with it and with what it names.
+
+    `restarts`: its dead daemons are started again, whatever it says.
+    """
+    mission, findings = None, list[Finding]()
+    try:
+        mission = load_mission(path)
+    except Findings as found:
+        findings += found.findings
+    named = outline(mission_file(path))
+    if named is None:
+        return None, sorted(set(findings))
+    if mission is not None:
+        findings += check_links(mission)
+        if not mission.done:
+            text = "no `done`: the run will end only by ctrl-C or its timeout, and fail"
+            findings.append(Finding(str(mission.path), 0, 0, text, "warning"))
+    manifests = {robot: _manifest(named, robot, mission, findings) for robot in named.robots}
+    if mission is not None:
+        findings += check_simulations(mission, manifests)
+    programs = {agent: _program(named, agent, mission, findings) for agent in named.agents}
+    surveys = {name: read_survey(program, SourcePaths()) for name, program in programs.items() if program is not None}
+    elsewhere = _elsewhere(mission, programs, surveys)
+    for agent, surveyed in surveys.items():
+        robot = named.agents[agent].robot
+        manifest = manifests.get(robot) if robot is not None else None
+        if robot is None or manifest is not None:  # against nothing, all would be unknown
+            told = elsewhere.beliefs | _declared(named.agents[agent].beliefs)
+            findings += _against(surveyed, manifest, replace(elsewhere, beliefs=told))
+    if mission is not None:
+        of_programs = {name: one.survey for name, one in surveys.items()}
+        findings += check_team(mission, of_programs, programs, restarts=restarts)
+        findings += _endings(mission, programs, manifests)
+    return mission, sorted(set(findings))
+
+
+def _manifest(named: Outline, robot: str, mission: Mission | None, findings: list[Finding]) -> Manifest | None:
+    """Check what the bridge of a robot would refuse. Returns its manifest, if it can be read."""
+    where: Steps = ("robots", robot, "manifest")
+    name = named.robots[robot]
+    try:
+        if mission is not None:
+            return prepare(mission, robot, None, 1.0)[1]
+        return load_robot_manifest(name, named.folder)
+    except Findings as found:
+        findings += [_placed(finding, where, name, named) for finding in found.findings]
+    try:  # what else is wrong with the robot does not hide its manifest from the program
+        return load_robot_manifest(name, named.folder)
+    except Findings:
+        return None
+
+
+def _placed(finding: Finding, where: Steps, names: str | tuple[str, str], named: Outline) -> Finding:
+    """Tell of a manifest that cannot be read at the mission's line that names it."""
+    for name in (names,) if isinstance(names, str) else names:
+        if finding.line == 0 and finding.file in (name, str(named.folder / name)):
+            return named.positions.finding(where, f"`{name}`: {finding.message}")
+    return finding
+
+
+def _program(named: Outline, agent: str, mission: Mission | None, findings: list[Finding]) -> Program | None:
+    """Return the program of an agent with what the mission adds to it, if it can be read."""
+    if mission is not None:
+        try:
+            return compose(mission, agent)
+        except Findings as found:
+            findings += found.findings
+        except (OSError, ValueError) as error:
+            findings.append(_unreadable(named, agent, error))
+    path = named.folder / named.agents[agent].program
+    try:
+        return parse_file(path)
+    except SyntaxErrors as errors:
+        findings += errors.findings
+    except (OSError, ValueError) as error:
+        if mission is None:
+            findings.append(_unreadable(named, agent, error))
+    return None
+
+
+def _unreadable(named: Outline, agent: str, error: OSError | ValueError) -> Finding:
+    program = named.agents[agent].program
+    if isinstance(error, OSError):
+        why = f"agents.{agent}.program: `{program}` cannot be read: {error.strerror}"
+        return named.positions.finding(("agents", agent, "program"), why)
+    file, line, message = [*str(error).split(":", 2), "", ""][:3]
+    return Finding(file, int(line) if line.isdigit() else 0, 0, message.removeprefix(" error: "))
+
+
+def _declared(beliefs: tuple[str, ...]) -> set[tuple[str, int]]:
+    """Return functor and arity of the beliefs that a mission gives to an agent; `compose` tells which do not parse."""
+    found: set[tuple[str, int]] = set()
+    for text in beliefs:
+        with suppress(SyntaxErrors):
+            literal = parse_literal(text.strip().removesuffix("."))
+            found.add((literal.functor, len(literal.args)))
+    return found
+
+
+def _elsewhere(
+    mission: Mission | None, programs: Mapping[str, Program | None], surveys: Mapping[str, Surveyed]
+) -> Elsewhere:
+    """Return what an agent may be told by the team, itself included, and by who has no program here."""
+    team = from_team(surveyed.survey for surveyed in surveys.values())
+    unseen = None in programs.values() or any(surveyed.created for surveyed in surveys.values())
+    return replace(team, complete=False, open_beliefs=team.open_beliefs or unseen or _told_by_hand(mission))
+
+
+def _told_by_hand(mission: Mission | None) -> bool:
+    """Whether programs of the mission's clients, old nodes or people may tell an agent whatever they like."""
+    return mission is None or bool(mission.clients or mission.inject or mission.gateway)
+
+
+def _against(surveyed: Surveyed, manifest: Manifest | None, elsewhere: Elsewhere) -> list[Finding]:
+    """Check a program against what its robot can do and tell, and what the mission and other agents may tell."""
+    actions = {**manifest.action_arities(), **built_in.ACTION_ARITIES} if manifest is not None else {}
+    percepts = manifest.percept_arities() if manifest is not None else {}
+    parameters = {name: entry.params for name, entry in manifest.actions.items()} if manifest is not None else {}
+    values = manifest.robot.values if manifest is not None else "typed"
+    robot = Robot(actions, {**built_in.PERCEPTS, **percepts}, parameters, values)
+    return findings_of(surveyed, robot, elsewhere)
+
+
+def _endings(
+    mission: Mission, programs: dict[str, Program | None], manifests: dict[str, Manifest | None]
+) -> list[Finding]:
+    """Return what is wrong with `done` and `failed`; a belief that no program or manifest mentions is a warning."""
+    findings: list[Finding] = []
+    known: set[tuple[str, int]] = {("true", 0), ("false", 0), *RAISED_BY_AGENTD, *built_in.PERCEPTS.items()}
+    for program in programs.values():
+        known |= mentioned(program) if program is not None else set()
+    for manifest in manifests.values():
+        known |= set(manifest.percept_arities().items()) if manifest is not None else set()
+    anything = None in programs.values() or None in manifests.values() or _told_by_hand(mission)
+    for field in _FIELDS:
+        for index, one in enumerate(mission.done if field == "done" else mission.failed):
+            beliefs = beliefs_of(_formula(mission, one, field, findings))
+            for functor, arity in () if anything else sorted(beliefs - known):
+                belief, others = f"{functor}/{arity}", [f"{name}/{number}" for name, number in known]
+                hint = did_you_mean(belief, others)
+                near = hint if hint.startswith(", did") else ""
+                where: Steps = (field, index) if (field, index) in mission.positions.values else (field,)
+                told = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{near}")
+                findings.append(replace(told, severity="warning"))
+    return findings
+
+
+def _formula(mission: Mission, one: Ending, field: Literal["done", "failed"], findings: list[Finding]) -> Formula:
+    """Return the formula of an ending, or one that asks for nothing if it does not parse."""
+    try:
+        return endings(mission, one.agent, field)[one.formula]
+    except Findings as found:
+        findings += [finding for finding in found.findings if finding not in findings]
+    return Structure("true")

@@ -1,0 +1,233 @@
+"""The operator's bus to a fleet with keys: a session with each board, and each question to the board that it is for.
+
+The router of a board lets an operator through, and not what another board passes on in his name (docs/security.md).
+What is there and what is said is taken from all boards: each tells of itself, however its links to the others are.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager
+from functools import partial
+from typing import Any, TypeVar
+
+import zenoh
+
+from commd.bus.bus import BACKLOG, Bus, Reply, open_bus
+from commd.bus.errors import BusClosed
+from commd.bus.router_endpoints import endpoint_of
+from commd.bus.tls import Tls
+from commd.common.tasks import Tasks
+from schemas.files.findings import Findings
+from schemas.mission.access_rules import hidden
+from schemas.mission.model import Mission
+from schemas.wire.records import Header, Record
+
+R = TypeVar("R", bound=Record)
+AT_ONCE = 256
+"""Replies of several boards that may wait to be taken."""
+DIAL_AGAIN = 5.0
+"""Wall seconds after which a board that was not reached is dialled again by who listens to all of them."""
+MOST_STREAMS = 20_000
+"""Keys of which is known what was heard last; beyond that it is forgotten, and a record may be heard twice."""
+
+
+class Boards:
+    """A session with each board, as far as they are reached."""
+
+    def __init__(self, mission: Mission) -> None:
+        robots = {name: robot.board for name, robot in mission.robots.items()}
+        self.homes: Mapping[str, str] = mission.mailboxes | robots | {board: board for board in mission.boards}
+        """Where each name lives."""
+        self._sights = mission.security.sights
+        self.opening: dict[str, asyncio.Task[FleetBus]] = {}
+        self.listening = Tasks("listening to a board")
+        """What listens to boards that are not reached yet."""
+        self.dial: Callable[[str], asyncio.Task[FleetBus]] | None = None
+
+    def why_unseen(self, observer: str, key: str) -> str:
+        """Return why no router shows an observer what it asks for, which would look as if nobody answered."""
+        sight = self._sights.get(observer)
+        asked = zenoh.KeyExpr(key.partition("?")[0])
+        if sight is None or not any(zenoh.KeyExpr(one).intersects(asked) for one in hidden(sight)):
+            return ""
+        return f"`{observer}` is an observer of {sight} by the mission: it may not see this (docs/security.md)"
+
+    async def bus(self, board: str) -> Bus | str:
+        """Return the session with a board, or why there is none."""
+        if board not in self.opening:
+            return "it has no address in the mission"
+        try:
+            return await asyncio.shield(self.opening[board])
+        except BusClosed as closed:
+            return str(closed)
+
+    async def unreached(self) -> dict[str, str]:
+        """Return the boards without a session, and why they have none, after their time to answer."""
+        found = {board: await self.bus(board) for board in self.opening}
+        return {board: why for board, why in found.items() if isinstance(why, str)}
+
+    def at_each(self, declare: Callable[[str, Bus], None]) -> None:
+        """Call `declare(board, session)` for each board, of those that are not reached when they are."""
+        for board in self.opening:
+            self.listening.spawn(self._once_reached(board, declare))
+
+    async def _once_reached(self, board: str, declare: Callable[[str, Bus], None]) -> None:
+        while isinstance(bus := await self.bus(board), str):
+            await asyncio.sleep(DIAL_AGAIN)
+            if self.dial is not None and self.opening[board].done():
+                self.opening[board] = self.dial(board)
+        declare(board, bus)
+
+
+class FleetBus(Bus):
+    """A session with one board, whose questions go to whichever board they are for, and that hears all of them."""
+
+    boards: Boards
+
+    async def tokens(self, key: str, timeout: float = 2.0) -> list[str]:
+        """As `Bus.tokens`, of all boards that are reached; `boards.unreached` names the others."""
+
+        async def at(board: str) -> list[str]:
+            bus = await self.boards.bus(board)
+            return [] if isinstance(bus, str) else await Bus.tokens(bus, key, timeout)
+
+        found = await asyncio.gather(*map(at, self.boards.opening))
+        return sorted({token for tokens in found for token in tokens})
+
+    def watch(self, key: str, handler: Callable[[str, bool], None]) -> None:
+        """As `Bus.watch`: a token is there as long as one board has it."""
+        seen_by: dict[str, set[str]] = {}
+
+        def told(board: str, token: str, alive: bool) -> None:
+            boards = seen_by.setdefault(token, set())
+            was = bool(boards)
+            (boards.add if alive else boards.discard)(board)
+            if not boards:
+                del seen_by[token]
+            if was != bool(boards):
+                handler(token, alive)
+
+        self.boards.at_each(lambda board, bus: Bus.watch(bus, key, partial(told, board)))
+
+    def subscribe(self, key: str, record: type[R], handler: Callable[[str, R], None]) -> None:
+        """As `Bus.subscribe`: what comes by several boards is heard once, as it came first."""
+        newest: dict[str, tuple[str, int]] = {}
+
+        def told(name: str, said: R) -> None:
+            header = getattr(said, "header", None)
+            if isinstance(header, Header) and header.boot:
+                boot, seq = newest.get(name, ("", -1))
+                if header.boot == boot and header.seq <= seq:
+                    return
+                if len(newest) >= MOST_STREAMS:
+                    newest.clear()
+                newest[name] = (header.boot, header.seq)
+            handler(name, said)
+
+        self.boards.at_each(lambda _, bus: Bus.subscribe(bus, key, record, told))
+
+    async def query(
+        self,
+        key: str,
+        ask: Record | None,
+        answer: type[R],
+        timeout: float,
+        *,
+        limit: int = BACKLOG,
+        ready: Callable[[], Awaitable[bool]] | None = None,
+    ) -> AsyncGenerator[Reply[R], None]:
+        """As `Bus.query`; of a board that is not reached the reply says why. `ready` is waited for once per board."""
+        if why := self.boards.why_unseen(self.name, key):
+            yield Reply(key, None, why)
+            return
+        name = key.split("/")[2]
+        homes = [self.boards.homes[name]] if name in self.boards.homes else list(self.boards.opening)
+        replies: asyncio.Queue[Reply[R] | None] = asyncio.Queue(AT_ONCE)
+
+        async def at(board: str) -> None:
+            bus = await self.boards.bus(board)
+            if isinstance(bus, str):
+                root, fleet, _, rest = key.split("/", 3)
+                its_key = "/".join((root, fleet, board, rest)) if "*" in name else key
+                await replies.put(Reply(its_key, None, f"board {board} is not reached: {bus}"))
+                return
+            try:
+                async with aclosing(Bus.query(bus, key, ask, answer, timeout, limit=limit, ready=ready)) as its:
+                    async for reply in its:
+                        await replies.put(reply)
+            except BusClosed as closed:
+                await replies.put(Reply(key, None, f"board {board} is reached no longer: {closed}"))
+
+        asking = [asyncio.create_task(at(board)) for board in homes]
+
+        async def all_of_them() -> None:
+            try:
+                await asyncio.gather(*asking)
+            except Exception:  # it is raised below, where whoever asks waits
+                await replies.put(None)
+                raise
+            await replies.put(None)
+
+        ending = asyncio.create_task(all_of_them())
+        try:
+            while (reply := await replies.get()) is not None:
+                yield reply
+            await ending
+        finally:
+            for task in (ending, *asking):
+                task.cancel()
+
+
+@asynccontextmanager
+async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options: Any) -> AsyncIterator[FleetBus]:
+    """Open sessions with all boards, and go on with the first that is reached; the others follow as they are needed.
+
+    Raises Findings for a mission without addresses, and BusClosed with a line for each board if none is reached.
+    """
+    places = {board: endpoint_of(mission, board, "tls") for board in mission.boards}
+    if not any(places.values()):
+        text = "no board has an address by which it could be reached with keys: name one by --router tls/HOST:PORT"
+        raise Findings([mission.positions.finding(("boards",), text)])
+    boards = Boards(mission)
+    async with AsyncExitStack() as sessions:
+
+        async def reach(endpoint: str) -> FleetBus:
+            opened = open_bus(
+                endpoint,
+                fleet=mission.fleet,
+                stamp=time.time_ns,
+                patience=patience,
+                tls=tls,
+                make=FleetBus,
+                **options,
+            )
+            bus = await sessions.enter_async_context(opened)
+            assert isinstance(bus, FleetBus)
+            bus.boards = boards
+            return bus
+
+        boards.dial = lambda board: asyncio.create_task(reach(places[board] or ""))
+        boards.opening = {board: boards.dial(board) for board, place in places.items() if place}
+        try:
+            yield await _first(list(boards.opening.values()))
+        finally:
+            await boards.listening.end()
+            for task in boards.opening.values():
+                task.cancel()
+            await asyncio.gather(*boards.opening.values(), return_exceptions=True)
+
+
+async def _first(opening: Sequence[asyncio.Task[FleetBus]]) -> FleetBus:
+    """Return the session that is there first. Raises BusClosed with what each attempt says."""
+    said, waiting = list[str](), set(opening)
+    while waiting:
+        done, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            try:
+                return task.result()
+            except BusClosed as closed:
+                said.append(str(closed))
+    raise BusClosed("\n  ".join(("no board of the fleet is reached:", *sorted(said))) if len(said) > 1 else said[0])

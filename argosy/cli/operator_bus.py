@@ -1,0 +1,146 @@
+"""The operator's way onto the bus from any terminal: which fleet, which router, and what if nobody is there."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from argosy.cli.arguments import name
+from argosy.cli.fleet_bus import FleetBus, open_fleet_bus
+from argosy.cli.port_check import endpoint
+from commd.bus.bus import Bus, open_bus
+from commd.bus.errors import BusClosed
+from commd.bus.tls import Tls, identity_of
+from commd.process.local_runs import router_of
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, tls_of
+from schemas.files.findings import Finding, Findings
+from schemas.files.terminal import printable
+from schemas.mission.model import DEFAULT_ROUTER, Mission, load_mission
+from schemas.wire import keys
+
+ROUTER_PATIENCE = 3.0
+"""Wall seconds to reach the router."""
+ANY = "*"
+"""Every fleet on the router."""
+
+
+class Unanswered(Exception):
+    """Nobody has answered who should; says who is there."""
+
+
+@dataclass(frozen=True)
+class Where:
+    """What an operator speaks to."""
+
+    fleet: str
+    """A fleet, or `ANY`."""
+    router: str
+    tls: Tls | None = None
+    """This machine's keys."""
+    mission: Mission | None = None
+    """With keys: the mission whose boards are spoken to, each at its own router."""
+    robots: tuple[str, ...] = ()
+    """Those of the mission, where one is given."""
+
+
+def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
+    """Declare `--mission`, `--fleet`, `--router` and `--keys`; `without` is the help of `--fleet`, with its default."""
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--mission", metavar="FILE", help="take fleet and router from this mission")
+    which.add_argument("--fleet", type=name, metavar="NAME", help=without)
+    add_router_argument(parser, DEFAULT_ROUTER)
+
+
+def add_router_argument(parser: ArgumentParser, default: str) -> None:
+    """Declare `--router` and `--keys`."""
+    text = f"the router's endpoint (default: {default}; with --keys, the boards of the mission)"
+    parser.add_argument("--router", type=endpoint, metavar="ENDPOINT", help=text)
+    parser.add_argument("--keys", type=Path, metavar="FOLDER", help="this machine's keys, for a fleet that has some")
+
+
+def where(args: Namespace) -> Where:
+    """Return whom the arguments speak to: at the router that they name, that of a run here, or the usual one.
+
+    Raises Findings for a mission that cannot be read, for useless keys, and if several runs could be meant.
+    """
+    mission, tls = load_mission(args.mission) if args.mission else None, tls_of(args)
+    if tls is not None and args.router and not args.router.startswith("tls/"):
+        raise Findings([Finding("--keys", 0, 0, f"are for what is at tls/..., and not for {args.router}")])
+    if tls is not None and not args.router and mission is None:
+        text = "at which board? Say --mission FILE, or --router tls/HOST:PORT"
+        raise Findings([Finding("--keys", 0, 0, text)])
+    if mission is not None:
+        each = mission if tls is not None and not args.router else None
+        here = "" if args.router or each else router_of(mission.fleet, mission.router.endpoint)
+        router = args.router or (_of_boards(mission) if each else here)
+        return Where(mission.fleet, router, tls, each, tuple(mission.robots))
+    router = args.router or (DEFAULT_ROUTER if tls is not None else router_of(args.fleet or "", DEFAULT_ROUTER))
+    return Where(args.fleet or ANY, router, tls)
+
+
+def _of_boards(mission: Mission) -> str:
+    return f"the boards of {mission.path.name}"
+
+
+@asynccontextmanager
+async def operator_bus(place: Where) -> AsyncIterator[Bus]:
+    """Open the bus as the operator. Raises BusClosed if no router answers soon, and Findings if none can be dialled."""
+    who = identity_of(place.tls, time.time()).name if place.tls is not None else "operator"
+    if place.mission is not None and place.tls is not None:
+        async with open_fleet_bus(place.mission, place.tls, ROUTER_PATIENCE, name=who, daemon="argosy") as bus:
+            yield bus
+        return
+    async with open_bus(
+        place.router,
+        fleet=place.fleet if place.fleet != ANY else "operator",
+        name=who,
+        daemon="argosy",
+        stamp=time.time_ns,
+        patience=ROUTER_PATIENCE,
+        tls=place.tls,
+    ) as bus:
+        yield bus
+
+
+def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) -> int:
+    """Do an operator's work on the bus that the arguments name. Returns its exit code, or tells why it cannot be."""
+    try:
+        place = where(args)
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+
+    async def main() -> int:
+        async with operator_bus(place) as bus:
+            code = await work(bus, place)
+            if code != EXIT_DONE and place.mission is not None and bus.name in place.mission.security.observers:
+                rights = "where access is controlled it sees, and orders nothing"
+                print(f"note: `{bus.name}` is an observer by the mission: {rights}", file=sys.stderr)
+            return code
+
+    try:
+        return asyncio.run(main())
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except (BusClosed, Unanswered) as error:
+        print("\n".join(map(printable, f"error: {error}".split("\n"))), file=sys.stderr)
+        return EXIT_FAILED
+
+
+async def unreached(bus: Bus) -> list[str]:
+    """Return a line for each board that this bus should speak with and does not."""
+    missing = await bus.boards.unreached() if isinstance(bus, FleetBus) else {}
+    return [f"board {board} is not reached: {why}" for board, why in missing.items()]
+
+
+async def bridges(bus: Bus, fleet: str) -> list[tuple[str, str]]:
+    """Return fleet and name of every robot whose bridge has a liveliness token; `ANY` means any fleet."""
+    tokens = await bus.tokens(keys.alive(fleet, "*", "bridged", "*"))
+    return sorted({(parsed[0], parsed[1]) for token in tokens if (parsed := keys.parse(token))})

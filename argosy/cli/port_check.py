@@ -1,0 +1,57 @@
+"""Whether somebody can listen where a run needs it, asked before anything starts."""
+
+from __future__ import annotations
+
+import errno
+import re
+import socket
+from argparse import ArgumentTypeError
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from schemas.files.endpoints import check_endpoint
+
+if TYPE_CHECKING:
+    from bridged.drivers.mavlink.transport.address import LinkAddress  # `argosy stop` must be quick
+
+_TCP = re.compile(r"tcp/(?:\[(?P<six>[^\]]+)\]|(?P<host>[^:/?#]+)):(?P<port>\d+)")
+
+
+def endpoint(text: str) -> str:
+    """Read an endpoint from the command line. Raises ArgumentTypeError that says what was expected."""
+    try:
+        return check_endpoint(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def in_use(endpoint: str) -> str:
+    """Return in words why nobody can listen there; nothing if one can, or if only Zenoh can tell (not TCP)."""
+    found = _TCP.match(endpoint)
+    if found is None:
+        return ""
+    return _taken(found["six"] or found["host"], int(found["port"]), socket.SOCK_STREAM)
+
+
+def link_in_use(link: LinkAddress) -> str:
+    """Return in words why no bridge or simulator can bind a `udpin` or `tcpin` link; nothing if one can."""
+    return _taken(link.host, link.port, socket.SOCK_DGRAM if link.kind == "udpin" else socket.SOCK_STREAM)
+
+
+def _taken(host: str, port: int, transport: socket.SocketKind) -> str:
+    try:
+        addresses = socket.getaddrinfo(host, port, type=transport, flags=socket.AI_PASSIVE)
+    except (OSError, OverflowError) as error:
+        return f"is no address to listen at ({error})"
+    for family, kind, protocol, _, address in addresses[:1]:
+        with socket.socket(family, kind, protocol) as probe:
+            try:
+                if kind == socket.SOCK_STREAM:
+                    with suppress(OSError):
+                        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a port in TIME_WAIT is free
+                probe.bind(address)
+                if kind == socket.SOCK_STREAM:
+                    probe.listen(1)
+            except OSError as error:
+                return "is in use" if error.errno == errno.EADDRINUSE else f"cannot be listened at ({error.strerror})"
+    return ""

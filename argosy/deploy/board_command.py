@@ -1,0 +1,181 @@
+"""`argosy board`: commd, bridged and agentd of one board in one process and one event loop, where memory is short.
+
+Code, names, tokens and keys on the bus are those of the three daemons. What the parts share is their death: whatever
+fails in one of them ends the process.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import agentd.daemon
+import bridged.daemon
+import commd.daemon
+from agentd.extensions.plugins import discover
+from commd.bus.errors import AlreadyRunning, BusClosed
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, run_daemon
+from commd.process.systemd import Member, Unit
+from commd.router import config
+from commd.router.tls_rejections import hear_refusals
+from schemas.files.findings import Findings
+from schemas.mission.model import Mission, load_mission
+
+LEAVE = 60.0
+"""Wall seconds that the parts have to end: a bridge may try three orders of 10 s each to leave its robot safe."""
+LOOK = 0.05
+"""Wall seconds between two looks whether the router serves."""
+SETTLED = 3.0
+"""Wall seconds after the start by which everything is loaded."""
+log = logging.getLogger("board")
+
+Serve = Callable[[Mission, Namespace, asyncio.Event, Member], Awaitable[int]]
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy board`: the mission, and every option that one of the three daemons takes."""
+    parser.add_argument("mission", help="mission file")
+    state = "where mail, minds and action ids are kept, below the fleet's name"
+    parser.add_argument("--state", type=Path, metavar="DIR", help=state)
+    gathered = _Options()
+    for daemon in (commd.daemon, bridged.daemon, agentd.daemon):
+        daemon.add_arguments(gathered)
+    for names, settings in gathered.options.values():
+        if "--state" not in names:
+            parser.add_argument(*names, **settings)
+
+
+class _Options(ArgumentParser):
+    """Takes the declarations of several daemons: an option that two of them have is the same to both."""
+
+    def __init__(self) -> None:
+        self.options: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {}
+        super().__init__(add_help=False)
+
+    def add_argument(self, *names: str, **settings: Any) -> Any:
+        if names[0].startswith("-"):
+            self.options.setdefault(names[0], (names, settings))
+
+
+def run(args: Namespace) -> int:
+    """Run the board until it is told to stop, or a part of it fails. Returns the exit code."""
+    sys.setrecursionlimit(max(sys.getrecursionlimit(), agentd.daemon.DEEPEST_CALLS))
+    discover()
+    if args.keys is not None or args.config is not None:
+        hear_refusals()
+
+    async def main(stop: asyncio.Event) -> int:
+        asyncio.get_running_loop().call_later(SETTLED, _settle)
+        return await serve(load_mission(args.mission), args, stop)
+
+    return run_daemon("board", main)
+
+
+def _settle() -> None:
+    """What is loaded by now stays; see `bridged.daemon`."""
+    gc.collect()
+    gc.freeze()
+
+
+async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
+    """Run the parts that this board has, the router before the others. To the service manager they are one unit."""
+    board = commd.daemon.chosen(mission, args.board)
+    given = Namespace(**{**vars(args), "board": board, "robots": [], "agents": []})
+    if given.config is not None and given.router is None:  # agents and bridges go in where the router opens for them
+        given.router = config.read(given.config).listen[0]
+    daemons: dict[str, Serve] = {"commd": commd.daemon.serve}
+    if any(robot.board == board for robot in mission.robots.values()):
+        daemons["bridged"] = bridged.daemon.serve
+    if any(agent.board == board for agent in mission.agents.values()):
+        daemons["agentd"] = agentd.daemon.serve
+    parts = Parts(mission, given, daemons, Unit.of_environment())
+    log.info("board=%s in one process: %s", board, ", ".join(daemons))
+    return await parts.run(stop)
+
+
+class Parts:
+    """The daemons of a board, each a task with a stop of its own."""
+
+    def __init__(self, mission: Mission, args: Namespace, daemons: Mapping[str, Serve], unit: Unit) -> None:
+        """`daemons`: what each part runs, `commd` first."""
+        self._mission, self._args, self._daemons = mission, args, daemons
+        self.members = {name: unit.member(name) for name in daemons}
+        self._stops = {name: asyncio.Event() for name in daemons}
+        self._running: dict[asyncio.Task[int], str] = {}
+        self._code = EXIT_DONE
+
+    async def run(self, stop: asyncio.Event) -> int:
+        """Run until `stop` or a failure, end every part, and return the exit code.
+
+        A vehicle in flight does not wait for the agents: bridge and agents leave at once, the router after them.
+        """
+        router, *others = self._daemons
+        told = asyncio.create_task(stop.wait())
+        self._start(router)
+        while not self.members[router].is_ready and self._goes_on(told):
+            await asyncio.wait((told, *self._running), timeout=LOOK, return_when=asyncio.FIRST_COMPLETED)
+            self._look(told.done())
+        for name in others if self._goes_on(told) else ():
+            self._start(name)
+        while self._goes_on(told):
+            await asyncio.wait((told, *self._running), return_when=asyncio.FIRST_COMPLETED)
+            self._look(told.done())
+        told.cancel()
+        await self._end(others)
+        await self._end([router])
+        return self._code
+
+    def _start(self, name: str) -> None:
+        async def live() -> int:
+            return await self._daemons[name](self._mission, self._args, self._stops[name], self.members[name])
+
+        self._running[asyncio.create_task(live(), name=name)] = name
+
+    def _goes_on(self, told: asyncio.Task[Literal[True]]) -> bool:
+        return bool(self._running) and not told.done() and self._code == EXIT_DONE
+
+    def _look(self, told: bool) -> None:
+        """Note what has ended. The agents may have ended by what a program says; the others only when they are told."""
+        for task in [task for task in self._running if task.done()]:
+            name = self._running.pop(task)
+            code, why = _outcome(task)
+            if code == EXIT_DONE and not told and name == "agentd":
+                log.info("agentd has ended: a program has stopped its team; the board goes on without agents")
+                continue
+            if code == EXIT_DONE and not told and not self._stops[name].is_set():
+                code, why = EXIT_FAILED, "it ended although nobody had told it to"
+            if code != EXIT_DONE:
+                log.error("%s has failed, the board ends: %s", name, why)
+                self._code = self._code or (EXIT_BAD_INPUT if code == EXIT_BAD_INPUT else EXIT_FAILED)
+
+    async def _end(self, names: list[str]) -> None:
+        """Tell parts to stop and wait for them, at most `LEAVE` seconds."""
+        for name in names:
+            self._stops[name].set()
+        if leaving := [task for task, name in self._running.items() if name in names]:
+            _, late = await asyncio.wait(leaving, timeout=LEAVE)
+            self._look(True)
+            for task in late:
+                log.error("%s did not end within %g s", self._running.pop(task), LEAVE)
+                self._code = self._code or EXIT_FAILED
+
+
+def _outcome(task: asyncio.Task[int]) -> tuple[int, str]:
+    """The exit code of a part that has ended, and why in words."""
+    if task.cancelled():
+        return EXIT_FAILED, "it was cancelled"
+    match task.exception():
+        case None:
+            return task.result(), f"exit code {task.result()}"
+        case Findings() as findings:
+            return EXIT_BAD_INPUT, str(findings)
+        case AlreadyRunning() | BusClosed() as error:
+            return EXIT_FAILED, str(error)
+        case error:
+            return EXIT_FAILED, f"defect in argosy: {type(error).__name__}: {error}"

@@ -1,0 +1,238 @@
+"""What the access rules let this machine do at each router, found out by trying, beside what the mission says.
+
+Nothing is done by it: puts and answers are tried one level below the keys that daemons hear and serve, questions are
+asked without what they would have to carry, and tokens are of no daemon and no agent.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections.abc import AsyncIterator, Collection, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+
+import zenoh
+
+from argosy.doctor.findings import Said
+from commd.bus.access_probe import router_name
+from commd.bus.access_trial import which_are_answered, which_come_through
+from commd.bus.bus import Bus, open_bus
+from commd.bus.errors import BusClosed
+from commd.bus.router_endpoints import endpoint_of
+from commd.bus.tls import identity_of
+from schemas.files.findings import Findings
+from schemas.mission import access_rules
+from schemas.mission.access_rules import Rights
+from schemas.mission.model import Mission
+from schemas.wire import keys
+
+PATIENCE = 3.0
+"""Wall seconds that what is allowed has to come through."""
+WHAT = "access"
+RIGHTS = {"puts": "put on", "serves": "serve", "asks": "ask", "holds": "hold the token"}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One thing that somebody may or may not do."""
+
+    right: str
+    """A field of `Rights`."""
+    key: str
+    allowed: bool
+    """By the mission."""
+
+    def __str__(self) -> str:
+        return f"{RIGHTS[self.right]} {self.key}"
+
+
+async def findings(bus: Bus, mission: Mission) -> list[Said]:
+    """Try at each router that this machine reaches what it may do."""
+    if bus.endpoint.startswith("tcp/"):
+        text = "the router is reached by plain TCP: whoever reaches it may do everything"
+        do = "for boards in the field: `argosy keys init`, `argosy units` (docs/security.md)"
+        return [Said("warning", WHAT, text, do)] if any(b.address for b in mission.boards.values()) else []
+    try:
+        name, rights, routers = await _who(bus, mission)
+    except Findings as problems:
+        return [Said("error", WHAT, str(problems), "give the names of the mission's boards, operators or observers")]
+    found = await asyncio.gather(*(_at(bus, mission, name, rights, *router) for router in routers.items()))
+    return [one for several in found for one in several]
+
+
+async def _who(bus: Bus, mission: Mission) -> tuple[str, Rights, dict[str, str]]:
+    """Return who this is, what he may do, and the routers to try it at. Raises Findings."""
+    if bus.tls is None:
+        board = (await router_name(bus)).strip("`").rpartition("/")[2]
+        known = board in mission.board_names
+        return (
+            f"a daemon of {board}",
+            access_rules.of_member(mission, board) if known else Rights(),
+            {board: bus.endpoint},
+        )
+    name = identity_of(bus.tls, time.time()).name
+    routers = {board: endpoint_of(mission, board, "tls") for board in mission.boards if board != name}
+    if bus.endpoint not in routers.values():
+        routers = {bus.endpoint: bus.endpoint}
+    routers = {board: endpoint for board, endpoint in routers.items() if endpoint}
+    if name in mission.boards:
+        return name, access_rules.of_board(mission, name), routers
+    if name in mission.security.operators:
+        return f"operator {name}", access_rules.of_operator(mission.inject), routers
+    if sight := mission.security.sights.get(name):
+        return f"observer {name}", access_rules.of_observer(sight), routers
+    return f"`{name}`, whom the mission does not name,", Rights(), routers
+
+
+async def _at(bus: Bus, mission: Mission, name: str, rights: Rights, board: str, endpoint: str) -> list[Said]:
+    """Try everything at one router."""
+    router = f"the router of {board}"
+    try:
+        async with _two(bus, endpoint) as (speaker, listener):
+            trials = _trials(mission, rights, board, await _present(listener, mission))
+            done = await _try(speaker, listener, trials)
+    except BusClosed as closed:
+        return [Said("warning", WHAT, f"{router} is not reached, so nothing was tried: {closed}")]
+    wrong = [trial for trial in trials if trial.allowed != (trial in done)]
+    may, may_not = sum(trial.allowed for trial in trials), sum(not trial.allowed for trial in trials)
+    if not wrong:
+        text = f"{router} lets {name} do {may} things that were tried, and denies {may_not}: as the mission says"
+        return [Said("ok", WHAT, text)]
+    said = []
+    do = f"make its configuration anew (`argosy units MISSION --board {board}`) and start its commd again"
+    for allowed, verb in ((True, "denies {}, against the mission, to"), (False, "lets {}, against the mission,")):
+        if these := [trial for trial in wrong if trial.allowed == allowed]:
+            more = f", and {len(these) - 3} more" if len(these) > 3 else ""
+            text = f"{router} {verb.format(name)} {', '.join(map(str, these[:3]))}{more}"
+            said.append(Said("error", WHAT, text, do))
+    return said
+
+
+@asynccontextmanager
+async def _two(bus: Bus, endpoint: str) -> AsyncIterator[tuple[Bus, Bus]]:
+    """Two sessions at a router. Raises BusClosed."""
+    async with AsyncExitStack() as stack:
+        one, other = [
+            await stack.enter_async_context(
+                open_bus(
+                    endpoint,
+                    fleet=bus.fleet,
+                    name=bus.name,
+                    daemon="argosy",
+                    stamp=time.time_ns,
+                    tls=bus.tls,
+                    patience=PATIENCE,
+                )
+            )
+            for _ in range(2)
+        ]
+        yield one, other
+
+
+async def _present(bus: Bus, mission: Mission) -> set[str]:
+    """Names and daemons that are there: `uav1/bridged`. Who is not answers nobody, allowed or not."""
+    tokens = await bus.tokens(keys.alive(mission.fleet, "*", "*", "*"))
+    parsed = [found for token in tokens if (found := keys.parse(token)) is not None]
+    return {f"{name}/{rest[1]}" for _, name, rest in parsed if len(rest) == 3}
+
+
+def _trials(mission: Mission, rights: Rights, at: str, present: Collection[str]) -> list[Trial]:
+    """What is tried at the router of a board for the names of each: what its daemons say, and what its agents ask.
+
+    What a router passes on to another one counts there as what its own board asks.
+    """
+    trials: list[Trial] = []
+    passes_on = access_rules.of_board(mission, at)
+    homes = mission.mailboxes | {name: robot.board for name, robot in mission.robots.items()}
+
+    def add(right: str, key: str) -> None:
+        name = key.split("/")[2]
+        allowed = _covers(getattr(rights, right), key)
+        if right == "asks" and homes.get(name, name) != at:
+            allowed = allowed and _covers(passes_on.asks, key)
+        trials.append(Trial(right, key, allowed))
+
+    fleet = mission.fleet
+    for board in mission.board_names:
+        senders = [name for name, home in mission.mailboxes.items() if home == board][:1]
+        robots = [name for name, robot in mission.robots.items() if robot.board == board][:1]
+        perceivers = [agent for robot in robots for agent in mission.agents_of(robot)][:1]
+        receivers = [name for name, home in mission.mailboxes.items() if f"{home}/commd" in present][:1]
+        for agent in perceivers:
+            for right, key in (("puts", keys.percept), ("puts", keys.status), ("serves", keys.percept)):
+                add(right, key(fleet, agent, "trial"))
+            if f"{robots[0]}/bridged" in present:
+                add("asks", keys.action(fleet, agent, "*"))
+                add("asks", keys.cancel(fleet, agent))
+        for robot in robots:
+            add("puts", keys.manifest(fleet, robot))
+            if f"{robot}/bridged" in present:
+                add("asks", keys.stop(fleet, robot))
+                add("asks", keys.manifest(fleet, robot))
+        for name in senders:
+            add("puts", keys.health(fleet, name, "argosy"))
+            for receiver in receivers:
+                add("asks", keys.mail(fleet, receiver, name))
+            if f"{name}/agentd" in present:
+                add("asks", keys.mind(fleet, name))
+            if f"{board}/commd" in present:
+                add("asks", keys.outbox(fleet, name))
+        add("puts", keys.services(fleet, board))
+        # Of the board alone: a bridge takes any token of its agent for the agent, even of one that was lost in flight.
+        add("holds", keys.alive(fleet, board, "argosy", "trial"))
+        if f"{board}/commd" in present:
+            add("asks", keys.mailboxes(fleet, board))
+            add("asks", keys.services(fleet, board))
+    return trials
+
+
+def _covers(rules: Sequence[str], key: str) -> bool:
+    asked = zenoh.KeyExpr(key)
+    return any(zenoh.KeyExpr(rule).includes(asked) for rule in rules)
+
+
+async def _try(speaker: Bus, listener: Bus, trials: Sequence[Trial]) -> set[Trial]:
+    """Return what could be done."""
+    by_right = {right: [trial for trial in trials if trial.right == right] for right in RIGHTS}
+
+    def of(right: str) -> tuple[list[str], list[str]]:
+        some = by_right[right]
+        return [trial.key for trial in some if trial.allowed], [trial.key for trial in some if not trial.allowed]
+
+    (puts, no_puts), (serves, no_serves) = of("puts"), of("serves")
+    answering = asyncio.gather(*(_answered(speaker, trial) for trial in by_right["asks"]))
+    put, served, held, answers = await asyncio.gather(
+        which_come_through(speaker.raw, listener.raw, puts, PATIENCE, no_puts),
+        which_are_answered(listener.raw, speaker.raw, serves, PATIENCE, no_serves),
+        _held(speaker, listener, by_right["holds"]),
+        answering,
+    )
+    asked = {trial.key for trial, answered in zip(by_right["asks"], answers, strict=True) if answered}
+    done = {"puts": put, "serves": served, "asks": asked, "holds": held}
+    return {trial for trial in trials if trial.key in done[trial.right]}
+
+
+async def _answered(bus: Bus, trial: Trial) -> bool:
+    """Ask with nothing: whoever serves the key answers, if only that something is missing. Once more, for who may."""
+    return await bus.raw.answers(trial.key, PATIENCE) or (trial.allowed and await bus.raw.answers(trial.key, PATIENCE))
+
+
+async def _held(speaker: Bus, listener: Bus, trials: Sequence[Trial]) -> set[str]:
+    """Hold tokens and return those that the other session sees."""
+    if not trials:
+        return set()
+    own = {f"{trial.key}-{os.urandom(4).hex()}": trial for trial in trials}
+    tokens = [speaker.token(key) for key in own]
+    loop = asyncio.get_running_loop()
+    until = loop.time() + PATIENCE
+    try:
+        while True:
+            seen = set(await listener.tokens(f"{keys.ROOT}/{speaker.fleet}/*/alive/argosy/*"))
+            if loop.time() >= until or all(key in seen for key, trial in own.items() if trial.allowed):
+                return {own[key].key for key in seen if key in own}
+            await asyncio.sleep(0.05)
+    finally:
+        for token in tokens:
+            speaker.withdraw(token)

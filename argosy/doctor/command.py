@@ -1,0 +1,179 @@
+"""`argosy doctor`: looks a fleet over from the operator's machine; each finding says what to do."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import shutil
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from textwrap import wrap
+from typing import Any
+
+from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
+from argosy.cli.remedies import target_of
+from argosy.doctor.access_checks import findings as access
+from argosy.doctor.certificate_checks import certificates
+from argosy.doctor.daemon_checks import clocks, daemons, disks, links, mail, versions
+from argosy.doctor.findings import Check, Facts, RobotFacts, Said
+from argosy.doctor.robot_checks import failsafes, percepts, vehicles
+from argosy.fleet_model.fleet_status import SILENT
+from argosy.status.command import call_the_roll, settled
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed, BusError, QueryFailed
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from commd.router.self_check import LINKS_WITHIN, measure_all
+from schemas.files.findings import Findings
+from schemas.files.terminal import printable
+from schemas.humanize import count
+from schemas.manifest.loader import load_manifest
+from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.records import BoardReport, Checkup, LiveManifest, Mailboxes, Perception
+
+CHECKS: tuple[Check, ...] = (daemons, versions, clocks, disks, links, vehicles, failsafes, percepts, mail)
+WATCHED = 3.0
+"""Wall seconds over which rates are counted."""
+ANSWER_TIMEOUT = 3.0
+"""Wall seconds that a bridge or a mailbox has to answer."""
+STYLES = {"ok": "\x1b[32m", "warning": "\x1b[33m", "error": "\x1b[1;31m"}
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy doctor`."""
+    parser.add_argument("mission", help="mission file")
+    add_router_argument(parser, "the mission's")
+    parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.set_defaults(fleet=None)
+
+
+def run(args: Namespace) -> int:
+    """Print what is found. Returns 1 if there is an error, 0 if there are warnings at most."""
+    try:
+        mission = load_mission(args.mission)
+        place = where(args)
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    said = certificates(mission, args.keys)
+    try:
+        with _quiet():
+            said += asyncio.run(examine(mission, place))
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except BusClosed as closed:
+        do = f"is the fleet there? {target_of(mission, 'start', 'its boards')}; or name another router by --router"
+        said.append(Said("error", "router", str(closed), do))
+    show(said, as_json=args.json)
+    return EXIT_FAILED if any(one.level == "error" for one in said) else EXIT_DONE
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Leave what the sessions log untold: who is not reached is among the findings."""
+    log = logging.getLogger("bus")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+
+
+async def examine(mission: Mission, place: Where) -> list[Said]:
+    """Gather what the checks need, and let them judge. Raises BusClosed."""
+    async with operator_bus(place) as bus:
+        facts = await gather(bus, mission)
+        said = [one for check in CHECKS for one in check(facts)]
+        return said + await access(bus, mission)
+
+
+async def gather(bus: Bus, mission: Mission) -> Facts:
+    """Ask everybody, within bounds; who does not answer is part of what is found."""
+    loop = asyncio.get_running_loop()
+    roll = call_the_roll(bus, bus.fleet, mission)
+    await settled(roll, SILENT + 0.5)
+    earlier, began = roll.rows(), loop.time()
+    boards: dict[str, BoardReport | str] = {}
+    for board in mission.board_names:
+        key, within = keys.checkup(bus.fleet, board), LINKS_WITHIN + ANSWER_TIMEOUT
+        try:
+            boards[board] = await bus.ask_one(key, Checkup(links=True), BoardReport, within)
+        except BusError as error:
+            boards[board] = str(error)
+    reached = [board for board, report in boards.items() if isinstance(report, BoardReport)]
+    from_here = await measure_all(bus, reached)
+    there = {row.name for row in roll.rows() if row.daemon == "bridged" and row.well}
+    now, robots = bus.stamp(), {}
+    for robot in mission.robots:
+        if robot in there and mission.agents_of(robot):
+            now, robots[robot] = bus.stamp(), await _robot(bus, mission, robot)
+    boxes = await _mailboxes(bus)
+    await asyncio.sleep(max(0.0, began + WATCHED - loop.time()))
+    links_by_board = {link.board: link for link in from_here}
+    return Facts(mission, roll.rows(), earlier, boards, links_by_board, robots, boxes, now)
+
+
+async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:
+    agent = mission.agents_of(robot)[0]
+    told: dict[str, int] = {}
+
+    def note(_: str, percept: Perception) -> None:
+        told[percept.name] = max(told.get(percept.name, 0), percept.header.stamp)
+
+    declared: dict[str, Any] | None
+    try:
+        await bus.ask_all(keys.percept(bus.fleet, agent, "**"), Perception, ANSWER_TIMEOUT, note)
+        answer = await bus.ask_one(keys.manifest(bus.fleet, robot), None, LiveManifest, ANSWER_TIMEOUT)
+        declared = answer.manifest.get("percepts", {})
+    except BusClosed as closed:
+        return RobotFacts(told, {}, str(closed))
+    except QueryFailed:
+        declared = _of_the_file(mission, robot)
+    if declared is None:
+        return RobotFacts(told, {}, "its bridge does not tell its manifest")
+    return RobotFacts(told, declared)
+
+
+def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
+    """The percepts of the mission's manifest: a bridge may tell its own only to operators at its own board."""
+    named = mission.robots[robot].manifest
+    if not isinstance(named, str):
+        return None
+    try:
+        manifest = load_manifest(named, mission.path.parent)
+    except Findings:
+        return None
+    return {name: {"source": entry.source, "ttl": entry.ttl} for name, entry in manifest.percepts.items()}
+
+
+async def _mailboxes(bus: Bus) -> dict[str, Mailboxes]:
+    found: dict[str, Mailboxes] = {}
+    key = keys.mailboxes(bus.fleet, "*")
+    await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda _, told: found.update({told.board: told}))
+    return found
+
+
+def show(said: Sequence[Said], *, as_json: bool) -> None:
+    """Print the findings, those with something to do last of all where one looks first."""
+    errors = sum(one.level == "error" for one in said)
+    warnings = sum(one.level == "warning" for one in said)
+    if as_json:
+        told = {"well": not errors, "errors": errors, "warnings": warnings, "findings": [asdict(one) for one in said]}
+        print(json.dumps(told, ensure_ascii=False, indent=2))
+        return
+    terminal = sys.stdout.isatty()
+    width = max((len(one.what) for one in said), default=0)
+    columns = max(40, shutil.get_terminal_size().columns - width - 11) if terminal else sys.maxsize
+    for one in said:
+        level = f"{STYLES[one.level]}{one.level:7}\x1b[0m" if terminal else f"{one.level:7}"
+        lines = [*wrap(printable(one.text), columns), *(wrap(f"do: {one.do}", columns) if one.do else [])]
+        print(f"{level}  {one.what:{width}}  {lines[0]}")
+        for line in lines[1:]:
+            print(f"{'':7}  {'':{width}}  {line}")
+    print(f"{count(errors, 'error')}, {count(warnings, 'warning')}")

@@ -1,0 +1,227 @@
+"""The doctor's checks of daemons and boards: who is there, versions, clocks, disks, links, mail."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from argosy.cli.remedies import BY_CODE, level_of, logs_of, remedy_of, target_of
+from argosy.doctor.findings import Facts, Said
+from argosy.fleet_model.fleet_status import MEANING, Row
+from schemas.humanize import count, latency, span
+from schemas.version import RELEASE
+from schemas.wire.records import LinkReport
+
+CLOCK_WARNING, CLOCK_ERROR = 0.25, 30.0
+"""Seconds of skew: logs of several boards cannot be read side by side; certificates are judged wrongly."""
+DISK_WARNING, DISK_ERROR = 1_000_000_000, 200_000_000
+"""Bytes that are free for state."""
+SLOW_TRIP = 0.5
+"""Wall seconds of a round trip from which on mail and actions are noticeably late."""
+SLOW_RATE = 20_000.0
+"""Bytes a second below which percepts of one vehicle alone may fill a link."""
+LATE = 1.0
+"""Seconds of lag."""
+MAIL_WAITS = 60.0
+"""Wall seconds after which mail that waits is worth a word."""
+
+
+def daemons(facts: Facts) -> list[Said]:
+    """Who is missing or hangs, and what those who are there complain of."""
+    if not facts.rows:
+        return [Said("error", "daemons", "nobody is there", logs_of("commd", facts.mission, "each board"))]
+    dark = _dark(facts)
+    said = [_nothing_of(facts, board) for board in dark]
+    said += [_absent(facts, row) for row in facts.rows if not row.well and row.board not in dark]
+    for row in facts.rows:
+        said += _complaints(facts, row)
+    strangers = [f"{row.daemon} {row.name}" for row in facts.rows if not row.in_mission and row.daemon != "agentd"]
+    if strangers:
+        do = "if it belongs to another mission, give that another `fleet:`; else end it"
+        said.append(Said("warning", "daemons", f"not in the mission: {', '.join(strangers)}", do))
+    if all(row.well for row in facts.rows):
+        oldest = max((row.age or 0.0 for row in facts.rows), default=0.0)
+        said.insert(0, Said("ok", "daemons", f"all {len(facts.rows)} are up, heard within {oldest:.1f} s"))
+    return said
+
+
+def _dark(facts: Facts) -> list[str]:
+    """Boards with several daemons of which none is there."""
+    by_board: dict[str, list[Row]] = {}
+    for row in facts.rows:
+        by_board.setdefault(row.board, []).append(row)
+    return [b for b, rows in by_board.items() if len(rows) > 1 and all(row.standing == "missing" for row in rows)]
+
+
+def _nothing_of(facts: Facts, board: str) -> Said:
+    its = ", ".join(f"{row.daemon} {row.name}" for row in facts.rows if row.board == board)
+    do = f"is it switched on and in the network? {target_of(facts.mission, 'status', board)}"
+    return Said("error", "daemons", f"nothing of {board} is there: {its}", do)
+
+
+def _absent(facts: Facts, row: Row) -> Said:
+    do = {
+        "silent": "it hangs, or is denied: restart it; ",
+        "twice": "end one of them: the board of one of the two is not the one that the mission names; ",
+        "unclaimed": "the access rules deny its token: `argosy units` makes them anew; ",
+    }.get(row.standing, "")
+    place = row.board or "its board"
+    return Said(
+        "error",
+        "daemons",
+        f"{row.daemon} {row.name} on {place} is {row.standing}: {MEANING[row.standing]}",
+        do + logs_of(row.daemon, facts.mission, place),
+    )
+
+
+def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
+    health = row.now
+    if health is None:
+        return
+    who, logs = f"{row.daemon} {row.name}", logs_of(row.daemon, facts.mission, row.board or "its board")
+    codes = {note.text: note.code for note in health.coded}
+    for note in health.notes:
+        yield Said(
+            level_of(note, health),
+            "daemons",
+            f"{who}: {note}",
+            BY_CODE.get(codes.get(note, "")) or remedy_of(note, logs),
+        )
+    if health.restarts:
+        was = f"; {health.last_error}" if health.last_error and health.last_error_age is None else ""
+        text = f"{who} was started again {count(health.restarts, 'time')} since its board started{was}"
+        yield Said("warning", "daemons", text, logs)
+    if health.last_error and health.last_error_age is not None:
+        text = f"{who}: {count(health.errors, 'error')}, the last {health.last_error_age:.0f} s ago: "
+        yield Said("warning", "daemons", text + health.last_error, logs)
+    before = next((one.now for one in facts.earlier if (one.name, one.daemon) == (row.name, row.daemon)), None)
+    if before is not None and before.header.boot == health.header.boot and health.drops > before.drops:
+        text = f"{who} is dropping: {health.drops - before.drops} within {health.uptime - before.uptime:.0f} s"
+        yield Said(
+            "warning", "daemons", text, "it has too much to do: fewer percepts or a lower `rate` in the manifest"
+        )
+    if health.lag >= LATE:
+        do = "give the board less to do: fewer agents, lower rates, no endless plans; `top` shows who takes the time"
+        yield Said("warning", "daemons", f"{who} is {health.lag:.1f} s behind", do)
+
+
+def versions(facts: Facts) -> list[Said]:
+    """Whether all run the same version of Argosy, and which is ours."""
+    found: dict[str, list[str]] = {}
+    for row in facts.rows:
+        if row.now is not None:
+            found.setdefault(row.now.version or "an older one that does not say", []).append(row.name)
+    if not found:
+        return []
+    if list(found) == [RELEASE]:
+        return [Said("ok", "versions", f"all run {RELEASE}, as this machine does")]
+    told = "; ".join(f"{version}: {', '.join(sorted(set(names)))}" for version, names in sorted(found.items()))
+    majors = {version.partition(".")[0] for version in found if version[:1].isdigit()} | {RELEASE.partition(".")[0]}
+    do = "install the same version on all of them, one board after the other (docs/versions.md)"
+    return [Said("error" if len(majors) > 1 else "warning", "versions", f"{told}; this machine: {RELEASE}", do)]
+
+
+def clocks(facts: Facts) -> list[Said]:
+    """By how much the clocks of the boards and of this machine differ, as round trips tell."""
+    seen = {board: link for board, link in facts.from_here.items() if link.ahead is not None}
+    if not seen:
+        return []
+    told = [(link.ahead or 0.0, board, (link.round_trip or 0.0) / 2) for board, link in seen.items()]
+    told.append((0.0, "this machine", 0.0))
+    (low, behind, one), (high, ahead, other) = min(told), max(told)
+    skew, unsure = high - low, one + other
+    everybody = f"{count(len(seen), 'board')} and this machine"
+    if skew - unsure < CLOCK_WARNING:
+        return [Said("ok", "clocks", f"{everybody} agree within {latency(skew)} (measured to {latency(unsure)})")]
+    level, why = ("warning", "times of logs and records do not fit together")
+    if skew - unsure >= CLOCK_ERROR:
+        level, why = ("error", "certificates are taken for expired or not yet valid")
+    text = f"{ahead} is {latency(skew)} ahead of {behind} (measured to {latency(unsure)}): {why}"
+    do = "let one board serve the time to the others (chrony or systemd-timesyncd); `timedatectl` shows how it is"
+    return [Said(level, "clocks", text, do)]  # type: ignore[arg-type]
+
+
+def disks(facts: Facts) -> list[Said]:
+    """How much room is left for mail, checkpoints and action ids."""
+    said: list[Said] = []
+    least: tuple[int, str] | None = None
+    for board, report in facts.reports.items():
+        free, size = report.disk_free, report.disk_size
+        if free is None or size is None:
+            said.append(Said("error", "disks", f"{board}: {report.state} cannot be looked at", f"on {board}: `df -h`"))
+            continue
+        least = min(least or (free, board), (free, board))
+        if free < DISK_WARNING:
+            text = f"{board}: {free / 1e6:.0f} MB of {size / 1e9:.1f} GB are left at {report.state}"
+            level = "error" if free < DISK_ERROR else "warning"
+            do = f"on {board}: `journalctl --vacuum-size=100M`; no mail is taken when the disk is full"
+            said.append(Said(level, "disks", text, do))  # type: ignore[arg-type]
+    if least is not None and not said:
+        said.append(Said("ok", "disks", f"at least {least[0] / 1e9:.1f} GB are free for state ({least[1]})"))
+    return said
+
+
+def links(facts: Facts) -> list[Said]:
+    """Whether each board reaches each other one, how soon, and how fast the link is."""
+    said: list[Said] = []
+    fine: list[LinkReport] = []
+    there = {row.name for row in facts.rows if row.daemon == "commd" and row.well}
+    for board, why in facts.boards.items():
+        if isinstance(why, str) and board in there:
+            text = f"{board} is there and answers no checkup: clock, disk and links are not known ({why})"
+            do = "ask with an operator's keys, observers may not; an Argosy before 0.2 does not know the question"
+            said.append(Said("warning", "links", text, do))
+        elif isinstance(why, str):
+            do = f"is it switched on and in the network? {logs_of('commd', facts.mission, board)}"
+            said.append(Said("error", "links", f"{board} is not reached from here: {why}", do))
+    pairs = [(board, link) for board, report in facts.reports.items() for link in report.links]
+    pairs += [("this machine", link) for board, link in facts.from_here.items() if board in facts.reports]
+    for board, link in pairs:
+        found = _link(board, link)
+        said += found
+        if not found:
+            fine.append(link)
+    if fine and not said:
+        slowest = max(link.round_trip or 0.0 for link in fine)
+        rates = [link.rate for link in fine if link.rate is not None]
+        rate = f", {min(rates) / 1000:.0f} kB/s at least" if rates else ""
+        said.append(Said("ok", "links", f"{count(len(fine), 'way')} measured: {latency(slowest)} at most{rate}"))
+    return said
+
+
+def _link(board: str, link: LinkReport) -> list[Said]:
+    way = f"{board} > {link.board}"
+    look = f"is {link.board} in the network? `ping` its address from {board}; radio: distance, antennas, channel"
+    if not link.answered:
+        return [Said("error", "links", f"{way}: {link.problem}", look)]
+    if link.answered < link.asked:
+        text = f"{way}: {link.asked - link.answered} of {link.asked} round trips had no answer"
+        return [Said("warning", "links", text, look)]
+    if link.problem:
+        return [Said("warning", "links", f"{way}: {link.problem}", look)]
+    if link.round_trip is not None and link.round_trip > SLOW_TRIP:
+        text = f"{way}: {latency(link.round_trip)} for a round trip at best, {latency(link.slowest or 0.0)} at worst"
+        return [Said("warning", "links", text, look)]
+    if link.rate is not None and link.rate < SLOW_RATE:
+        text = f"{way}: {link.rate / 1000:.1f} kB/s"
+        do = "tell less: lower `rate` in the manifests, `wire: msgpack` in the mission; or a better link"
+        return [Said("warning", "links", text, do)]
+    return []
+
+
+def mail(facts: Facts) -> list[Said]:
+    """Whether mail waits for long, or was given up."""
+    said: list[Said] = []
+    for board, boxes in facts.mail.items():
+        for queue in boxes.queues:
+            if queue.oldest > MAIL_WAITS:
+                who = f"{queue.sender} > {queue.receiver}"
+                text = f"{board}: {count(queue.messages, 'message')} {who} wait, the oldest for {span(queue.oldest)}"
+                text += f": {queue.state}" if queue.state else ""
+                do = "it goes on by itself when the receiver is there: see `daemons` and `links`"
+                said.append(Said("warning", "mail", text, do))
+        if boxes.dead_count:
+            text = f"{board}: {count(boxes.dead_count, 'message')} could not be delivered and were given up"
+            said.append(Said("warning", "mail", text, f"`argosy mail {facts.mission.path} --dead` shows them and why"))
+    if facts.mail and not said:
+        said.append(Said("ok", "mail", f"nothing waits for long on {count(len(facts.mail), 'board')}"))
+    return said

@@ -1,0 +1,41 @@
+"""What an agent does now, as operators ask: it flies, acts, reasons, waits or has nothing to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from argosy.fleet_model.members import TeamAgent
+from argosy.fleet_model.model import TeamModel
+
+AIRBORNE = 0.5
+"""Metres above home from which an armed robot counts as flying."""
+
+Doing = Literal["", "reasoning", "waiting", "paused", "idle", "acting", "flying"]
+"""`acting`: an intention waits for an action; `flying`: and its robot is in the air. `idle`: it intends nothing. Empty:
+its mind was not seen."""
+
+
+@dataclass(frozen=True)
+class Activity:
+    """What an agent does, and the action that it waits for, as the program writes it."""
+
+    doing: Doing
+    action: str = ""
+
+
+def activity(model: TeamModel, agent: TeamAgent) -> Activity:
+    """Return what an agent does: an action that runs says more than that its intention waits."""
+    mind = agent.mind
+    if mind is not None and mind.state == "paused":
+        return Activity("paused")
+    actions = [one for one in model.open_actions(agent.name) if one.silent(model.as_of) is None]
+    if actions and agent.there:
+        robot = model.robots.get(agent.robot)
+        airborne = robot is not None and robot.seen.armed and (robot.seen.altitude or 0.0) > AIRBORNE
+        return Activity("flying" if airborne else "acting", actions[-1].text)
+    if mind is None:
+        return Activity("")
+    if mind.state == "waiting" and not mind.intentions and not mind.intentions_left_out:
+        return Activity("idle")
+    return Activity(mind.state)

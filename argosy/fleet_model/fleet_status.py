@@ -1,0 +1,186 @@
+"""The roll of a fleet: which daemons are there and how they say they are, and which should be there and are not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from schemas.mission.model import Mission
+from schemas.wire import keys
+from schemas.wire.records import Health
+
+SILENT = 3.5
+"""Wall seconds without a record after which a daemon that holds its token counts as silent; it tells one a second."""
+UNDER_WAY = 0.5
+"""Wall seconds for which a record of a daemon may arrive after its token has gone."""
+MOST = 5_000
+"""Daemons that are followed; further ones are only counted."""
+FORGET = 60.0
+"""Wall seconds without a word after which a daemon that is gone, and that the mission has not, is forgotten."""
+
+Who = tuple[str, str, str]
+"""Fleet, name and daemon."""
+
+Standing = Literal["up", "coming", "silent", "twice", "unclaimed", "missing"]
+WELL: frozenset[Standing] = frozenset({"up", "coming"})
+MEANING: dict[Standing, str] = {
+    "up": "it holds its name and tells how it is",
+    "coming": "it holds its name and has not told yet how it is",
+    "silent": "it holds its name, and tells nothing: it hangs, or its records do not come through",
+    "twice": "two hold this name at once: one of them is to be ended",
+    "unclaimed": "it tells how it is, and does not hold its name: its token does not come through",
+    "missing": "the mission has it, and it is not there",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One daemon under one name."""
+
+    name: str
+    """The agent, robot, board or client that it serves."""
+    daemon: str
+    board: str
+    """Empty: not known."""
+    standing: Standing
+    health: Health | None = None
+    """What it told last."""
+    age: float | None = None
+    """Wall seconds since then."""
+    in_mission: bool = True
+    fleet: str = ""
+    """Where several are shown."""
+
+    @property
+    def title(self) -> str:
+        """What it is called, for people."""
+        return f"{self.fleet}/{self.name}" if self.fleet else self.name
+
+    @property
+    def well(self) -> bool:
+        """Whether it is there as it should be."""
+        return self.standing in WELL
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of it in words: the standing, if it is not well, and its own warnings."""
+        if self.standing == "missing":
+            heard = f"; last heard {self.age:.0f} s ago" if self.age is not None else ""
+            return (MEANING["missing"] + heard,)
+        standing = () if self.well else (MEANING[self.standing],)
+        return standing + (self.health.notes if self.health is not None else ())
+
+    @property
+    def now(self) -> Health | None:
+        """How it is; None if it is not there: what it told last holds no longer."""
+        return None if self.standing == "missing" else self.health
+
+
+class Roll:
+    """Takes tokens and health records of one fleet or of several; `now` is in wall seconds."""
+
+    def __init__(self, mission: Mission | None, now: Callable[[], float], *, several: bool = False) -> None:
+        self.expected: dict[Who, str] = {} if mission is None else expected_of(mission)
+        """Who is in the mission, and on which board."""
+        self.dropped = 0
+        """Records and tokens of more daemons than are followed."""
+        self._several, self._now, self._forgot = several, now, now()
+        self._boots: dict[Who, set[str]] = {}
+        self._since: dict[Who, float] = {}
+        """When a name was claimed that nobody had."""
+        self._left: dict[Who, float] = {}
+        """When nobody had a name any more."""
+        self._health: dict[Who, tuple[Health, float]] = {}
+
+    def token(self, key: str, alive: bool) -> None:
+        """A liveliness token came or went."""
+        parsed = keys.parse(key)
+        if parsed is None or len(parsed[2]) != 3:
+            return
+        who, boot = (parsed[0], parsed[1], parsed[2][1]), parsed[2][2]
+        if not alive:
+            boots = self._boots.get(who, set())
+            boots.discard(boot)
+            if not boots:
+                self._since.pop(who, None)
+                if self._boots.pop(who, None) is not None:
+                    self._left[who] = self._now()
+        elif self._room_for(who):
+            self._boots.setdefault(who, set()).add(boot)
+            self._since.setdefault(who, self._now())
+
+    def heard(self, key: str, health: Health) -> None:
+        """A daemon told how it is."""
+        parsed = keys.parse(key)
+        if parsed is not None and len(parsed[2]) == 2 and self._room_for(who := (parsed[0], parsed[1], parsed[2][1])):
+            self._health[who] = (health, self._now())
+
+    def rows(self) -> list[Row]:
+        """Return all daemons: board by board as in the mission, then what it has not."""
+        heard = {who for who, (_, at) in self._health.items() if self._now() - at <= SILENT}
+        there = self._boots.keys() | heard
+        others = sorted(there - self.expected.keys())
+        return [
+            row for who in (*self.expected, *others) if (row := self._row(who)).in_mission or row.standing != "missing"
+        ]
+
+    @property
+    def settled(self) -> bool:
+        """Whether all that the mission has is there and has told how it is, and so have all others."""
+        rows = self.rows()
+        return bool(rows) and all(row.standing == "up" for row in rows)
+
+    def _row(self, who: Who) -> Row:
+        health, at = self._health.get(who, (None, None))
+        age = None if at is None else self._now() - at
+        fleet, name, daemon = who
+        board = self.expected.get(who, name if daemon == "commd" else "")
+        known = not self.expected or who in self.expected
+        standing = self._standing(who, age)
+        return Row(name, daemon, board, standing, health, age, known, fleet if self._several else "")
+
+    def _standing(self, who: Who, age: float | None) -> Standing:
+        boots = self._boots.get(who, ())
+        tells = age is not None and age <= SILENT
+        if len(boots) > 1:
+            return "twice"
+        if not boots:
+            told_since = age is not None and self._now() - age > self._left.get(who, -math.inf) + UNDER_WAY
+            return "unclaimed" if tells and told_since else "missing"
+        if tells or who[2] == "client":  # clients hold their name and tell nothing else
+            return "up"
+        return "coming" if self._now() - self._since[who] <= SILENT else "silent"
+
+    def _room_for(self, who: Who) -> bool:
+        self._forget()
+        known = who in self._boots or who in self._health or who in self.expected
+        if known or len(self._boots.keys() | self._health.keys()) < MOST:
+            return True
+        self.dropped += 1
+        return False
+
+    def _forget(self) -> None:
+        """Forget from time to time who has gone: in a fleet that makes agents, names come without end."""
+        since = self._now() - FORGET
+        if self._forgot > since:
+            return
+        self._forgot = self._now()
+        for who in [who for who, (_, at) in self._health.items() if at < since]:
+            if who not in self._boots and who not in self.expected:
+                del self._health[who]
+        for who in [who for who, at in self._left.items() if at < since]:
+            if who not in self._health:
+                del self._left[who]
+
+
+def expected_of(mission: Mission) -> dict[Who, str]:
+    """Return all that a mission has, each with its board; clients come and go as they like."""
+    found: dict[Who, str] = {}
+    fleet = mission.fleet
+    for board in mission.board_names:
+        found[fleet, board, "commd"] = board
+        found |= {(fleet, name, "bridged"): board for name, robot in mission.robots.items() if robot.board == board}
+        found |= {(fleet, name, "agentd"): board for name, agent in mission.agents.items() if agent.board == board}
+    return found

@@ -1,0 +1,127 @@
+"""`argosy mail`: what waits in the mailboxes of a fleet, for how long and for what, and what was given up."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from argosy.cli.operator_bus import Where, add_router_argument, on_the_bus
+from commd.bus.bus import Bus
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import Finding, Findings
+from schemas.files.terminal import printable
+from schemas.files.yaml_positions import did_you_mean
+from schemas.humanize import columns, count, json_lines, shortened, size, span
+from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.records import DeadLetter, Mailboxes, Queue
+from schemas.wire.term_text import write
+
+ANSWER_TIMEOUT = 5.0
+"""Wall seconds that a `commd` has to answer."""
+LONGEST = 60
+"""Characters of a dead letter's content that are shown."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy mail`."""
+    parser.add_argument("mission", nargs="?", help="mission file, for its fleet, its boards and its router")
+    parser.add_argument("--board", metavar="NAME", help="only this board (default: all of the mission)")
+    add_router_argument(parser, "the mission's")
+    parser.add_argument(
+        "--file", type=Path, metavar="PATH", help="read a board's database instead; no daemon is needed"
+    )
+    parser.add_argument("--dead", action="store_true", help="list the dead letters too, the newest last")
+    parser.add_argument("--json", action="store_true", help="as JSON, dead letters always among it")
+    parser.set_defaults(fleet=None)
+
+
+def run(args: Namespace) -> int:
+    """Print the mailboxes. Returns 1 if a board did not answer, 2 for a mission or a file that cannot be read."""
+    try:
+        if args.file is not None:
+            return _show([_of_file(args.file)], [], args)
+        if args.mission is None:
+            raise Findings([Finding("argosy mail", 0, 0, "expected a MISSION, or a board's database by --file")])
+        wanted = _wanted(load_mission(args.mission), args.board)
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+
+    async def ask(bus: Bus, where: Where) -> int:
+        key = keys.mailboxes(where.fleet, args.board or "*")
+        found: dict[str, Mailboxes] = {}
+
+        def board_of(key: str) -> str:
+            parsed = keys.parse(key)
+            return parsed[1] if parsed is not None else ""
+
+        def told(key: str, mailboxes: Mailboxes) -> None:
+            if (board := board_of(key)) in wanted:
+                found[board] = mailboxes
+
+        errors = await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, told)
+        why = {board_of(key): error for key, error in errors.items()}
+        silent = [f"{board}: {why.get(board, 'its commd does not answer')}" for board in wanted if board not in found]
+        silent += [f"somebody answers: {error}" for board, error in why.items() if board not in wanted]
+        return _show([found[board] for board in wanted if board in found], silent, args)
+
+    return on_the_bus(args, ask)
+
+
+def _wanted(mission: Mission, board: str | None) -> list[str]:
+    """Return the boards that are to answer. Raises Findings for one that the mission has not."""
+    boards = mission.board_names
+    if board is not None and board not in boards:
+        raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`{did_you_mean(board, boards)}")])
+    return [board] if board is not None else boards
+
+
+def _of_file(path: Path) -> Mailboxes:
+    from commd.mail.mail_file import mailboxes_of_file  # a query needs no SQLite
+
+    return mailboxes_of_file(path)
+
+
+def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace) -> int:
+    if args.json:
+        told = {"boards": [msgspec.to_builtins(one) for one in boxes], "silent": silent}
+        print(json_lines(told))
+    else:
+        for one in boxes:
+            print("\n".join(board_lines(one, args.dead)))
+    for text in silent:
+        print(printable(f"error: {text}"), file=sys.stderr)
+    return EXIT_FAILED if silent else EXIT_DONE
+
+
+def board_lines(boxes: Mailboxes, dead: bool) -> list[str]:
+    """Return the lines about one board, with its dead letters if asked for."""
+    waiting = sum(queue.messages for queue in boxes.queues)
+    head = f"{boxes.board}: {count(waiting, 'message')} waiting, {count(boxes.dead_count, 'dead letter')}"
+    where = f"{boxes.store}, synchronous {boxes.synchronous}" if boxes.synchronous else boxes.store
+    lines = [f"{head}  ({where})" if where else head]
+    lines += [f"  {line}" for line in columns([_row(queue) for queue in boxes.queues], right=(2, 3))]
+    if dead:
+        lines += [f"  {_dead(letter)}" for letter in boxes.dead]
+        if missing := boxes.dead_count - len(boxes.dead):
+            lines.insert(len(lines) - len(boxes.dead), f"  {count(missing, 'older dead letter')} not shown")
+    return [printable(line) for line in lines]
+
+
+def _row(queue: Queue) -> tuple[str, str, str, str, str]:
+    messages = f"{count(queue.messages, 'message')}, {size(queue.bytes)}"
+    age = f"oldest {span(queue.oldest)}"
+    return queue.box, f"{queue.sender} > {queue.receiver}", messages, age, printable(queue.state)
+
+
+def _dead(letter: DeadLetter) -> str:
+    message = letter.message
+    at = datetime.fromtimestamp(letter.stamp / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+    content = write(message.content)
+    what = f"{message.sender} > {message.receiver}  {message.performative} {shortened(content, LONGEST)}"
+    return printable(f"dead  {at}  {what}: {letter.reason}")

@@ -1,0 +1,179 @@
+"""`argosy manifest get` and `set`: the manifest that a running bridge goes by."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import tomllib
+from argparse import ArgumentParser, Namespace
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, bridges, on_the_bus, unreached
+from commd.bus.bus import Bus
+from commd.bus.errors import QueryFailed, QueryTimeout
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.toml_positions import key_parts
+from schemas.files.yaml_positions import did_you_mean
+from schemas.manifest.edit import BadPath, part_of
+from schemas.manifest.text import write_document, write_value
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord
+from schemas.wire.records import LiveManifest, ManifestChange
+
+ANSWER_TIMEOUT = 5.0
+"""Wall seconds that a bridge has to answer: it need not ask its robot."""
+
+
+def _add_where(parser: ArgumentParser) -> None:
+    parser.add_argument("robot", help="robot whose bridge runs")
+    add_fleet_arguments(parser, "the robot's fleet (default: whichever has the robot)")
+
+
+def add_get_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy manifest get`."""
+    _add_where(parser)
+    parser.add_argument("entry", nargs="?", help="only this part, such as percepts.altitude or percepts.altitude.rate")
+    parser.add_argument("--toml", action="store_true", help="as TOML, as in a manifest's file (default: JSON)")
+
+
+def add_set_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy manifest set`."""
+    _add_where(parser)
+    parser.add_argument(
+        "changes",
+        nargs="*",
+        metavar="PATH=VALUE",
+        help="a field or a whole entry, the value in TOML: percepts.altitude.rate=5, percepts.altitude.ttl='\"3s\"'",
+    )
+    parser.add_argument(
+        "--remove", action="append", default=[], metavar="PATH", help="take an entry or field out; several times"
+    )
+    parser.add_argument("--version", type=int, metavar="N", help="refuse unless this is the manifest's version by now")
+
+
+def get_manifest(args: Namespace) -> int:
+    """Print the running manifest of a robot."""
+
+    async def ask(bus: Bus, fleet: str) -> int:
+        return _show(await _asked(bus, fleet, args.robot, None), args.entry, args.toml)
+
+    return _on_the_bus(args, ask)
+
+
+def set_manifest(args: Namespace) -> int:
+    """Change the running manifest of a robot. Returns 2 if the bridge refused the change, with all reasons."""
+    try:
+        values = dict(map(_assignment, args.changes))
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if not values and not args.remove:
+        print("error: expected what to change: PATH=VALUE or --remove PATH", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    change = ManifestChange(set=values, remove=tuple(args.remove), version=args.version)
+
+    async def ask(bus: Bus, fleet: str) -> int:
+        told = await _asked(bus, fleet, args.robot, change)
+        for problem in told.problems:
+            print(f"{args.robot}: {problem}", file=sys.stderr)
+        if told.problems:
+            print(f"{args.robot}: nothing was changed, version {told.version}", file=sys.stderr)
+            return EXIT_BAD_INPUT
+        print(f"{args.robot}: version {told.version} is in effect until its bridge ends")
+        return EXIT_DONE
+
+    return _on_the_bus(args, ask)
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    """Read `PATH=VALUE`. Raises ValueError in words."""
+    at = text.find("=")
+    while at >= 0 and not key_parts(text[:at].strip()):
+        at = text.find("=", at + 1)
+    if at < 0:
+        raise ValueError(f"expected PATH=VALUE such as percepts.altitude.rate=5, got `{text}`")
+    path, value = text[:at].strip(), text[at + 1 :].strip()
+    try:
+        read = tomllib.loads(f"value = {value}")
+    except (ValueError, RecursionError):
+        read = {}
+    if list(read) != ["value"]:
+        raise ValueError(f"{path}: `{value}` is no value in TOML; a text needs quotes: {path}='\"...\"'")
+    if not _is_plain(read["value"]):
+        raise ValueError(f"{path}: expected finite numbers, texts, lists and tables, got `{value}`")
+    return path, read["value"]
+
+
+def _is_plain(value: object) -> bool:
+    """Whether a value reaches the bridge as it is: JSON has no infinity, and no times."""
+    match value:
+        case dict():
+            return all(map(_is_plain, value.values()))
+        case list():
+            return all(map(_is_plain, value))
+        case float():
+            return math.isfinite(value)
+    return isinstance(value, bool | int | str)
+
+
+def _on_the_bus(args: Namespace, ask: Callable[[Bus, str], Awaitable[int]]) -> int:
+    """Ask on the bus of the fleet that has the robot. Returns the exit code."""
+
+    async def work(bus: Bus, where: Where) -> int:
+        try:
+            return await ask(bus, await _fleet_of(bus, where, args.robot))
+        except BadRecord as error:
+            print(f"error: {error}", file=sys.stderr)
+            return EXIT_FAILED
+
+    return on_the_bus(args, work)
+
+
+async def _fleet_of(bus: Bus, where: Where, robot: str) -> str:
+    """Return the fleet in which a bridge serves the robot. Raises Unanswered."""
+    there = await bridges(bus, where.fleet)
+    fleets = [its for its, name in there if name == robot]
+    if not fleets:
+        known = did_you_mean(robot, {name for _, name in there}) or "; no bridge is there at all"
+        missing = "".join(f"\n  {line}" for line in await unreached(bus))
+        raise Unanswered(f"{robot}: its bridge is not on the bus at {where.router}{known}{missing}")
+    if len(fleets) > 1:
+        raise Unanswered(f"{robot}: it is in the fleets {', '.join(fleets)}; say which by --fleet")
+    return fleets[0]
+
+
+async def _asked(bus: Bus, fleet: str, robot: str, change: ManifestChange | None) -> LiveManifest:
+    """Return what the bridge of a robot answers. Raises Unanswered."""
+    try:
+        return await bus.ask_one(keys.manifest(fleet, robot), change, LiveManifest, ANSWER_TIMEOUT)
+    except QueryTimeout:
+        remedy = "; `argosy manifest get` tells whether the change is in effect" if change is not None else ""
+        raise Unanswered(f"{robot}: its bridge did not answer within {ANSWER_TIMEOUT:g} s{remedy}") from None
+    except QueryFailed as failed:
+        raise Unanswered(f"{robot}: {failed}") from None
+
+
+def _show(told: LiveManifest, entry: str | None, toml: bool) -> int:
+    """Print a manifest, or a part of it."""
+    if entry is None:
+        if toml:
+            print(f"# {told.robot}, version {told.version} of its running manifest; read from {told.file}\n")
+            print(write_document(told.manifest), end="")
+        else:
+            shown = {"version": told.version, "file": told.file, "manifest": told.manifest}
+            print(json.dumps(shown, indent=2, ensure_ascii=False))
+        return EXIT_DONE
+    try:
+        steps, part = part_of(told.manifest, entry)
+    except BadPath as error:
+        print(f"{told.robot}: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if not toml:
+        print(json.dumps(part, indent=2, ensure_ascii=False))
+    elif len(steps) <= 2 and isinstance(part, dict):
+        print(write_document({steps[0]: part if len(steps) == 1 else {steps[1]: part}}), end="")
+    else:
+        print(write_value(part))
+    return EXIT_DONE

@@ -1,0 +1,202 @@
+"""`argosy plot`: a recording as a figure for a paper, or as tables."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from math import isfinite
+from pathlib import Path
+
+from argosy.plot.csv_tables import write_tables
+from argosy.plot.data import Heard, Scene, SceneReader, part_of
+from argosy.plot.figure import FORMATS, NOTHING, PANELS, Panel, has, write_plot
+from argosy.plot.style import INCH, WIDTHS
+from argosy.recording.file.reader import BadRecording, Recording, open_recording
+from argosy.recording.file.units import SECOND
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import Findings
+from schemas.humanize import count
+from schemas.mission.model import read_mission
+from schemas.wire import keys
+from schemas.wire.mind_records import MindDeeds
+from schemas.wire.records import ActionStatus, Perception
+
+PROMPT = 0.5
+"""Wall seconds: what was heard within them after it was said stands where it was said, by the clock of who said it."""
+LEAST, MOST = 50.0, 600.0
+"""Millimetres that a figure may be wide."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy plot`."""
+    parser.add_argument("file", type=Path, help="recording (MCAP file)")
+    parser.add_argument(
+        "-o", "--out", type=Path, metavar="FILE", help="figure: .svg, .png or .pdf (default: the recording's name .svg)"
+    )
+    parser.add_argument(
+        "--panels",
+        type=_panels,
+        metavar="LIST",
+        help=f"which panels, with commas between (default: of {','.join(PANELS)} those that were recorded)",
+    )
+    parser.add_argument("--robot", action="append", default=[], metavar="R", help="only this robot (repeatable)")
+    parser.add_argument(
+        "--from", dest="begin", type=_seconds, metavar="S", help="from this second of the recording on, in mission time"
+    )
+    parser.add_argument("--to", dest="end", type=_seconds, metavar="S", help="up to this second")
+    parser.add_argument(
+        "--width",
+        type=_width,
+        default=WIDTHS["two"],
+        metavar="W",
+        help="`one` or `two` columns of a paper (88 and 181 mm), or millimetres (default: two)",
+    )
+    parser.add_argument("--fleet", metavar="NAME", help="which fleet, if several were recorded")
+    parser.add_argument("--csv", type=Path, metavar="DIR", help="write tables there instead of a figure")
+
+
+def _panels(text: str) -> list[Panel]:
+    named = [name.strip() for name in text.split(",")]
+    if not named or not set(named) <= set(PANELS):
+        raise ValueError
+    return [panel for panel in PANELS if panel in named]
+
+
+_panels.__name__ = f"panels (of {', '.join(PANELS)})"
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not isfinite(seconds):
+        raise ValueError
+    return seconds
+
+
+_seconds.__name__ = "number of seconds"
+
+
+def _width(text: str) -> float:
+    width = WIDTHS[text] if text in WIDTHS else float(text.removesuffix("mm"))
+    if not LEAST <= width <= MOST:
+        raise ValueError
+    return width
+
+
+_width.__name__ = f"width (one, two, or {LEAST:g} to {MOST:g} millimetres)"
+
+
+class NothingToPlot(Exception):
+    """Why there is no figure; with the exit code."""
+
+    def __init__(self, message: str, code: int = EXIT_BAD_INPUT) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def run(args: Namespace) -> int:
+    """Plot a recording. Returns the exit code."""
+    if args.csv is None and args.out is not None and args.out.suffix not in FORMATS:
+        print(f"error: --out {args.out}: expected a name that ends in {', '.join(FORMATS)}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    try:
+        recording = open_recording(args.file)
+        if recording.missing:
+            print(f"warning: {recording.missing}", file=sys.stderr)
+        scene = part_of(read_scene(recording, args.fleet, args.robot), args.robot, args.begin, args.end)
+        told = _tables(scene, args.csv) if args.csv is not None else _figure(scene, args)
+    except NothingToPlot as error:
+        print(f"error: {args.file}: {error}", file=sys.stderr)
+        return error.code
+    except BadRecording as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except ValueError as error:
+        print(f"error: {args.file}: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except OSError as error:
+        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        return EXIT_FAILED
+    for note in scene.notes:
+        print(f"note: {note}", file=sys.stderr)
+    print(told)
+    return EXIT_DONE
+
+
+def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[str] = ()) -> Scene:
+    """Return all that a recording tells of one fleet.
+
+    Raises NothingToPlot if it is not clear of which, and before all is read if a `wanted` robot cannot be in it.
+    """
+    fleets = recording.fleets
+    if fleet is not None and fleet not in fleets:
+        raise NothingToPlot(f"there is no fleet {fleet} in it; there are {', '.join(fleets) or 'none'}")
+    if fleet is None and len(fleets) > 1:
+        raise NothingToPlot(f"there are several fleets in it, say which by --fleet: {', '.join(fleets)}")
+    whose = fleet or (fleets[0] if fleets else "*")
+    title, robot_of, agents = _team(recording, whose)
+    robots = dict.fromkeys(robot_of.values())
+    for name in wanted:
+        if name not in robots:
+            raise NothingToPlot(
+                f"--robot {name}: there is no such robot in it; there are {', '.join(robots) or 'none'}"
+            )
+    unread: Counter[str] = Counter()
+    scene = SceneReader(title, robot_of, agents).read(_heard(recording, whose, unread))
+    for name, number in unread.items():
+        scene.notes.append(f"{number} of its records {name} cannot be read: another version of Argosy wrote them")
+    return scene
+
+
+def _team(recording: Recording, fleet: str) -> tuple[str, dict[str, str], list[str]]:
+    """Return the mission's name, the robots of agents, and all agents. Without its file each agent is its own robot."""
+    facts = recording.facts
+    if facts.mission_text:
+        try:
+            mission = read_mission(facts.mission_text, Path(facts.mission_file or "mission.yaml"))
+        except Findings:
+            pass  # of another version: what was heard tells enough
+        else:
+            if mission.fleet == fleet:
+                robots = {agent: robot for robot in mission.robots for agent in mission.agents_of(robot)}
+                return mission.name, robots, list(mission.mailboxes)
+    parsed = [keys.parse(topic.key) for topic in recording.topics if topic.record == Perception.__name__]
+    seen = dict.fromkeys(one[1] for one in parsed if one is not None and one[0] == fleet and "percept" in one[2])
+    return facts.mission or fleet, {name: name for name in seen}, []
+
+
+def _heard(recording: Recording, fleet: str, unread: Counter[str]) -> Iterator[Heard]:
+    """Yield what a plot shows, in order, with mission seconds since the beginning; count what cannot be read."""
+    speed = next((deeds.speed for _, deeds in recording.typed(MindDeeds)), recording.facts.speed)
+    only = (f"{keys.ROOT}/{fleet}/**",)
+    for message in recording.messages(only=only, records=(Perception, ActionStatus, MindDeeds)):
+        if (record := message.record) is None:
+            unread[message.name] += 1
+        else:
+            late = (message.at - message.stamp) / SECOND  # what a query answered was said long ago
+            yield Heard((message.seconds - (late if 0 < late < PROMPT else 0)) * speed, message.key, record)
+
+
+def _figure(scene: Scene, args: Namespace) -> str:
+    out = args.out if args.out is not None else args.file.with_suffix(".svg")
+    there = [panel for panel in PANELS if has(scene, panel)]
+    lacking = [panel for panel in args.panels or PANELS if panel not in there]
+    if (args.panels and lacking) or not there:
+        raise NothingToPlot(f"it has {NOTHING[lacking[0]]}; {_told(scene)}", EXIT_FAILED)
+    unknown = [panel for panel in lacking if panel != "messages" or not scene.told]
+    scene.notes.extend(f"it has {NOTHING[panel]}" for panel in unknown)
+    write_plot(scene, args.panels or there, args.width, out)
+    return f"{out}: {_told(scene)}, {scene.begin:.1f} s to {scene.end:.1f} s, {args.width / INCH:.2f} in wide"
+
+
+def _tables(scene: Scene, folder: Path) -> str:
+    written = write_tables(scene, folder)
+    if not written:
+        raise NothingToPlot(f"it has {NOTHING['track']}; {_told(scene)}", EXIT_FAILED)
+    return f"{folder}: {', '.join(written)}: {_told(scene)}"
+
+
+def _told(scene: Scene) -> str:
+    figures = ((len(scene.robots), "robot"), (len(scene.actions), "action"), (len(scene.messages), "message"))
+    return ", ".join(count(number, noun) for number, noun in figures)

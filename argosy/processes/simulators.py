@@ -1,0 +1,166 @@
+"""Simulated robots: which have a process of their own, by which command it is started, and what cannot be simulated.
+
+`simulate: {vehicle: copter, home: [...]}` and `simulate: {vehicle: turtle}` are processes, `bridged simulate`. With
+`simulate: {}` nothing is started: the robot's driver is its own twin, and is told so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from argosy.processes.mavlink_links import MEETING, address_of, group_of, peer_of
+from argosy.processes.search_world import camera_arguments, check_world, log_arguments
+from bridged.drivers.mavlink.transport.address import LinkAddress
+from bridged.drivers.python.manifest_validation import names
+from bridged.drivers.python.plugins import TWINS, has_plugin
+from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.copter.protocol.parameters import Parameters
+from schemas.files.findings import Finding, Findings
+from schemas.files.yaml_positions import did_you_mean
+from schemas.manifest.loader import Manifest, load_manifest
+from schemas.mission.model import Mission, Robot
+
+_NO_TWIN = "mavlink"
+"""The driver of ours that has nothing simulated in itself: its vehicles are processes."""
+
+SHORTEST_BATTERY = 6.0
+"""Seconds that a simulated battery lasts at least."""
+SHORTEST_RECHARGE = 1.0
+"""Seconds in which it can be charged."""
+
+
+def _copter(mission: Mission, name: str, router: str, address: str | None) -> list[str]:
+    robot = mission.robots[name]
+    assert robot.simulate is not None
+    told = robot.simulate
+    home = ",".join(map(repr, told.home or ()))
+    link = str(peer_of(LinkAddress.parse(robot.link), address))
+    arguments = ["--link", link, f"--home={home}", "--sysid", str(robot.sysid)]  # `=`: a latitude may be negative
+    arguments += [f"--param={name}={value!r}" for name, value in told.parameters.items()]
+    arguments += [f"--fault={fault}" for fault in told.faults]
+    arguments += [] if told.battery is None else [f"--battery-minutes={told.battery / 60:g}"]
+    arguments += [] if told.recharge is None else [f"--recharge-seconds={float(told.recharge):g}"]
+    arguments += camera_arguments(mission, name, router)
+    if robot.signing is None:
+        return arguments
+    return [*arguments, "--signing-passphrase-file", str(mission.relative(robot.signing.passphrase_file))]
+
+
+def _turtle(mission: Mission, name: str, router: str, address: str | None) -> list[str]:
+    prefix = mission.robots[name].prefix
+    return ["--router", router, *(["--prefix", prefix] if prefix else [])]  # its manifest names it
+
+
+VEHICLES: dict[str, Callable[[Mission, str, str, str | None], list[str]]] = {"copter": _copter, "turtle": _turtle}
+"""What `bridged simulate` can be, and its arguments for a robot, the endpoint of its board's router and the address of
+its board, if that is another machine."""
+
+
+def vehicle_of(robot: Robot) -> str:
+    """Return what is started to simulate a robot; empty if nothing is."""
+    return robot.simulate.process if robot.simulate is not None else ""
+
+
+def machine_of(robot: Robot) -> str:
+    """Return the machine that a robot's simulation runs on: a board, or one that has nothing but simulators."""
+    return (robot.simulate.board if robot.simulate is not None else None) or robot.board
+
+
+def command(
+    mission: Mission, name: str, router: str, address: str | None = None, logs: Path | None = None
+) -> list[str]:
+    """Return the command of a robot's simulator, but for its speed.
+
+    `address` is that of the robot's board if it is another machine, `logs` a folder for what a referee reads. Raises
+    LinkAddressError if the simulator could not reach the bridge.
+    """
+    vehicle = vehicle_of(mission.robots[name])
+    logged = log_arguments(name, logs) if vehicle == "copter" else []
+    return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](mission, name, router, address), *logged]
+
+
+def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]) -> list[Finding]:
+    """Return what is wrong with the robots' `simulate`."""
+    findings = check_world(mission)
+    for name, robot in mission.robots.items():
+        where = ("robots", name, "simulate")
+        vehicle, manifest = vehicle_of(robot), manifests.get(name)
+        if robot.simulate is None:
+            continue
+        if vehicle and vehicle not in VEHICLES:
+            text = f"simulate.vehicle: there is no simulated `{vehicle}`{did_you_mean(vehicle, VEHICLES)}"
+            findings.append(mission.positions.finding((*where, "vehicle"), text))
+        elif vehicle == "copter" and robot.simulate.home is None:
+            text = "simulate: a copter needs the field `home`: [latitude, longitude, metres above mean sea level]"
+            findings.append(mission.positions.finding(where, text))
+        elif problems := _of_a_copter(robot):
+            findings += [mission.positions.finding((*where, field), text) for field, text in problems]
+        elif not vehicle and manifest is not None and manifest.robot.driver == _NO_TWIN:
+            text = "simulate: a vehicle on MAVLink needs a simulator: `{vehicle: copter, home: [...]}`"
+            findings.append(mission.positions.finding(where, text))
+    return findings
+
+
+def _of_a_copter(robot: Robot) -> list[tuple[str, str]]:
+    """What is wrong with what only a simulated copter has: the field and the problem."""
+    told = robot.simulate
+    assert told is not None
+    given = {
+        "parameters": told.parameters,
+        "battery": told.battery,
+        "recharge": told.recharge,
+        "camera": told.camera,
+        "faults": told.faults,
+    }
+    if vehicle_of(robot) != "copter":
+        return [(field, f"simulate.{field}: only a simulated copter has this") for field in given if given[field]]
+    problems = []
+    try:
+        Faults.parse(told.faults)
+    except ValueError as error:
+        problems.append(("faults", f"simulate.faults: {error}"))
+    known = Parameters(robot.sysid)
+    for name, value in told.parameters.items():
+        if known.set(name, value) is None:
+            problems.append(("parameters", f"simulate.parameters: the simulated copter has no parameter {name!r}"))
+    if told.battery is not None and told.battery < SHORTEST_BATTERY:
+        problems.append(("battery", f"simulate.battery: expected at least {SHORTEST_BATTERY:g} s"))
+    if told.recharge is not None and told.recharge < SHORTEST_RECHARGE:
+        problems.append(("recharge", f"simulate.recharge: expected at least {SHORTEST_RECHARGE:g} s"))
+    return problems
+
+
+def only_real(mission: Mission) -> dict[str, str]:
+    """Return the robots that declare a simulation but cannot be simulated, and why: their link, or a plug-in."""
+    found: dict[str, str] = {}
+    for name, robot in mission.robots.items():
+        if robot.simulate is not None and (plugin := _without_twin(robot, mission)):
+            found[name] = f"the plug-in `{plugin}` has no simulated twin (entry point of `{TWINS}`)"
+            continue
+        link = address_of(robot)
+        if link is None or not vehicle_of(robot):
+            continue
+        others = [other for other in group_of(mission, name) if other != name]
+        real = [other for other in others if mission.robots[other].simulate is None]
+        if link.kind == "serial":
+            found[name] = "a serial line cannot be simulated"
+        elif real:
+            found[name] = f"{real[0]} on the same link is not simulated"
+        elif others and link.kind not in MEETING:
+            found[name] = f"it shares a {link.kind} link, and simulated robots can share only a udpin or tcpin link"
+    return found
+
+
+def _without_twin(robot: Robot, mission: Mission) -> str:
+    """Return a plug-in of Python functions that only the real robot has; empty if there is none."""
+    if not isinstance(robot.manifest, str):  # INI manifests name none
+        return ""
+    try:
+        manifest = load_manifest(robot.manifest, mission.path.parent)
+    except Findings:
+        return ""  # told by itself
+    if "python" not in manifest.drivers():
+        return ""
+    plugins = dict.fromkeys(name.partition(".")[0] for name in names(manifest.part("python")))
+    return next((plugin for plugin in plugins if not has_plugin(plugin, TWINS)), "")

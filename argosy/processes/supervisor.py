@@ -1,0 +1,195 @@
+"""Starts, watches and ends the processes of a run. Whatever happens, none is left behind.
+
+Each process leads a group of its own, so that the terminal's ctrl-C reaches only `argosy run`, which ends the others in
+order; the kernel ends them if `argosy run` is killed (`argosy.processes.launcher`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from argosy.processes.process_table import Process
+
+KEPT_LINES = 50
+"""Last lines of each process that are kept to explain its end."""
+MAX_LINE = 4_000
+"""Bytes of one line that are kept; the rest of it is cut."""
+HURRIED = 1.0
+"""Seconds that processes still have to leave once the user is in a hurry."""
+_LAUNCHER = str(Path(__file__).with_name("launcher.py"))
+_READ_BYTES = 65_536
+
+
+class Child:
+    """A process that was started."""
+
+    def __init__(self, process: Process, handle: asyncio.subprocess.Process) -> None:
+        self.process, self.handle = process, handle
+        self.name = process.name
+        self.pid = handle.pid
+        self.lines: deque[str] = deque(maxlen=KEPT_LINES)
+        self.started = time.monotonic()
+        self.told_to_leave = self.killed = False
+        """Whether it was told to leave, and whether it was killed as it did not."""
+        self.died: float | None = None
+        self.replaced = False
+        """Whether it died and another one is, or is to be, started in its place."""
+        self.in_vain = ""
+        """Why it is not started again, to stand behind how it ended."""
+        self.readers: list[asyncio.Task[None]] = []
+        self.waiter: asyncio.Task[None] | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self.died is None
+
+    @property
+    def dead(self) -> bool:
+        """Whether it ended although nobody told it to, or by a signal that nobody here sent, and for good."""
+        code = self.handle.returncode
+        crashed = code is not None and code < 0 and code != -signal.SIGTERM and not self.killed
+        return self.died is not None and not self.replaced and (crashed or not self.told_to_leave)
+
+    def how_it_ended(self) -> str:
+        """Return in words how it ended, with its own last word if it had one."""
+        code = self.handle.returncode
+        if code is None:
+            return "still runs"
+        if code < 0:
+            return f"was killed by {signal.Signals(-code).name}{self.in_vain}"
+        last = next((line for line in reversed(self.lines) if "error" in line.lower()), "")
+        said = f": {last.strip()}" if last else ""
+        return f"ended by itself with exit code {code}{said}{self.in_vain}"
+
+    def tell_to_leave(self) -> None:
+        """Let it end in its own way."""
+        self.told_to_leave = True
+        self.signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it here and now, as nothing waits for what it would still do."""
+        self.told_to_leave = self.killed = True
+        self.signal(signal.SIGKILL)
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to the process, if it still runs."""
+        if self.alive:
+            with suppress(ProcessLookupError):
+                self.handle.send_signal(number)
+
+    def kill_group(self) -> None:
+        """Kill whatever is left of the process and of what it started."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+
+class Supervisor:
+    """The processes of a run."""
+
+    def __init__(self, on_line: Callable[[Child, str], None], on_end: Callable[[Child], None]) -> None:
+        """`on_line` gets each line that a process writes, `on_end` each process that ended for whatever reason."""
+        self.children: list[Child] = []
+        self._on_line, self._on_end = on_line, on_end
+        self.cut_lines = 0
+
+    async def start(self, process: Process, instead_of: Child | None = None) -> Child:
+        """Start a process, or another life of a dead one. Raises OSError if the system has none to give."""
+        launcher = (sys.executable, "-I", "-S", _LAUNCHER, str(int(process.orphaned)), str(os.getpid()))
+        handle = await asyncio.create_subprocess_exec(
+            *launcher,
+            *process.argv,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            process_group=0,
+        )
+        child = Child(process, handle)
+        if instead_of in self.children:
+            self.children[self.children.index(instead_of)] = child
+        else:
+            self.children.append(child)
+        assert handle.stdout is not None
+        assert handle.stderr is not None
+        child.readers = [asyncio.create_task(self._read(child, stream)) for stream in (handle.stdout, handle.stderr)]
+        child.waiter = asyncio.create_task(self._wait(child))
+        return child
+
+    def dead(self) -> list[Child]:
+        """Return the processes that ended although nobody told them to and are needed, the first one first."""
+        dead = (child for child in self.children if child.dead and child.process.kind.needed)
+        return sorted(dead, key=lambda child: child.died or 0.0)
+
+    def of_kind(self, *names: str) -> list[Child]:
+        """Return the processes of these kinds, in the order of the start."""
+        return [child for child in self.children if child.process.kind.name in names]
+
+    async def leave(self, children: Iterable[Child], patience: float, hurry: asyncio.Event) -> list[Child]:
+        """Tell processes to leave and wait for them, at most `patience` seconds, `HURRIED` once `hurry` is set.
+
+        Kills those that did not, and returns them.
+        """
+        leaving = [child for child in children if child.alive]
+        for child in leaving:
+            child.tell_to_leave()
+        until, hurried = time.monotonic() + patience, False
+        while (late := [child for child in leaving if child.alive]) and time.monotonic() < until:
+            if hurry.is_set() and not hurried:
+                until, hurried = min(until, time.monotonic() + HURRIED), True
+            await asyncio.sleep(0.02)
+        for child in late:
+            child.kill()
+        await self._gone(late)
+        return late
+
+    async def close(self) -> None:
+        """Kill what still runs, and what the processes themselves may have left."""
+        for child in self.children:
+            if child.alive:
+                child.kill()
+            child.kill_group()
+        await self._gone(self.children)
+        for child in self.children:
+            for reader in child.readers:
+                reader.cancel()
+
+    async def _gone(self, children: Iterable[Child]) -> None:
+        waiters = [child.waiter for child in children if child.waiter is not None]
+        if waiters:
+            await asyncio.wait(waiters, timeout=2.0)
+
+    async def _wait(self, child: Child) -> None:
+        await child.handle.wait()
+        child.kill_group()
+        await asyncio.wait(child.readers, timeout=0.3)  # its last words
+        child.died = time.monotonic()
+        self._on_end(child)
+
+    async def _read(self, child: Child, stream: asyncio.StreamReader) -> None:
+        waiting = b""
+        while data := await stream.read(_READ_BYTES):
+            *lines, waiting = (waiting + data).split(b"\n")
+            for line in lines:
+                self._said(child, line)
+            if len(waiting) > MAX_LINE:
+                self._said(child, waiting)
+                waiting = b""
+        if waiting:
+            self._said(child, waiting)
+
+    def _said(self, child: Child, line: bytes) -> None:
+        if len(line) > MAX_LINE:
+            self.cut_lines += 1
+        text = line[:MAX_LINE].decode(errors="replace").rstrip()
+        if text:
+            child.lines.append(text)
+            self._on_line(child, text)

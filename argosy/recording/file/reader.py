@@ -1,0 +1,242 @@
+"""Reads recordings: the one reader of all that look into them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import zenoh
+from mcap.records import Channel, Message, Metadata, Schema
+
+from argosy.recording.file.key_filter import fleet_of, is_plain
+from argosy.recording.file.mcap_records import BadRecording, Damage, McapFile
+from argosy.recording.file.metadata import BEGIN, END, End, Facts, end_of, facts_of, intact
+from argosy.recording.file.mind_inputs import PART, Life, lives_of
+from argosy.recording.file.recorded_messages import Recorded, Topic, Track
+from argosy.recording.file.records import PREFIX
+from argosy.recording.file.units import SECOND
+from schemas.wire import keys
+from schemas.wire.mind_records import MindInputs
+from schemas.wire.records import Record
+
+__all__ = ["BadRecording", "Recorded", "Recording", "Topic", "open_recording"]
+R = TypeVar("R", bound=Record)
+
+
+class Recording:
+    """A recording: all its files, read from front to back as often as one likes."""
+
+    def __init__(self, path: Path) -> None:
+        """Open it. Raises BadRecording."""
+        self.path = path
+        self.files: list[Path] = []
+        self.topics: list[Topic] = []
+        self.end: End | None = None
+        """How it ended; None: it was cut off."""
+        self._lacks: list[str] = []
+        self.begin = self.last = 0
+        """Unix nanoseconds of the first and the last message."""
+        self.facts = self._look_through()
+
+    @property
+    def missing(self) -> str:
+        """What is missing of its files, in one line; empty = nothing."""
+        return "; ".join(self._lacks)
+
+    @property
+    def fleets(self) -> list[str]:
+        """The fleets of which something was recorded."""
+        return sorted({fleet for topic in self.topics if (fleet := fleet_of(topic.key)) is not None})
+
+    @property
+    def seconds(self) -> float:
+        """From the first to the last message."""
+        return (self.last - self.begin) / SECOND
+
+    def messages(
+        self,
+        begin: float | None = None,
+        end: float | None = None,
+        only: Iterable[str] = (),
+        records: Iterable[type[Record]] = (),
+    ) -> Iterator[Recorded]:
+        """Yield what was recorded from `begin` to before `end` (seconds since the beginning), in order.
+
+        `only`: key expressions, of which one must match; `records`: types, of which it must be one. None = all.
+        """
+        since = self.begin if begin is None else self.begin + round(begin * SECOND)
+        until = None if end is None else self.begin + round(end * SECOND)
+        wanted = _Wanted(only, records)
+        for track, message in self._read(wanted):
+            at = message.log_time
+            if at >= since and (until is None or at < until):
+                yield Recorded(track, at, message.publish_time, (at - self.begin) / SECOND, message.data)
+
+    def typed(self, record: type[R], only: Iterable[str] = ()) -> Iterator[tuple[Recorded, R]]:
+        """Yield the messages that hold a record of this type, with it; what does not decode is left out."""
+        for message in self.messages(only=only, records=(record,)):
+            found = message.record
+            if isinstance(found, record):
+                yield message, found
+
+    def lives(self, agent: str | None = None, unread: Counter[tuple[str, str]] | None = None) -> list[Life]:
+        """Return the lives of the minds that were recorded, or of one agent's.
+
+        `unread`: is told how many stretches of inputs do not decode, by fleet and agent.
+        """
+        return lives_of(self._inputs(agent, Counter() if unread is None else unread))
+
+    def unread_inputs(self, agent: str | None = None) -> Counter[tuple[str, str]]:
+        """Return how many stretches of minds' inputs do not decode, by fleet and agent."""
+        unread: Counter[tuple[str, str]] = Counter()
+        for _ in self._inputs(agent, unread):
+            pass
+        return unread
+
+    def _inputs(self, agent: str | None, unread: Counter[tuple[str, str]]) -> Iterator[tuple[str, MindInputs]]:
+        only = f"{keys.ROOT}/*/{agent or '*'}/{PART}"
+        for message in self.messages(only=(only,), records=(MindInputs,)):
+            if isinstance(batch := message.record, MindInputs):
+                yield message.key, batch
+            elif (parsed := keys.parse(message.key)) is not None:
+                unread[parsed[0], parsed[1]] += 1
+
+    def _look_through(self) -> Facts:
+        """Read all of it once: what there is, and whether it is whole."""
+        counts: dict[tuple[str, str], int] = {}
+        file = McapFile(self.path)
+        facts = _facts_of(file)
+        if facts is None:
+            raise BadRecording(f"{self.path}: no recording of Argosy{_because(file)}")
+        if facts.part > 1:
+            self._lacks.append(
+                f"{self.path}: is part {facts.part} of a recording: what was said before is in other files"
+            )
+        while True:
+            self._look_into(file, facts, counts)
+            self.files.append(file.path)
+            following = self.end.following if self.end is not None else ""
+            if not following:
+                break
+            path = file.path.with_name(Path(following).name)
+            if not path.exists():
+                self._lacks.append(f"{path}: is missing, in which the recording goes on")
+                break
+            if (next_one := _part(path, facts, facts.part + len(self.files))) is None:
+                self._lacks.append(f"{path}: is not the file in which the recording goes on, but has its name")
+                break
+            file = next_one
+        self.topics = [Topic(key, name, count) for (key, name), count in sorted(counts.items())]
+        self.begin = self.begin or facts.started
+        self.last = max(self.last, self.begin)
+        return facts
+
+    def _look_into(self, file: McapFile, facts: Facts, counts: dict[tuple[str, str], int]) -> None:
+        """Read a file of it once."""
+        self.end, there = None, 0
+        channels: dict[int, tuple[str, str]] = {}
+        names: dict[int, str] = {}
+        for record in file.records():
+            if isinstance(record, Metadata) and not intact(record.metadata):
+                self._lacks.append(f"{file.path}: what it says of itself (metadata {record.name}) is damaged")
+            match record:
+                case Message():
+                    if record.channel_id in channels:
+                        topic = channels[record.channel_id]
+                        counts[topic] = counts.get(topic, 0) + 1
+                        there += 1
+                    self.begin = min(self.begin or record.log_time, record.log_time)
+                    self.last = max(self.last, record.log_time)
+                case Schema():
+                    names[record.id] = _record_name(record)
+                case Channel():
+                    channels[record.id] = (record.topic, names.get(record.schema_id, ""))
+                case Metadata(name=name) if name == END:
+                    try:
+                        self.end = end_of(record.metadata)
+                    except ValueError as error:
+                        raise BadRecording(f"{file.path}: how it ended cannot be read: {error}") from None
+        if self.end is not None and there < self.end.messages:
+            lost = f"{self.end.messages - there} of its {self.end.messages} messages"
+            self._lacks.append(f"{file.path}: {lost} are not in it: it is damaged, or was changed")
+        elif file.damage is not None:
+            self._lacks.append(self._what_is_missing(file.path, file.damage, facts))
+
+    def _what_is_missing(self, path: Path, damage: Damage, facts: Facts) -> str:
+        until = (self.last - facts.started) / SECOND if self.last else 0.0
+        left = f"; {damage.left} bytes behind that are of no use" if damage.left else ""
+        if self.end is not None:
+            return f"{path}: {damage.why}: all messages are there{left}"
+        return f"{path}: {damage.why}: what was said after its first {until:.1f} s is missing{left}"
+
+    def _read(self, wanted: _Wanted) -> Iterator[tuple[Track, Message]]:
+        for path in self.files:
+            tracks: dict[int, Track | None] = {}
+            names: dict[int, str] = {}
+            for record in McapFile(path).records():
+                match record:
+                    case Message():
+                        if (track := tracks.get(record.channel_id)) is not None:
+                            yield track, record
+                    case Schema():
+                        names[record.id] = _record_name(record)
+                    case Channel():
+                        tracks[record.id] = wanted.track(record, names.get(record.schema_id, ""))
+
+
+def _facts_of(file: McapFile) -> Facts | None:
+    """Return what a file says of itself, before anything else; None if it is none of ours. Raises BadRecording."""
+    for record in file.records():
+        if isinstance(record, Message):
+            break
+        if isinstance(record, Metadata) and record.name == BEGIN:
+            try:
+                return facts_of(record.metadata)
+            except ValueError as error:
+                raise BadRecording(f"{file.path}: {error}") from None
+    return None
+
+
+def _part(path: Path, facts: Facts, number: int) -> McapFile | None:
+    """Return the file at `path` if it is that part of a recording."""
+    try:
+        file = McapFile(path)
+        mine = _facts_of(file)
+    except BadRecording:
+        return None
+    return file if mine is not None and (mine.recording, mine.part) == (facts.recording, number) else None
+
+
+class _Wanted:
+    """Which channels are asked for."""
+
+    def __init__(self, only: Iterable[str], records: Iterable[type[Record]]) -> None:
+        self._only = [zenoh.KeyExpr(key) for key in only]
+        self._names = {record.__name__ for record in records}
+
+    def track(self, channel: Channel, name: str) -> Track | None:
+        if self._names and name not in self._names:
+            return None
+        if self._only and not (is_plain(channel.topic) and self._matches(channel.topic)):
+            return None
+        said = channel.metadata
+        return Track(channel.topic, name, said.get("encoding", ""), said.get("origin", "put"))
+
+    def _matches(self, topic: str) -> bool:
+        key = zenoh.KeyExpr(topic)
+        return any(one.intersects(key) for one in self._only)
+
+
+def _record_name(schema: Schema) -> str:
+    return schema.name.removeprefix(PREFIX) if schema.name.startswith(PREFIX) else ""
+
+
+def _because(file: McapFile) -> str:
+    return f": {file.damage.why} before it says of what" if file.damage is not None else ": of somebody else"
+
+
+def open_recording(path: Path) -> Recording:
+    """Open a recording, with the files in which it goes on. Raises BadRecording for what is none."""
+    return Recording(path)

@@ -1,0 +1,216 @@
+"""`argosy record`: everything that a fleet says, into a file."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import NoReturn
+
+from argosy.cli.fleet_bus import FleetBus
+from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
+from argosy.recording.file import sizes
+from argosy.recording.file.metadata import Facts
+from argosy.recording.file.write_queue import Intake
+from argosy.recording.file.writer import COMPRESSIONS
+from argosy.recording.record.backfill import Asker
+from argosy.recording.record.recorder import Limits, Recorder
+from argosy.recording.record.recorder_output import StatusLine, summary
+from argosy.recording.record.run_recorder import STARTED
+from argosy.recording.record.subscriptions import hear, wanted_keys
+from commd.bus.bus import Bus
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import Findings
+from schemas.mission.model import Mission, load_mission
+from schemas.version import RELEASE
+
+ENDS = {
+    signal.SIGINT: "ctrl-C",
+    signal.SIGTERM: "told to end (SIGTERM)",
+    signal.SIGHUP: "its terminal is gone (SIGHUP)",
+}
+"""What ends a recording, and how that is told."""
+NOBODY = 5.0
+"""Wall seconds of silence after which it is told that nobody is there."""
+DISK, HURRY = 60.0, 3.0
+"""Wall seconds that the disk has for what still waits; and after a second signal."""
+LAST_LOOK = 5.0
+"""Wall seconds for what is still missing to be asked for, when it is told to end."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy record`."""
+    add_fleet_arguments(parser, "record this fleet alone (default: every fleet on the router)")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: FLEET-DATE-TIME.mcap here")
+    parser.add_argument("--force", action="store_true", help="overwrite a file that is there")
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="KEYEXPR",
+        help="record these keys alone, such as `uav1/**`; may stand several times",
+    )
+    parser.add_argument(
+        "--max-size",
+        type=sizes.size,
+        default=Limits.size,
+        metavar="SIZE",
+        help="of a file, such as 500MB (default 2GB)",
+    )
+    parser.add_argument(
+        "--max-time", type=sizes.duration, metavar="TIME", help="of a file, such as 1h (default: no limit)"
+    )
+    parser.add_argument(
+        "--split", action="store_true", help="go on in FILE-0002.mcap when a file is full, instead of ending"
+    )
+    parser.add_argument(
+        "--compression", choices=list(COMPRESSIONS), default="lz4", help="of the file's chunks (default lz4)"
+    )
+    parser.add_argument(
+        "--speed", type=float, metavar="X", help="note this speed of the mission (default: the mission file's)"
+    )
+    parser.add_argument("--note", action="append", default=[], metavar="NAME=TEXT", help="note this in the file")
+
+
+def run(args: Namespace) -> int:
+    """Record until ctrl-C, SIGTERM or a limit. Returns 0 if the file is whole, 1 if it could not be written."""
+    logging.basicConfig(format="note: %(message)s", level=logging.WARNING, force=True)
+    notes = dict(note.partition("=")[::2] for note in args.note)
+    try:
+        mission = load_mission(args.mission) if args.mission else None
+        fleet = mission.fleet if mission is not None else args.fleet or ANY
+        only = wanted_keys(fleet, args.only)
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+    path = args.output or Path(f"{fleet if fleet != ANY else 'argosy'}-{time.strftime('%Y%m%d-%H%M%S')}.mcap")
+    if path.exists() and not args.force:
+        print(
+            f"error: {path} is there already: name another file with -o, or overwrite it with --force", file=sys.stderr
+        )
+        return EXIT_BAD_INPUT
+
+    async def record(bus: Bus, where: Where) -> int:
+        intake = Intake()
+        facts = _facts(intake.now(), fleet, mission, only, notes, args.speed)
+        limits = Limits(args.max_size, args.max_time, args.split)
+        several = isinstance(bus, FleetBus)
+        try:
+            recorder = Recorder(
+                path, facts, limits, intake, compression=args.compression, overwrite=args.force, several=several
+            )
+        except OSError as error:
+            print(f"error: {path}: {error.strerror}", file=sys.stderr)
+            return EXIT_BAD_INPUT
+        return await _Recording(bus, recorder, Asker(bus, fleet, intake, recorder.minds, only)).run(fleet, only)
+
+    return on_the_bus(args, record)
+
+
+def _facts(
+    now: int, fleet: str, mission: Mission | None, only: list[str], notes: dict[str, str], speed: float | None
+) -> Facts:
+    name = file = text = ""
+    if mission is not None:
+        name, file, text = mission.name, mission.path.name, mission.path.read_text(encoding="utf-8")
+        speed = mission.speed if speed is None else speed
+    return Facts(
+        recording=os.urandom(8).hex(),
+        fleet=fleet,
+        started=now,
+        version=RELEASE,
+        mission=name,
+        mission_file=file,
+        mission_text=text,
+        only=tuple(only),
+        speed=1.0 if speed is None else speed,
+        notes=notes,
+    )
+
+
+class _Recording:
+    """One recording under way."""
+
+    def __init__(self, bus: Bus, recorder: Recorder, asker: Asker) -> None:
+        self._bus, self._recorder, self._asker = bus, recorder, asker
+        self._ended, self._told, self._again = asyncio.Event(), asyncio.Event(), asyncio.Event()
+        self._why = ""
+        self._router_lost = False
+
+    async def run(self, fleet: str, only: list[str]) -> int:
+        """Record to the end. Returns the exit code."""
+        loop, recorder = asyncio.get_running_loop(), self._recorder
+        for number, why in ENDS.items():
+            loop.add_signal_handler(number, self._tell, why)
+        recorder.start(partial(loop.call_soon_threadsafe, self._ended.set))
+        hear(self._bus, fleet, only, recorder.intake)
+        self._asker.start()
+        self._bus.on_router(self._router)
+        print(f"{STARTED}{recorder.path}", flush=True)
+        for one in await unreached(self._bus):
+            print(f"note: {one}", file=sys.stderr)
+        nobody = asyncio.create_task(self._say_if_nobody_is_there(fleet))
+        with StatusLine(recorder) as status:
+            showing = asyncio.create_task(status.show())
+            await self._until_it_ends()
+            showing.cancel()
+        nobody.cancel()
+        await self._asker.close()
+        return self._finish()
+
+    async def _until_it_ends(self) -> None:
+        told, ended = asyncio.create_task(self._told.wait()), asyncio.create_task(self._ended.wait())
+        await asyncio.wait((told, ended), return_when=asyncio.FIRST_COMPLETED)
+        told.cancel()
+        if not self._ended.is_set() and self._bus.router_up:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(LAST_LOOK):
+                    await self._asker.last_look()
+        self._recorder.stop(self._why)
+        again = asyncio.create_task(self._again.wait())
+        await asyncio.wait((ended, again), timeout=DISK, return_when=asyncio.FIRST_COMPLETED)
+        again.cancel()
+        await asyncio.wait((ended,), timeout=HURRY)
+        if not self._ended.is_set():
+            self._leave()
+
+    def _leave(self) -> NoReturn:
+        """Leave without the thread that writes: it waits for the disk, and nothing can end that."""
+        told = f"{self._recorder.path.parent.absolute()} takes nothing any more: left without what still waits"
+        print(f"error: {told}; what is recorded up to there can be read", file=sys.stderr, flush=True)
+        os._exit(EXIT_FAILED)
+
+    def _finish(self) -> int:
+        for line in summary(self._recorder):
+            print(line, flush=True)
+        if self._recorder.problem:
+            print(f"error: {self._recorder.problem}; what is recorded up to there can be read", file=sys.stderr)
+            return EXIT_FAILED
+        return EXIT_DONE
+
+    def _tell(self, why: str) -> None:
+        self._why = self._why or why
+        if self._told.is_set():
+            self._again.set()
+        self._told.set()
+
+    def _router(self, up: bool) -> None:
+        if up and self._router_lost:
+            self._recorder.note("router", "the router is back")
+            self._asker.look_again()
+        elif not up:
+            self._recorder.note("router", "the router is lost: nothing is heard")
+        self._router_lost = not up
+
+    async def _say_if_nobody_is_there(self, fleet: str) -> None:
+        await asyncio.sleep(NOBODY)
+        if not self._asker.tokens and not self._recorder.messages:
+            who = f"nobody of fleet `{fleet}` is" if fleet != ANY else "nobody is"
+            print(f"note: {who} on {self._bus.endpoint} yet; it is recorded as soon as it comes", file=sys.stderr)

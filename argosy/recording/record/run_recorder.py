@@ -1,0 +1,63 @@
+"""The recording of a run: a recorder of its own beside the daemons, whose death ends no flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from argosy.cli.extras import install_command
+
+IN_A_REPORT = "recording.mcap"
+"""Name of the recording in the folder of a report."""
+STARTED = "recording "
+"""How the line of a recorder begins from which on everything is heard."""
+ENDED = "; ended: "
+"""What stands in the line by which it tells what it has recorded."""
+MISSING = f"no recording: it needs `{install_command('record')}`"
+
+
+class NoRecording(Exception):
+    """What was asked for cannot be recorded; says why."""
+
+
+@dataclass(frozen=True)
+class RunRecording:
+    """Where a run is recorded."""
+
+    path: Path
+    asked_for: bool
+    """Whether the run is not to begin without it: `--record`. A report is better without it than not at all."""
+
+
+def recording_of(record: Path | None, report: Path | None) -> RunRecording | str:
+    """Return where a run is recorded, or why it is not; empty = nobody asked for it. Raises NoRecording."""
+    if record is None and report is None:
+        return ""
+    if find_spec("mcap") is None:
+        if record is not None:
+            raise NoRecording(f"--record {record}: it needs `{install_command('record')}`")
+        return MISSING
+    if record is not None:
+        if record.exists():
+            raise NoRecording(f"--record {record}: it is there already: name another file")
+        if not record.absolute().parent.is_dir():
+            raise NoRecording(f"--record {record}: there is no folder {record.parent}")
+        return RunRecording(record, True)
+    assert report is not None
+    return RunRecording(report / IN_A_REPORT, False)
+
+
+def what_became_of_it(lines: Iterable[str], how: str) -> str:
+    """Return in words what a recorder has recorded, by the lines that it wrote; `how` it ended if it did not say."""
+    told = next((line for line in reversed(list(lines)) if ENDED in line), "")
+    return told.rpartition(ENDED)[0] or f"cut off: the recorder {how}"
+
+
+def record_command(recording: RunRecording, mission: str, router: str, speed: float) -> list[str]:
+    """Return the recorder's module and its arguments."""
+    to = ["--output", str(recording.path)]
+    if not recording.asked_for:  # a report is written anew into its folder
+        to.append("--force")
+    return ["argosy", "record", "--mission", mission, "--router", router, "--speed", f"{speed:g}", *to]

@@ -1,0 +1,177 @@
+"""`argosy replay --mind`: a mind lives its recorded inputs again, to prove that it decides the same.
+
+With an edited program the same shows what that would have done. What is not in the recording is not proved: it is told
+what is missing and up to when it could be proved, and the exit code is 1.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
+from pathlib import Path
+
+from agentd.extensions.plugins import discover
+from agentd.language.parser.parser import parse_file
+from agentd.language.syntax_tree.errors import SyntaxErrors
+from argosy.recording.file import mind_inputs
+from argosy.recording.file.reader import BadRecording, Recording, open_recording
+from argosy.recording.file.records import TokenSeen
+from argosy.recording.replay.mind_report import SHOWN
+from argosy.recording.replay.mind_verification import OTHER_VERSION, LifeAgain
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
+from schemas.files.text_files import read_bounded
+from schemas.wire import keys
+from schemas.wire.mind_records import MindDecisions, MindInputs
+
+FOR_A_MIND: Mapping[str, tuple[str, object]] = {
+    "--program": ("program", []),
+    "--life": ("life", None),
+    "--until": ("until", None),
+    "--why": ("why", None),
+    "--show": ("show", SHOWN),
+}
+"""Options that have a meaning with `--mind` only: the name and the default of each."""
+NOT_FOR_A_MIND: Mapping[str, tuple[str, object]] = {
+    "--info": ("info", False),
+    "--json": ("json", False),
+    "--speed": ("speed", 1.0),
+    "--from": ("begin", 0.0),
+    "--to": ("end", None),
+    "--only": ("only", []),
+    "--force": ("force", False),
+    "--loop": ("loop", False),
+    "--router": ("router", None),
+    "--keys": ("keys", None),
+}
+"""And those that have none with it."""
+
+
+def add_mind_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy replay --mind`."""
+    group = parser.add_argument_group("one mind", "it lives its recorded inputs again; nothing is said on a bus")
+    group.add_argument("--mind", metavar="AGENT", help="prove that this agent decides as it did when it was recorded")
+    group.add_argument(
+        "--program",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="ASL",
+        help="what would this program have done instead? Takes the place of the file of this name that the program "
+        "was read from, of the main file if none is called so (repeatable)",
+    )
+    group.add_argument("--life", type=int, metavar="N", help="its Nth life alone, if it was started again")
+    group.add_argument("--until", type=float, metavar="S", help="up to this second of its mission time")
+    group.add_argument("--why", metavar="NAME", help="tell every decision about goals and beliefs of this name")
+    group.add_argument(
+        "--show",
+        type=int,
+        default=SHOWN,
+        metavar="N",
+        help=f"at a difference: N inputs before it, and N deeds of each life after it (default {SHOWN})",
+    )
+
+
+class ReplayRefused(Exception):
+    """The mind cannot be replayed as asked; the text is for the terminal."""
+
+
+def run_mind(args: Namespace) -> int:
+    """Live an agent again. Returns 0 if all of it agrees, 1 if it does not or not all is there, 2 for bad input."""
+    try:
+        if ignored := _given(args, NOT_FOR_A_MIND):
+            raise ReplayRefused(f"error: {ignored}: has no meaning with --mind: nothing is said on a bus")
+        edited = {path: _text(path) for path in args.program}
+        recording = open_recording(args.file)
+        fleet = _fleet(recording, args)
+        asked = _lives(recording, args, fleet, edited)
+    except (ReplayRefused, BadRecording) as error:
+        print(error if isinstance(error, ReplayRefused) else f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if recording.missing:
+        print(f"warning: {recording.missing}", file=sys.stderr)
+    discover()
+    unread = _unread(recording, fleet, args.mind)
+    channel = (keys.trace(fleet, args.mind, "decisions"),)
+    decisions = [record for _, record in recording.typed(MindDecisions, channel)]
+    return max((one.live_again(recording, decisions, unread) for one in asked), default=EXIT_DONE)
+
+
+def _text(path: Path) -> str:
+    """Return the text of an edited program. Raises ReplayRefused if it is none."""
+    try:
+        parse_file(path)
+        return read_bounded(path).decode("utf-8-sig")
+    except OSError as error:
+        raise ReplayRefused(f"error: {path}: {error.strerror}") from None
+    except SyntaxErrors as errors:
+        raise ReplayRefused(str(errors)) from None
+
+
+def without_a_mind(args: Namespace) -> str:
+    """Return what is wrong with the arguments of a replay without `--mind`; empty = nothing."""
+    ignored = _given(args, FOR_A_MIND)
+    return f"{ignored}: has a meaning with --mind AGENT only" if ignored else ""
+
+
+def _given(args: Namespace, options: Mapping[str, tuple[str, object]]) -> str:
+    """Return the first of these options that was given; empty = none."""
+    return next((option for option, (name, default) in options.items() if getattr(args, name) != default), "")
+
+
+def _fleet(recording: Recording, args: Namespace) -> str:
+    """Return of which fleet the agent is. Raises ReplayRefused."""
+    parsed = [keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__]
+    there = {(one[0], one[1]) for one in parsed if one is not None and args.fleet in (None, one[0])}
+    fleets = sorted(fleet for fleet, agent in there if agent == args.mind)
+    of_fleet = f" of fleet {args.fleet}" if args.fleet is not None else ""
+    if not fleets:
+        known = ", ".join(sorted({agent for _, agent in there}))
+        others = f"there are those of {known}" if known else "nor of any other agent"
+        raise ReplayRefused(f"error: {args.file}: there are no inputs of {args.mind}{of_fleet} in it, {others}")
+    if len(fleets) > 1:
+        raise ReplayRefused(f"error: {args.file}: {args.mind} is in several fleets: say --fleet {' or '.join(fleets)}")
+    return fleets[0]
+
+
+def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path, str]) -> list[LifeAgain]:
+    """Return the lives that were asked for. Raises ReplayRefused."""
+    lived = [life for life in recording.lives(args.mind) if life.fleet == fleet]
+    if not lived:
+        raise ReplayRefused(f"error: {args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
+    last, there = len(lived), _lives_on(recording, lived[-1])
+    found = [
+        LifeAgain(number, life, args, edited, followed=number < last, lives_on=there and number == last)
+        for number, life in enumerate(lived, 1)
+    ]
+    if args.life is None:
+        return found
+    if not 1 <= args.life <= len(found):
+        raise ReplayRefused(
+            f"error: {args.file}: --life {args.life}: there are {len(found)} lives of {args.mind} in it"
+        )
+    return [found[args.life - 1]]
+
+
+def _lives_on(recording: Recording, life: mind_inputs.Life) -> bool:
+    """Whether the recording came to its end in order, and the daemon that this life was in was still there then."""
+    since: dict[str, int] = {}
+    """When daemons were seen first."""
+    there: set[str] = set()
+    heard = 0
+    only = (f"{keys.ROOT}/{life.fleet}/{life.agent}/alive/agentd", keys.trace(life.fleet, life.agent, "inputs"))
+    for message in recording.messages(only=only, records=(TokenSeen, MindInputs)):
+        match message.record:
+            case TokenSeen(key=key, alive=alive):
+                since.setdefault(key, message.at)
+                (there.add if alive else there.discard)(key)
+            case MindInputs(header=header) if header.boot == life.boot:
+                heard = message.at
+    itself = any(since[key] <= heard for key in there)  # not the next one, of which no inputs have come yet
+    return itself and recording.end is not None and not recording.missing
+
+
+def _unread(recording: Recording, fleet: str, agent: str) -> int:
+    """Return how many batches of an agent's inputs do not decode."""
+    only = (keys.trace(fleet, agent, "inputs"),)
+    return sum(message.record is None for message in recording.messages(only=only, records=(MindInputs,)))

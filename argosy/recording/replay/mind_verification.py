@@ -1,0 +1,218 @@
+"""One life of a mind that is lived again: what is there of it, what came of it, and what could not be proved."""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import takewhile
+from pathlib import Path
+
+from agentd.mind.data.registry import ACTIONS, FUNCTIONS
+from agentd.replay.replay import CannotReplay, Result, acts, compare, replay
+from argosy.recording.file import mind_inputs
+from argosy.recording.file.mind_inputs import in_words
+from argosy.recording.file.reader import Recording
+from argosy.recording.replay.mind_report import Named, difference_lines, figures, nearer, told_decision
+from commd.process.process import EXIT_DONE, EXIT_FAILED
+from schemas.humanize import count
+from schemas.version import RELEASE
+from schemas.wire.mind_records import MindBirth, MindDecisions, MindInputs
+
+OTHER_VERSION = f"another version of Argosy wrote them, this is {RELEASE}"
+
+NO_END = "its end is not in the recording"
+
+
+@dataclass
+class LifeAgain:
+    """A life that is to be lived again."""
+
+    number: int
+    life: mind_inputs.Life
+    args: Namespace
+    edited: dict[Path, str]
+    """The texts of the edited program."""
+    followed: bool = False
+    """Whether another life came after it."""
+    lives_on: bool = False
+    """Whether its daemon was still there when the recording ended."""
+    texts: dict[str, str] = field(default_factory=dict)
+    """The same by the recorded paths of the files whose place they take."""
+    recorded: Named = str
+    """Name the places of the recorded program."""
+    other: Named = str
+    """And of the program that lives now."""
+
+    @property
+    def name(self) -> str:
+        """The agent's, with the number of this life if it is not the first."""
+        return self.life.agent if self.number == 1 else f"{self.life.agent}, life {self.number}"
+
+    @property
+    def batches(self) -> list[MindInputs]:
+        """What there is without a gap from birth on, and within `--until`."""
+        return list(takewhile(self._in_time, self._unbroken))
+
+    @property
+    def _unbroken(self) -> Iterator[MindInputs]:
+        """What there is without a gap from birth on."""
+        whole = takewhile(lambda pair: pair[0] == pair[1].number, enumerate(self.life.batches))
+        return (batch for _, batch in whole)
+
+    @property
+    def _as_asked(self) -> bool:
+        """Whether no more than a part of what is there was asked for."""
+        return len(self.batches) < sum(1 for _ in self._unbroken)
+
+    def _in_time(self, batch: MindInputs) -> bool:
+        until = self.args.until
+        return until is None or batch.birth is not None or not batch.steps or batch.steps[0].now <= until
+
+    def live_again(self, recording: Recording, decisions: list[MindDecisions], unread: int) -> int:
+        """Live it again and tell what came of it; `unread` batches are of some life. Returns the exit code."""
+        batches, lacks = self.batches, self._lacks(recording)
+        if unread and not self._as_asked:
+            lacks.append(f"{count(unread, 'batch', 'batches')} of its inputs cannot be read: {OTHER_VERSION}")
+        if not batches or batches[0].birth is None:
+            return self._nothing(lacks)
+        for line in self._take_names(batches[0].birth):
+            print(line, file=sys.stderr)
+        known, begun = {*ACTIONS, *FUNCTIONS}, time.monotonic()
+        try:
+            own = [one for one in decisions if one.header.boot == self.life.boot]
+            result, itself = self._result(batches, own), self.edited and replay(batches, own)
+            wall = time.monotonic() - begun
+            if itself and itself.difference is not None:
+                return self._not_itself(itself, wall)
+            if self.args.why:
+                self._tell_decisions(batches, result)
+        except CannotReplay as error:
+            return self._nothing([self.other(str(error))])
+        foreign = sorted({str(name) for name in {*ACTIONS, *FUNCTIONS} - known})
+        return self._tell(result, wall, lacks, foreign)
+
+    def _take_names(self, birth: MindBirth) -> list[str]:
+        """Find whose place each edited file takes: that of the recorded one of its name, or of the main program.
+
+        Returns a note for each file that takes the place of one of several under another name: it may be a wrong one.
+        """
+        names = {Path(path).name: path for path in birth.files}
+        places = {names.get(path.name, birth.program): path for path in self.edited}
+        self.texts = {place: self.edited[path] for place, path in places.items()}
+        self.recorded = nearer(birth.files, {})
+        self.other = nearer(birth.files, {place: str(path) for place, path in places.items()})
+        if len(birth.files) == 1:
+            return []
+        main, known = Path(birth.program).name, ", ".join(sorted(names))
+        return [
+            f"note: {path} takes the place of {main}: no recorded file is called {path.name}, there are {known}"
+            for path in self.edited
+            if path.name not in names
+        ]
+
+    def _result(self, batches: list[MindInputs], decisions: list[MindDecisions]) -> Result:
+        show: Callable[[MindInputs], None] | None = None
+        if sys.stderr.isatty():
+            show = lambda batch: print(f"\r\x1b[Kbatch {batch.number} of {len(batches)}", end="", file=sys.stderr)  # noqa: E731
+        try:
+            if self.edited:
+                return compare(batches, decisions, files=self.texts, progress=show)
+            return replay(batches, decisions, progress=show)
+        finally:
+            if show is not None:
+                print("\r\x1b[K", end="", file=sys.stderr)
+
+    def _lacks(self, recording: Recording) -> list[str]:
+        """Return in words what is missing of it."""
+        there, agent = self.life.batches, self.life.agent
+        if not there or there[0].birth is None:
+            missing = _batches([range(there[0].number)] if there else [])
+            return [f"the beginning of its life is missing, {missing} of its inputs: begin to record sooner"]
+        if self._as_asked:
+            return []
+        lost = self.life.missing
+        found = [f"{_batches(lost)} of its inputs {'is' if _is_one(lost) else 'are'} missing"] if lost else []
+        if recording.end is not None and not lost:
+            found += [gap for gap in recording.end.gaps if gap.startswith(f"{agent} ") and self.life.boot in gap]
+        if self.life.ended:
+            return found
+        if self.followed:
+            found.append(f"{NO_END}: it was killed, at most 0.25 s later, and started again")
+        elif recording.missing:
+            found.append("the recording was cut off: what went in after its end is not known")
+        elif not self.lives_on:
+            found.append(f"{NO_END}: it was killed, or its last inputs were lost")
+        return found
+
+    def _unheard(self) -> str:
+        """Return in words until when nobody listened, so that there is nothing to compare with; empty if always."""
+        batches = self.batches
+        silent = [index for index, batch in enumerate(batches) if not batch.digest]
+        if not silent:
+            return ""
+        until = max((step.now for batch in batches[: silent[-1] + 1] for step in batch.steps), default=0.0)
+        return (
+            f"nobody listened to what it decided in {len(silent)} of {len(batches)} batches, the last one at "
+            f"{until:.1f} s: record from before the agent begins"
+        )
+
+    def _not_itself(self, result: Result, wall: float) -> int:
+        """The recorded program itself differs: what another one would have done cannot be told from this recording."""
+        texts, self.edited = self.edited, {}
+        code = self._tell(result, wall, [], [])
+        print(f"  this is the recorded program itself: {', '.join(map(str, texts))} cannot be compared with it")
+        return code
+
+    def _nothing(self, lacks: list[str]) -> int:
+        print(f"{self.name}: nothing can be proved")
+        for lack in lacks:
+            print(f"  {lack}")
+        return EXIT_FAILED
+
+    def _tell(self, result: Result, wall: float, lacks: list[str], foreign: list[str]) -> int:
+        gone_in = sum(1 for batch in self.batches for one in batch.inputs if one.cycle <= result.cycles)
+        told, notes, agrees = figures(result, gone_in, wall), list(result.notes), "agrees"
+        if not self.edited and result.difference is None and (unheard := self._unheard()):
+            lacks, notes = [*lacks, unheard], []
+        if result.difference is not None:
+            print(f"{self.name}: differs: the same for {told}")
+            edited, shown = bool(self.edited), self.args.show
+            for line in difference_lines(result.difference, self.recorded, self.other, edited=edited, shown=shown):
+                print(f"  {line}")
+        elif lacks:
+            print(f"{self.name}: the same for {told}, but not all of it is proved:")
+            for lack in lacks:
+                print(f"  {lack}")
+        else:
+            who = f"{self.name} with {', '.join(map(str, self.edited))}" if self.edited else self.name
+            if self._as_asked:
+                agrees = f"agrees up to second {self.args.until:g}, as asked"
+            elif not self.life.ended:
+                agrees = "agrees as far as the recording goes"
+                notes.append("the recording ends before the agent: what became of it is not in it")
+            print(f"{who}: {agrees}: {told}")
+        if foreign:
+            notes.append(f"{', '.join(foreign)}: Python of other packages was run again, and may have asked the world")
+        for note in notes:
+            print(f"  note: {note}")
+        return EXIT_DONE if result.agrees and not lacks else EXIT_FAILED
+
+    def _tell_decisions(self, batches: list[MindInputs], result: Result) -> None:
+        """Tell the decisions about a name, up to the difference if there is one."""
+        last = result.difference.cycle if result.difference is not None else None
+        for act in acts(batches, files=self.texts or None, until=last):
+            if act.decision is not None and act.decision.name.partition("/")[0] == self.args.why:
+                for line in told_decision(act.time, act.decision, self.other):
+                    print(line)
+
+
+def _batches(numbers: list[range]) -> str:
+    """Return which batches these are, in words."""
+    return f"batch{'' if _is_one(numbers) else 'es'} {in_words(numbers)}" if numbers else "all"
+
+
+def _is_one(numbers: list[range]) -> bool:
+    return len(numbers) == 1 and numbers[0].stop == numbers[0].start + 1

@@ -1,0 +1,303 @@
+"""`argosy run`: one mission on this machine, from the first process to the summary."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import sys
+import tempfile
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol, Self, TextIO
+
+import msgspec
+
+from agentd.conversion.slow_notice import loading, told_if_long
+from argosy.check.command import at_start, check_mission
+from argosy.cli.journal import Entry, Journal
+from argosy.cli.port_check import endpoint, in_use, link_in_use
+from argosy.fleet_model.picture import Picture
+from argosy.processes.boards import NoPort, free_after, places
+from argosy.processes.mavlink_links import address_of, bound_links, free_links, group_of, ports_of
+from argosy.processes.process_table import Setup, real_robots
+from argosy.processes.resource_usage import Meter
+from argosy.processes.simulators import only_real, vehicle_of
+from argosy.recording.record.run_recorder import NoRecording, RunRecording, recording_of
+from argosy.run.end_conditions import Ending
+from argosy.run.mission_runner import Flight
+from argosy.run.report import FIGURE, write_report
+from argosy.run.run_status import Status
+from argosy.run.summary import summary
+from bridged.bridge.manifest_loader import load_robot_manifest
+from commd.common.clock import Clock
+from commd.process.local_runs import announced, starting
+from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED
+from schemas.mission.model import Mission
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy run`."""
+    parser.add_argument("mission", help="mission file")
+    parser.add_argument("--speed", type=_speed, metavar="X", help="run the simulation X times as fast as real time")
+    parser.add_argument("--plain", action="store_true", help="plain lines instead of the live view")
+    parser.add_argument(
+        "--real",
+        action="append",
+        default=[],
+        metavar="ROBOT",
+        help="fly the real ROBOT (or `all`) instead of simulating it",
+    )
+    parser.add_argument("--yes", action="store_true", help="do not ask before a real robot may be armed")
+    parser.add_argument(
+        "--restart",
+        action="store_true",
+        help="start a daemon again that dies (as `restart: on-failure` in the mission)",
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="DIR", help="write track.svg, mission.log, summary.txt and recording.mcap there"
+    )
+    parser.add_argument("--record", type=Path, metavar="FILE", help="record all that is said there (an MCAP file)")
+    parser.add_argument(
+        "--router",
+        type=endpoint,
+        metavar="ENDPOINT",
+        help="the first board's router instead of the mission's; those of other boards take the next free ports",
+    )
+
+
+def _speed(text: str) -> float:
+    speed = float(text)
+    if not 0 < speed <= 100:
+        raise ValueError
+    return speed
+
+
+_speed.__name__ = "speed (0 < X <= 100)"
+
+
+class RunRefused(Exception):
+    """The run cannot begin; `code` is the exit code."""
+
+    def __init__(self, message: str, code: int = EXIT_BAD_INPUT) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def run(args: Namespace) -> int:
+    """Run a mission. Returns the exit code: 0 only if the mission was done."""
+    with told_if_long(loading([args.mission])):
+        mission, findings = check_mission(args.mission, restarts=args.restart)
+    findings = at_start(findings)
+    for finding in findings:
+        print(finding, file=sys.stderr)
+    if mission is None or any(finding.severity == "error" for finding in findings):
+        return EXIT_BAD_INPUT
+    with ExitStack() as stack:
+        ports = stack.enter_context(ExitStack())
+        wanted = args.router or mission.router.endpoint
+        if not mission.router.external:
+            told = f"waiting for another run that starts at {wanted}"
+            ports.enter_context(starting(wanted, lambda: print(told, file=sys.stderr, flush=True)))
+        try:
+            setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
+            log = _open_log(args.report, stack)
+            setup, unrecorded = _recording(setup, args)
+            _check_ports(setup)
+            if setup.real and not args.yes:  # a person may take his time
+                ports.close()
+            _consent(setup, args)
+            if args.router is None:  # who names a router names it to the other commands, too
+                stack.enter_context(announced(mission.fleet, setup.router))
+        except RunRefused as refused:
+            print(f"error: {refused}", file=sys.stderr)
+            return refused.code
+        return _fly(setup, args, log, unrecorded, ports.close)
+
+
+def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
+    real, unknown = real_robots(mission, [name for names in args.real for name in names.split(",")])
+    if unknown:
+        known = ", ".join(mission.robots) or "none"
+        raise RunRefused(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
+    if alone := {name: why for name, why in only_real(mission).items() if name not in real}:
+        name, why = next(iter(alone.items()))
+        where = f"{name} on {link}" if (link := mission.robots[name].link) else name
+        together = ",".join(group_of(mission, name))
+        raise RunRefused(f"{where}: {why}; fly the real one with --real {together}")
+    mission, links = _linked(mission, real)
+    speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
+    if real and mission.radio is not None:
+        line = mission.positions.of(("radio",))[0]
+        told = f"{', '.join(sorted(real))} is real, and `radio` is a model of the air between simulated robots"
+        raise RunRefused(f"{mission.path}:{line}: {told}: take it out to fly real ones")
+    if real and speed != 1:
+        raise RunRefused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
+    try:
+        router = args.router or _router(mission)
+        routers = places(mission, router, ports_of(mission))
+    except NoPort as error:
+        raise RunRefused(str(error), EXIT_FAILED) from None
+    restart = args.restart or mission.restart == "on-failure"
+    setup = Setup(mission, router, speed, real, state, _telling(mission), routers, restart, args.report, links=links)
+    if mixed := setup.mixed():
+        real_ones, others = ([one for one in mixed if (one in real) == wanted] for wanted in (True, False))
+        link = mission.robots[mixed[0]].link
+        told = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
+        raise RunRefused(f"{told}: fly all of them with --real {','.join(mixed)}")
+    return setup
+
+
+def _linked(mission: Mission, real: frozenset[str]) -> tuple[Mission, dict[str, str]]:
+    """Return the mission with a link for each simulated vehicle that it names none for, and those links by robot."""
+    open_ones = [name for name, robot in mission.robots.items() if vehicle_of(robot) == "copter" and not robot.link]
+    if wanted := [name for name in open_ones if name in real]:
+        raise RunRefused(f"--real {wanted[0]}: the mission names no `link` to it")
+    links = free_links(open_ones)
+    robots = {name: msgspec.structs.replace(mission.robots[name], link=link) for name, link in links.items()}
+    return replace(mission, robots=mission.robots | robots), links
+
+
+def _router(mission: Mission) -> str:
+    """Return the first board's router: the mission's; of one that names none the next free port. Raises NoPort."""
+    named = ("router", "endpoint") in mission.positions.values or mission.router.external
+    if named or not in_use(mission.router.endpoint):
+        return mission.router.endpoint
+    return next(free_after(mission.router.endpoint, ports_of(mission)))
+
+
+def _recording(setup: Setup, args: Namespace) -> tuple[Setup, str]:
+    """Return the setup with its recording, or why there is none."""
+    try:
+        recording = recording_of(args.record, args.report)
+    except NoRecording as error:
+        raise RunRefused(str(error)) from None
+    if isinstance(recording, RunRecording):
+        return replace(setup, recording=recording), ""
+    return setup, recording
+
+
+def _check_ports(setup: Setup) -> None:
+    """A second run must not talk into the first one's links: everything is probed before anything starts."""
+    mission = setup.mission
+    if mission.router.external is False and (why := in_use(setup.router)):
+        other = "another one, such as --router tcp/127.0.0.1:7448, and give the robots other links"
+        raise RunRefused(f"{setup.router} {why}: is another mission running? Name {other}", EXIT_FAILED)
+    for link, robots in bound_links(mission, setup.simulators()).items():
+        line = mission.positions.of(("robots", robots[-1], "link"))[0]
+        boards = list(dict.fromkeys(mission.robots[robot].board for robot in robots))
+        if len(boards) > 1:
+            told = f"{link} is a link of {' and of '.join(boards)}, and here they are one machine"
+            raise RunRefused(f"{mission.path}:{line}: {told}: give {robots[-1]} another one")
+        if link.port and (why := link_in_use(link)):
+            advice = f"is another mission running? Give {', '.join(robots)} another link"
+            raise RunRefused(f"{mission.path}:{line}: {link} {why}: {advice}", EXIT_FAILED)
+
+
+def _telling(mission: Mission) -> frozenset[str]:
+    manifests = {
+        name: load_robot_manifest(robot.manifest, mission.path.parent) for name, robot in mission.robots.items()
+    }
+    return frozenset(name for name, manifest in manifests.items() if manifest.percept_arities().get("state") == 3)
+
+
+def _open_log(report: Path | None, stack: ExitStack) -> TextIO | None:
+    if report is None:
+        return None
+    try:
+        report.mkdir(parents=True, exist_ok=True)
+        return stack.enter_context((report / "mission.log").open("w", encoding="utf-8"))
+    except OSError as error:
+        raise RunRefused(f"--report {report}: {error.strerror}") from None
+
+
+def _consent(setup: Setup, args: Namespace) -> None:
+    """Ask once. Where there is nobody to ask, only `--yes` decides: a pipe's answer is not a person's."""
+    if not setup.real or args.yes:
+        return
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise RunRefused(f"this would {_deeds(setup)}; without a terminal to ask at, confirm by --yes")
+    print(f"this will {_deeds(setup)}. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        raise RunRefused("nothing was started", EXIT_FAILED)
+
+
+def _deeds(setup: Setup) -> str:
+    """Return in words what becomes of the real robots: those with a link of MAVLink may be armed."""
+    vehicles = sorted(name for name in setup.real if address_of(setup.mission.robots[name]) is not None)
+    deeds = (("arm and fly the real vehicle", vehicles), ("act on the real robot", sorted({*setup.real} - {*vehicles})))
+    said = [f"{deed}{'s' if len(names) > 1 else ''} {', '.join(names)}" for deed, names in deeds if names]
+    return " and ".join(said)
+
+
+def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str, bound: Callable[[], None]) -> int:
+    clock = Clock(setup.speed)
+    journal = Journal(clock.now, log)
+    picture = Picture(setup.mission, journal, clock.now)
+    status = Status(setup, picture, journal, Meter(), [], clock.now, recorded=unrecorded)
+    _bus_log_to(journal)
+    flight = Flight(status, bound)
+    with _view(status, args.plain) as view:
+        journal.shown = view.show
+        ending = asyncio.run(flight.fly(view.refresh))
+    return _tell(flight, ending, args.report)
+
+
+def _tell(flight: Flight, ending: Ending, report: Path | None) -> int:
+    text = summary(flight.status, ending, flight.phases())
+    with suppress(OSError):
+        print(f"\n{text}", end="", flush=True)
+    if report is not None:
+        try:
+            recording = flight.status.setup.recording
+            without = write_report(report, None if recording is None else recording.path, text)
+        except OSError as error:
+            print(f"error: --report {report}: {error.strerror}", file=sys.stderr)
+            return ending.code or EXIT_FAILED
+        if without:
+            print(f"note: no {FIGURE}: {without}", file=sys.stderr)
+    if ending.code:
+        with suppress(OSError):
+            print(f"error: {ending.text}", file=sys.stderr)
+    return ending.code
+
+
+class _View(Protocol):
+    """What shows a run while it lasts."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *_: object) -> None: ...
+    def show(self, entry: Entry) -> None:
+        """Take an entry of the journal."""
+
+    def refresh(self) -> None:
+        """Draw what is known now."""
+
+
+def _view(status: Status, plain: bool) -> _View:
+    if plain or not sys.stdout.isatty() or os.environ.get("TERM", "") in ("", "dumb", "unknown"):
+        from argosy.run.plain_screen import PlainView
+
+        return PlainView(sys.stdout)
+    from rich.console import Console
+
+    from argosy.run.screen import LiveView
+
+    return LiveView(status, Console())
+
+
+class _JournalHandler(logging.Handler):
+    def __init__(self, journal: Journal) -> None:
+        super().__init__(logging.WARNING)
+        self._journal = journal
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._journal.add("argosy", record.getMessage(), "warning")
+
+
+def _bus_log_to(journal: Journal) -> None:
+    """What our own bus has to say belongs into the view, not across it."""
+    logging.basicConfig(handlers=[_JournalHandler(journal)], level=logging.WARNING, force=True)

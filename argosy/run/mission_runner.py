@@ -1,0 +1,368 @@
+"""The course of a run: start in order, watch until it ends, bring vehicles home, leave nothing behind."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from collections.abc import Callable
+from contextlib import AsyncExitStack, suppress
+from itertools import pairwise
+
+from msgspec.structs import replace
+
+from argosy.fleet_model.snapshot import Observer
+from argosy.processes.process_table import Process, plan
+from argosy.processes.restarts import Restarts
+from argosy.processes.supervisor import Child, Supervisor
+from argosy.recording.record.run_recorder import what_became_of_it
+from argosy.run.armed_warnings import age, last_line
+from argosy.run.end_conditions import Ending, Endings
+from argosy.run.output_parser import Hearing
+from argosy.run.recovery import Recovery
+from argosy.run.run_status import Status
+from argosy.run.watchdog import Watchdog
+from commd.bus.bus import open_bus
+from commd.bus.errors import BusClosed
+from commd.process.process import EXIT_DONE, EXIT_FAILED
+from schemas.wire import keys
+from schemas.wire.records import RunPhase
+
+STARTUP_PATIENCE = 30.0
+"""Wall seconds that each step of the startup may take."""
+REFRESH = 0.25
+"""Wall seconds between two refreshes of the view, and between two looks at what may end the run."""
+SETTLE = 2.0
+"""Wall seconds after the end before idle use is measured: bridges slow the vehicle's streams only then."""
+IDLE_WINDOW = 3.0
+"""Wall seconds after the end over which the daemons' idle processor time is measured."""
+LEAVE = 10.0
+"""Wall seconds that a process has to leave: less than one, where the machine is not busy."""
+LEAVE_BRIDGE = 35.0
+"""The same for a bridge, which may try three orders for 10 s each on a robot that does not say if it is in use."""
+LEAVE_RECORDER = 15.0
+"""Wall seconds that a recorder has to ask for what it has missed, and to end its file."""
+POLL = 0.02
+"""Wall seconds between two looks at whether a process has come up."""
+
+
+class StartupFailed(Exception):
+    """Something did not come up in time; says what."""
+
+
+class Flight:
+    """One run of a mission."""
+
+    def __init__(self, status: Status, bound: Callable[[], None] = lambda: None) -> None:
+        """`bound` is called once the routers and bridges have their ports."""
+        self.status, self._bound = status, bound
+        self._mission, self._journal, self._picture = status.setup.mission, status.journal, status.picture
+        self._hearing = Hearing(status)
+        self._supervisor = Supervisor(self._hearing.wrote, self._ended)
+        status.children = self._supervisor.children
+        self._endings = Endings(status, self._supervisor)
+        self._watchdog = Watchdog(status)
+        self._restarts = Restarts(self._supervisor, self._journal, status.restarts, status.setup.restart)
+        self._recovery = Recovery(status, self._supervisor, self._endings, self._watchdog, self._restarts)
+        self._wake = asyncio.Event()
+        self._signals: list[signal.Signals] = []
+        """By which the user wanted to end the run, again and again."""
+        self._observer: Observer | None = None
+        self._bus = AsyncExitStack()
+        self.finished: float | None = None
+        """Mission time at which the mission ended, however it did."""
+        self._marks: dict[str, float] = {}
+        """Mission time at which each stretch of the run ended."""
+        self._idle = False
+
+    async def fly(self, refresh: Callable[[], None]) -> Ending:
+        """Run the mission to its end and stop everything. Never raises for what a user can cause."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            loop.add_signal_handler(number, self._told_to_stop, number)
+        helpers = [asyncio.create_task(self._draw(refresh)), asyncio.create_task(self._measure())]
+        startup = asyncio.create_task(self._start())
+        ending = Ending(EXIT_FAILED, "failed by an error of argosy itself")
+        try:
+            ending = await self._watch(startup)
+        finally:
+            startup.cancel()
+            await asyncio.gather(startup, return_exceptions=True)
+            self._marks["mission" if "startup" in self._marks else "startup"] = self.finished = self.status.now()
+            self._hearing.ending = True
+            self._journal.add("argosy", ending.text, "good" if ending.code == EXIT_DONE else "error")
+            try:
+                if self._recovery.armed():
+                    self._enter("bringing_home", ending.why)
+                    if left := await self._bring_home():
+                        ending = ending if ending.code != EXIT_DONE else Ending(EXIT_FAILED, f"failed: {left}")
+                        self._journal.add("argosy", left, "error")
+                self._enter("done" if ending.code == EXIT_DONE else "failed", ending.why)
+                if ending.code == EXIT_DONE:
+                    await self._rest()
+                await self._leave()
+            finally:
+                await self._supervisor.close()
+            for helper in helpers:
+                helper.cancel()
+            for defect in await asyncio.gather(*helpers, return_exceptions=True):
+                if isinstance(defect, Exception):
+                    self._journal.add("argosy", f"defect in argosy: {type(defect).__name__}: {defect}", "error")
+            self._marks["stopping"] = self.status.now()
+            refresh()
+        return ending
+
+    def phases(self) -> list[tuple[str, float]]:
+        """Return the stretches of the run and how long each took in mission seconds."""
+        ends = [0.0, *self._marks.values()]
+        stretches = [(name, end - begin) for name, (begin, end) in zip(self._marks, pairwise(ends), strict=True)]
+        return [*stretches, ("total", ends[-1])]
+
+    async def _start(self) -> None:
+        """Start routers, simulators and bridges together, then the recorder, and the agents when all of them are there.
+
+        What an agent is born to is there: its bridge, and the recorder that hears its first words.
+        """
+        status, setup = self.status, self.status.setup
+        processes = plan(setup)
+
+        async def start(kind: str) -> list[Child]:
+            return [await self._begin(process) for process in processes if process.kind.name == kind]
+
+        comm, _, bridges = [await start(kind) for kind in ("commd", "simulator", "bridged")]
+        if setup.router != self._mission.router.endpoint:
+            self._journal.add("argosy", f"the router of this run is at {setup.router}")
+        status.waiting_for = f"the router at {setup.router}"
+        bus = await self._bus.enter_async_context(
+            open_bus(
+                setup.router,
+                fleet=self._mission.fleet,
+                name="operator",
+                daemon="argosy",
+                stamp=time.time_ns,
+                wire=self._mission.wire,
+                patience=STARTUP_PATIENCE,
+            )
+        )
+        self._observer = self._endings.observer = self._watchdog.observer = observer = Observer(bus, self._picture)
+        await self._until(comm)
+        recorders = await start("recorder")
+        await self._until(bridges)
+        self._bound()
+        await self._recorded(recorders)
+        agents = await start("agentd")
+        await self._until(agents)
+        observer.start()
+        await observer.look_at_percepts()
+        self._marks["startup"] = status.now()
+        status.timeout_at = status.now() + self._mission.timeout
+        self._enter("flying")
+        await self._heartbeats()
+        status.waiting_for = ""
+
+    async def _begin(self, process: Process) -> Child:
+        try:
+            child = await self._supervisor.start(process)
+        except OSError as error:
+            raise StartupFailed(f"{process.name} cannot be started: {error.strerror}") from None
+        self._journal.add(process.name, f"started, pid {child.pid}")
+        return child
+
+    async def _until(self, children: list[Child]) -> None:
+        """Wait until processes have shown themselves on the bus."""
+        for child in children:
+            name = child.name
+            await self._wait_for(name, lambda child=child: self.status.serves(child))  # type: ignore[misc]
+            self._journal.add(name, "up", "good")
+
+    async def _recorded(self, recorders: list[Child]) -> None:
+        """Wait until a recorder hears everything: agents that come later are recorded from their birth on."""
+        recording = self.status.setup.recording
+        for child in recorders:
+            with suppress(StartupFailed):
+                await self._wait_for(child.name, lambda child=child: self.status.serves(child) or not child.alive)  # type: ignore[misc]
+            if self.status.serves(child):
+                self._journal.add(child.name, "up", "good")
+            elif recording is not None and recording.asked_for:
+                raise StartupFailed(f"{child.name} {child.how_it_ended()}")
+            elif child.alive:
+                self._journal.add(child.name, f"has not begun within {STARTUP_PATIENCE:g} s", "warning")
+
+    async def _heartbeats(self) -> None:
+        for name, robot in self._mission.robots.items():
+            if self._mission.agents_of(name) and name in self.status.setup.telling:
+                what = f"a heartbeat of the vehicle of {name} on {robot.link or robot.prefix}"
+                await self._wait_for(what, lambda name=name: self._picture.robots[name].connected)  # type: ignore[misc]
+
+    async def _wait_for(self, what: str, there: Callable[[], bool]) -> None:
+        self.status.waiting_for = what
+        for _ in range(round(STARTUP_PATIENCE / POLL)):
+            if there():
+                return
+            await asyncio.sleep(POLL)
+        raise StartupFailed(f"waited {STARTUP_PATIENCE:g} s in vain for {what}")
+
+    async def _watch(self, startup: asyncio.Task[None]) -> Ending:
+        """Wait for whatever ends the run."""
+        while True:
+            self._wake.clear()
+            if self._signals:
+                return Ending(128 + self._signals[-1], f"stopped by {self._interrupted()}")
+            if startup.done() and (error := startup.exception()) is not None and not self._supervisor.dead():
+                if isinstance(error, StartupFailed | BusClosed):
+                    return Ending(EXIT_FAILED, f"failed at the start: {error}")
+                raise error
+            if ending := self._endings.look():
+                if not (ending.graced and self._recovery.armed()):
+                    return ending
+                if ending := await self._recovery.outlasts_grace(ending, self._interrupted):
+                    return ending
+            if self.status.setup.restart:
+                self._watchdog.look()
+                self._restarts.tell(self.status.serves)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), REFRESH)
+
+    def _interrupted(self) -> str:
+        """Return by what the user wanted to end the run; empty if nobody did."""
+        if not self._signals:
+            return ""
+        return "ctrl-C" if self._signals[-1] == signal.SIGINT else self._signals[-1].name
+
+    async def _rest(self) -> None:
+        """Leave the daemons in peace for a moment to measure what they use when idle."""
+        if self._picture.flying() or self._picture.open_actions():
+            return
+        self.status.waiting_for = "idle use to be measured"
+        if self._observer is not None:
+            self._observer.watching_minds.clear()
+        if await self._undisturbed(SETTLE):
+            self._sample()
+            self._idle = True
+            await self._undisturbed(IDLE_WINDOW)
+            self._sample()
+            self._idle = False
+        self._marks["measuring"] = self.status.now()
+
+    async def _undisturbed(self, seconds: float) -> bool:
+        """Wait, unless somebody wants to end at once. Returns whether nobody did."""
+        self._wake.clear()
+        try:
+            await asyncio.wait_for(self._wake.wait(), seconds)
+        except TimeoutError:
+            return True
+        return False
+
+    async def _bring_home(self) -> str:
+        """Wait until no vehicle is armed; the agents leave meanwhile: only its bridge commands what comes home.
+
+        Returns which vehicles were left armed and are not a pilot's, and why; empty if there is none.
+        """
+        for bridge in self._supervisor.of_kind("bridged"):
+            for name in bridge.process.subject.split():
+                self._tell_what_is_armed(name, bridge)
+        leaving = asyncio.create_task(self._stop(self._supervisor.of_kind("agentd"), LEAVE))
+        left = await self._recovery.bring_home(self._interrupted)
+        await leaving
+        return left
+
+    async def _leave(self) -> None:
+        """Stop everything in order: a bridge may need its simulator, and both are watched through commd."""
+        await self._restarts.close()
+        self.status.waiting_for = ""
+        for robot in self._picture.robots.values():
+            if old := age(self.status, robot):
+                self.status.frozen.add(robot.name)
+                self._journal.add(robot.name, f"what is known of it is {old:.0f} s old", "warning")
+        await self._stop(self._supervisor.of_kind("agentd"), LEAVE)
+        bridges = self._supervisor.of_kind("bridged")
+        for bridge in bridges:
+            if all(map(self._recovery.simulator_is_dead, bridge.process.subject.split())):
+                bridge.kill()
+        await self._stop(bridges, LEAVE if self._recovery.armed() else LEAVE_BRIDGE)
+        if self._observer is not None:
+            await self._observer.stop()
+        await self._stop(self._supervisor.of_kind("recorder"), LEAVE_RECORDER)
+        await self._bus.aclose()
+        await self._stop(self._supervisor.of_kind("simulator"), LEAVE)
+        for router in reversed(self._supervisor.of_kind("commd")):  # one by one: each tells the others that it leaves
+            await self._stop([router], LEAVE)
+
+    def _tell_what_is_armed(self, robot: str, bridge: Child) -> None:
+        seen = self._picture.robots[robot]
+        if not seen.armed:
+            return
+        state = "was armed when it was last heard" if seen.lost or age(self.status, seen) else "is armed"
+        if self._recovery.simulator_is_dead(robot):
+            self._journal.add(robot, "was armed, and is no more: its simulator is dead", "warning")
+        elif seen.coming_home and (bridge.alive or bridge.replaced):
+            self._journal.add(robot, f"comes home in {seen.mode}: its bridge stays with it", "info")
+        elif bridge.alive or bridge.replaced:
+            order = self._mission.robots[robot].on_shutdown
+            self._journal.add(robot, f"{state}: its bridge is to order {order} (on_shutdown)", "warning")
+        else:
+            self._journal.add(robot, f"{state} and its bridge is dead: {last_line(self.status, robot)}", "error")
+
+    async def _stop(self, children: list[Child], patience: float) -> None:
+        for late in await self._supervisor.leave(children, patience, self._recovery.hurry):
+            within = "at once, as you wanted," if self._recovery.hurry.is_set() else f"within {patience:g} s"
+            self._journal.add(late.name, f"did not leave {within} and was killed", "warning")
+            if late.process.kind.name == "bridged":
+                self.status.killed.update(late.process.subject.split())
+
+    def _enter(self, phase: RunPhase, why: str = "") -> None:
+        """Go on to another phase of the run, and publish it."""
+        status = self.status
+        status.phase, status.why = phase, why
+        if phase in ("done", "failed"):
+            status.ended = status.now() if status.ended is None else status.ended
+        self._publish()
+
+    def _publish(self) -> None:
+        if self._observer is not None:
+            bus = self._observer.bus
+            bus.put(keys.run(bus.fleet, bus.name), replace(self.status.record(), header=bus.header("run")))
+
+    async def _draw(self, refresh: Callable[[], None]) -> None:
+        while True:
+            refresh()
+            await asyncio.sleep(REFRESH)
+
+    async def _measure(self) -> None:
+        while True:
+            self._sample()
+            self._publish()
+            await asyncio.sleep(1.0)
+
+    def _sample(self) -> None:
+        children = [child for child in self.status.children if child.alive]
+        measured = [child.pid for child in children if child.process.kind.measured]
+        flying = self._picture.flying() and self.finished is None
+        self.status.meter.sample([child.pid for child in children], measured, flying=flying, idle=self._idle)
+
+    def _told_to_stop(self, number: signal.Signals) -> None:
+        """End the mission; told again, or when nothing flies, leave at once."""
+        self._signals.append(number)
+        self._wake.set()
+        armed = [robot.name for robot in self._recovery.armed()]
+        if len(self._signals) == 1 and (self.finished is None or armed):
+            if self.finished is not None:
+                told = f"{', '.join(armed)} is armed and brought home: ctrl-C again leaves at once"
+                self._journal.add("argosy", told, "warning")
+            return
+        self._recovery.hurry.set()
+        self._journal.add("argosy", "hurrying", "warning")
+
+    def _ended(self, child: Child) -> None:
+        if child.dead:
+            self._restarts.died(child)
+            kind, subjects = child.process.kind.name, child.process.subject.split()
+            for name in subjects if kind in ("agentd", "bridged") else ():
+                (self._picture.agent_ended if kind == "agentd" else self._picture.bridge_ended)(name)
+        if child.dead:
+            needed = child.process.kind.needed
+            without = "" if needed else "; the run goes on, and is not recorded any more"
+            self._journal.add(child.name, child.how_it_ended() + without, "error")
+        if child.process.kind.name == "recorder":
+            self.status.recorded = what_became_of_it(child.lines, child.how_it_ended())
+        self._wake.set()

@@ -1,0 +1,139 @@
+"""The end of a run with vehicles in the air: the programs' grace, the way home, the wait until all are disarmed."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from argosy.fleet_model.robots import RobotSeen
+from argosy.processes.restarts import Restarts
+from argosy.processes.supervisor import Child, Supervisor
+from argosy.run.armed_warnings import left_alone
+from argosy.run.end_conditions import Ending, Endings
+from argosy.run.run_status import Status
+from argosy.run.watchdog import Watchdog
+from commd.common.tasks import wait_at_most
+
+REFRESH = 0.25
+"""Wall seconds between two looks at the vehicles and daemons."""
+TOLD_EVERY = 10.0
+"""Wall seconds between two lines of the countdown."""
+HEARD_WITHIN = 30.0
+"""Wall seconds that a bridge that was started again has to hear its armed vehicles, before it is told in any case."""
+NEEDED = ("commd", "bridged")
+"""Daemons without which no vehicle comes home, or nobody sees it."""
+
+
+class Recovery:
+    """Keeps what brings vehicles home alive, and waits for them."""
+
+    def __init__(
+        self, status: Status, supervisor: Supervisor, endings: Endings, watchdog: Watchdog, restarts: Restarts
+    ) -> None:
+        self.hurry = asyncio.Event()
+        """Set when the user wants to leave, whatever is in the air."""
+        self._status, self._supervisor, self._endings = status, supervisor, endings
+        self._watchdog, self._restarts = watchdog, restarts
+        self._mission, self._picture, self._journal = status.setup.mission, status.picture, status.journal
+
+    async def outlasts_grace(self, ending: Ending, interrupted: Callable[[], str]) -> Ending | None:
+        """Let the programs bring their vehicles home before a failure counts. Returns what ends the run, if it does.
+
+        The grace does not run while an operator has paused a robot: the run does not bring home what he holds.
+        """
+        left, looked = self._mission.grace, time.monotonic()
+        told = f"{ending.text}; vehicles are armed: their programs have {left:g} wall seconds before the mission ends"
+        on = ", from `argosy stop continue` on" if self._paused() else ""
+        self._journal.add("argosy", told + on, "warning")
+        while self.armed() and not interrupted() and left > 0:
+            paused = self._paused()
+            what = f"the operator, {', '.join(paused)} paused" if paused else f"the programs, {left:.0f} s"
+            self._status.waiting_for = f"{what}: {ending.text}"
+            self._look_after_daemons()
+            if (holds := self._endings.look()) is None:
+                self._status.waiting_for = ""
+                self._journal.add("argosy", f"the mission goes on: it does not hold any more that {ending.why}", "good")
+                return None
+            if not (ending := holds).graced:
+                break
+            await asyncio.sleep(REFRESH)
+            now = time.monotonic()
+            left, looked = left if paused else left - (now - looked), now
+        self._status.waiting_for = ""
+        return ending
+
+    async def bring_home(self, interrupted: Callable[[], str]) -> str:
+        """Have the bridges bring every armed vehicle home; wait until it is disarmed or a pilot's, within the bound.
+
+        Returns which vehicles were left armed and are not a pilot's, and why; empty if there is none.
+        """
+        status, told, spoken = self._status, set[Child](), 0.0
+        until = status.now() + self._mission.bring_home
+        while not self.hurry.is_set() and (left := until - status.now()) > 0:
+            self._look_after_daemons()
+            if not (away := self._away()):
+                break
+            for bridge in self._supervisor.of_kind("bridged"):
+                if bridge.alive and bridge not in told and self._knows_its_vehicles(bridge):
+                    told.add(bridge)
+                    bridge.tell_to_leave()
+            leaves = "ctrl-C again leaves" if interrupted() else "ctrl-C twice leaves"
+            status.waiting_for = f"{', '.join(map(_where, away))} to be disarmed, {left:.0f} s left; {leaves}"
+            if time.monotonic() - spoken >= TOLD_EVERY:
+                spoken = time.monotonic()
+                self._journal.add("argosy", f"waiting for {status.waiting_for}", "warning")
+            await wait_at_most(self.hurry, REFRESH)
+        status.waiting_for = ""
+        if not (alone := [robot for robot in self.armed() if left_alone(status, robot)]):
+            return ""
+        why = "no bridge is there to bring it home"
+        if self.hurry.is_set():
+            why = f"left by {interrupted()}"
+        elif status.now() >= until:
+            why = f"`bring_home` ran out after {self._mission.bring_home:g} s"
+        return f"{', '.join(map(_where, alone))} left armed: {why}"
+
+    def armed(self) -> list[RobotSeen]:
+        """Return the vehicles that are armed, or were when they fell silent; one whose simulator is dead is no more."""
+        robots = self._picture.robots.values()
+        return [robot for robot in robots if robot.armed and not self.simulator_is_dead(robot.name)]
+
+    def simulator_is_dead(self, robot: str) -> bool:
+        """Whether a robot is no more: what simulated it is dead."""
+        simulators = self._supervisor.of_kind("simulator")
+        return any(not child.alive for child in simulators if child.process.subject == robot)
+
+    def _look_after_daemons(self) -> None:
+        """Start the needed daemons again that are dead or hang, whatever the mission says of restarts."""
+        self._watchdog.look(NEEDED)
+        for child in self._supervisor.dead():
+            if child.process.kind.name in NEEDED and not all(
+                map(self.simulator_is_dead, child.process.subject.split())
+            ):
+                self._restarts.died(child, anyway=True)
+        self._restarts.tell(self._status.serves)
+
+    def _away(self) -> list[RobotSeen]:
+        """Return the armed vehicles whose bridge is there, or is to be; one that has ended has left them to a pilot."""
+        return [robot for robot in self.armed() if robot.name in self._bridged()]
+
+    def _paused(self) -> list[str]:
+        """Return the robots that an operator has paused and can let go on: their bridge is there, or is to be."""
+        return [name for name in self._picture.paused() if name in self._bridged()]
+
+    def _bridged(self) -> set[str]:
+        bridges = [child for child in self._supervisor.of_kind("bridged") if child.alive or child.replaced]
+        return {name for bridge in bridges for name in bridge.process.subject.split()}
+
+    def _knows_its_vehicles(self, bridge: Child) -> bool:
+        """Whether a bridge has heard its armed vehicles: others it would leave, as if they were on the ground."""
+        age = time.monotonic() - bridge.started
+        since = self._status.now() - age * self._status.setup.speed
+        robots = [self._picture.robots[name] for name in bridge.process.subject.split()]
+        return age > HEARD_WITHIN or all(robot.heard > since for robot in robots if robot.armed)
+
+
+def _where(robot: RobotSeen) -> str:
+    height = "" if robot.altitude is None else f", {robot.altitude + 0.0:.0f} m up"
+    return f"{robot.name} ({'LOST' if robot.lost else robot.mode}{height})"

@@ -1,0 +1,288 @@
+"""The live view: one calm screen with everything that happens, for a terminal of 80 x 24 and larger."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.live import Live
+from rich.rule import Rule
+from rich.segment import Segment
+from rich.table import Table
+from rich.text import Text
+
+from argosy.cli.journal import Entry, Level
+from argosy.fleet_model.picture import AgentSeen
+from argosy.fleet_model.robots import ActionSeen, RobotSeen
+from argosy.fleet_model.track import Track
+from argosy.processes.resource_usage import MEGABYTE
+from argosy.run.armed_warnings import age
+from argosy.run.run_status import Status
+from schemas.files.terminal import printable
+from schemas.geo import distance
+from schemas.humanize import count
+
+STYLES: dict[Level, str] = {
+    "info": "",
+    "print": "cyan",
+    "action": "blue",
+    "good": "green",
+    "warning": "yellow",
+    "error": "bold red",
+    "output": "dim",
+    "detail": "dim",
+}
+AIRY = 30
+"""Lines of a terminal from which on there is room for blank ones."""
+_BARS = "▁▂▃▄▅▆▇█"
+_MOST_PRINTS = 3
+_AROUND = 10
+"""Columns of the margins, the mark of an action and the ellipsis."""
+
+
+class LiveView:
+    """Shows the run on the terminal's other screen, so that what stood there comes back at the end."""
+
+    def __init__(self, status: Status, console: Console) -> None:
+        self._screen = Screen(status)
+        self._live = Live(self._screen, console=console, screen=True, auto_refresh=False)
+
+    def __enter__(self) -> LiveView:
+        self._live.start(refresh=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(OSError):
+            self._live.stop()
+
+    def show(self, entry: Entry) -> None:
+        """Entries appear with the next refresh."""
+
+    def refresh(self) -> None:
+        """Draw what is known now. A terminal that is gone is no reason to leave a vehicle alone."""
+        with suppress(OSError):
+            self._live.refresh()
+
+
+class Screen:
+    """The whole screen: what there is to say first, then as much of the journal as fits."""
+
+    def __init__(self, status: Status) -> None:
+        self.status = status
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        width, height = options.max_width, options.height or console.height
+        options = options.update(height=None)
+        sections = [
+            ("vehicle", self._vehicles(width)),
+            ("agent", self._agents(width)),
+            ("processes", self._processes()),
+        ]
+        lines = [line for part in self._head() for line in console.render_lines(part, options, pad=False)]
+        airy = height >= AIRY
+        for title, parts in sections:
+            lines += [[]] if airy else []
+            for part in (_title(title), *parts):
+                lines += console.render_lines(part, options, pad=False)
+        lines += [[]] if airy else []
+        if (room := height - len(lines) - 2) > 0:
+            lines += console.render_lines(_title("what happened"), options, pad=False)
+            for entry in list(self.status.journal.entries)[-room:]:
+                lines += console.render_lines(_line(entry), options, pad=False)
+        for line in lines[: height - 1]:
+            yield from line
+            yield Segment.line()
+
+    def _head(self) -> list[Table | Rule]:
+        status = self.status
+        mission, speed = status.setup.mission, status.setup.speed
+        now = status.now()
+        left = Text.assemble(" ", (mission.name, "bold"), "   ", _phase(status))
+        right = Text(f"{now:.0f} s of mission, {now / speed:.0f} s here, x{speed:g}{_timeout(status)} ", style="dim")
+        return [_row(left, right), Rule(style="dim", characters="─")]
+
+    def _vehicles(self, width: int) -> list[Table | Text]:
+        robots = self.status.picture.robots.values()
+        if not robots:
+            return []
+        table = Table.grid(padding=(0, 2), pad_edge=True)
+        others = [robot for robot in robots if robot.told and not robot.mode]
+        for robot in robots:
+            if robot not in others:
+                table.add_row(*_robot(robot, width, self.status.now() - robot.heard, age(self.status, robot)))
+        return [*([table] if table.row_count else []), *map(_no_vehicle, others)]
+
+    def _agents(self, width: int) -> list[Table | Text]:
+        return [*(self._agent(agent, width) for agent in self.status.picture.agents.values()), *self._done()]
+
+    def _agent(self, agent: AgentSeen, width: int) -> Table:
+        now = self.status.now()
+        table = Table.grid(padding=(0, 2), pad_edge=True)
+        table.add_column(no_wrap=True, style="bold")
+        table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+        table.expand = True
+        name = agent.name
+        actions = [action for action in self.status.picture.open_actions() if action.agent == agent.name]
+        for intention in agent.intentions:
+            stack = printable(" ‹ ".join(intention.stack)) or f"intention {intention.id}"
+            why = "" if actions or intention.state == "running" else f"  {intention.state} {intention.reason}".rstrip()
+            place = intention.at.rpartition("/")[2]
+            table.add_row(name, Text.assemble(stack, (printable(f"  {place}{why}"), "dim")))
+            name = ""
+        if name:
+            up = self.status.picture.is_alive(agent.name, "agentd")
+            table.add_row(name, Text("no intentions" if up else "not there yet", style="dim"))
+        for action in actions:
+            age = f"  {action.state} {action.age(now):.0f} s  "
+            told = _feedback(action, width - len(agent.name) - len(action.text) - len(age) - _AROUND)
+            text = Text.assemble(("▸ ", "blue"), (printable(action.text), "blue"), age, (printable(told), "dim"))
+            table.add_row("", text)
+        for line in list(agent.prints)[-_MOST_PRINTS:]:
+            table.add_row("", Text(f"“{printable(line)}”", style="cyan"))
+        return table
+
+    def _done(self) -> list[Text]:
+        wanted = self.status.setup.mission.done
+        if not wanted:
+            return []
+        held = [self.status.picture.agents[one.agent].done.get(one.formula, False) for one in wanted]
+        text = Text.assemble(" ", ("done when  ", "dim"))
+        for one, holds in zip(wanted, held, strict=True):
+            text.append("● " if holds else "○ ", style="green" if holds else "dim")
+            text.append(f"{one.agent}: {one.formula}   ", style="green" if holds else "")
+        text.append(f"{sum(held)} of {len(held)}", style="dim")
+        text.truncate(1000)
+        return [text]
+
+    def _processes(self) -> list[Table | Text]:
+        table = Table.grid(padding=(0, 2), pad_edge=True)
+        for _ in range(2):
+            table.add_column(no_wrap=True)
+        for _ in range(2):
+            table.add_column(no_wrap=True, justify="right")
+        table.add_column(no_wrap=True, overflow="ellipsis")
+        for child in self.status.children:
+            usage = self.status.meter.usage.get(child.pid)
+            if child.replaced:
+                state, said = ("○", "yellow"), "died, is started again"
+            elif not child.alive:
+                state, said = (
+                    ("●", "red") if child.dead else ("●", "dim"),
+                    child.how_it_ended() if child.dead else "left",
+                )
+            elif self.status.serves(child):
+                state, said = ("●", "green"), self._health(child.process.kind.name, child.process.subject)
+            else:
+                state, said = ("○", "yellow"), "coming up"
+            table.add_row(
+                Text.assemble(state, " ", child.name),
+                Text(f"pid {child.pid}", style="dim"),
+                f"{usage.cpu * 100:.1f} %" if usage and child.alive else "",
+                f"{usage.memory / MEGABYTE:.1f} MB" if usage and child.alive else "",
+                Text(printable(", ".join(filter(None, (said, self._restarts(child.name))))), style="dim"),
+            )
+        return [table]
+
+    def _restarts(self, name: str) -> str:
+        number = self.status.restarts[name]
+        return f"restarted {count(number, 'time')}" if number else ""
+
+    def _health(self, daemon: str, subject: str) -> str:
+        told = [self.status.picture.health.get((name, daemon)) for name in subject.split()]
+        drops = sum(health.drops for health in told if health)
+        bad = sum(health.bad_input for health in told if health)
+        counted = [f"{drops} dropped"] if drops else []
+        counted += [f"{bad} bad inputs"] if bad else []
+        return ", ".join(counted)
+
+
+def _phase(status: Status) -> Text:
+    if status.waiting_for and status.phase == "starting":
+        return Text(printable(f"waiting for {status.waiting_for}"), style="yellow")
+    orders = dict.fromkeys(robot.operator for robot in status.picture.robots.values() if robot.operator)
+    if status.phase == "flying" and orders:
+        return Text(f"stopped by the operator ({', '.join(orders)})", style="bold yellow")
+    if status.phase == "flying" and (paused := status.picture.paused()):
+        return Text(f"paused ({', '.join(paused)})", style="bold yellow")
+    style = {"flying": "green", "done": "bold green", "failed": "bold red"}.get(status.phase, "yellow")
+    waits = f", waiting for {status.waiting_for}" if status.waiting_for else ""
+    return Text(status.phase.replace("_", " ") + waits, style=style)
+
+
+def _timeout(status: Status) -> str:
+    """Return how much mission time is left, in seconds only when that is little."""
+    if status.timeout_at is None or status.phase != "flying":
+        return ""
+    left = max(0.0, status.timeout_at - status.now())
+    return f", timeout in {left / 60:.0f} min" if left >= 120 else f", timeout in {left:.0f} s"
+
+
+def _robot(robot: RobotSeen, width: int, silent: float, old: float) -> list[Text]:
+    """Return the cells of a vehicle's row; `silent` and `old` are mission seconds, `old` is 0 for what is fresh."""
+    if not robot.mode:
+        return [Text(robot.name, style="bold"), Text("not heard yet", style="yellow")]
+    if robot.lost:
+        told = Text(printable(f"LOST, last heard {silent:.0f} s ago: {robot.last_known()}"), style="bold red")
+        return [Text(robot.name, style="bold"), told]
+    cells = [
+        Text.assemble((robot.name, "bold"), (f" {old:.0f} s ago:", "bold red") if old else ""),
+        Text(printable(robot.mode), style="magenta"),
+        Text("armed", style="green") if robot.armed else Text("disarmed", style="dim"),
+    ]
+    if robot.paused:
+        cells.append(Text("PAUSED", style="bold yellow"))
+    if robot.altitude is not None:
+        height = Text(f"{robot.altitude + 0.0:5.1f} m up", style="bold")
+        cells.append(height.append(f" {_spark(robot.track, 16):16}", style="blue") if width >= 100 else height)
+    if robot.position is not None:
+        if robot.home is not None:
+            cells.append(Text(f"{distance(robot.position, robot.home):4.0f} m off home"))
+        cells.append(Text(f"{robot.position[0]:.6f} {robot.position[1]:.6f}", style="dim"))
+    if robot.battery is not None and width >= 90:
+        cells.append(Text(f"{robot.battery:.0f} %", style="dim"))
+    return cells
+
+
+def _no_vehicle(robot: RobotSeen) -> Text:
+    """Return the line of a robot that tells no vehicle's state: its percepts."""
+    text = Text.assemble(" ", (robot.name, "bold"), "  ", (printable("  ".join(robot.told.values())), "dim"))
+    text.no_wrap, text.overflow = True, "ellipsis"
+    return text
+
+
+def _feedback(action: ActionSeen, room: int) -> str:
+    """Return as many figures of an action as there is room for, none of them cut."""
+    told = ""
+    for key, value in action.feedback.items():
+        more = f"{told}  {key} {value:.1f}".strip()
+        if len(more) > room:
+            return f"{told} …".strip()
+        told = more
+    return told
+
+
+def _spark(track: Track, width: int) -> str:
+    """Return the altitude of the last minute or so as a line of bars."""
+    heights = [altitude for _, altitude in track.heights[-width * 20 :: 20]]
+    top = max([*heights, 1.0])
+    return "".join(_BARS[max(0, min(7, round(height / top * 7)))] for height in heights)
+
+
+def _line(entry: Entry) -> Text:
+    text = Text.assemble(
+        (f" {entry.at:7.1f}  ", "dim"), (f"{entry.who}  ", "dim bold"), (entry.text, STYLES[entry.level])
+    )
+    text.no_wrap, text.overflow = True, "ellipsis"
+    return text
+
+
+def _title(text: str) -> Text:
+    return Text(f" {text.upper()}", style="dim bold")
+
+
+def _row(left: Text, right: Text) -> Table:
+    table = Table.grid(expand=True)
+    table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    table.add_column(no_wrap=True, justify="right")
+    table.add_row(left, right)
+    return table

@@ -1,0 +1,150 @@
+"""`argosy status`: the daemons of a fleet, how they are, and which are missing."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+
+from argosy.cli.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
+from argosy.fleet_model.fleet_status import SILENT, Roll, Row
+from argosy.fleet_model.picture import without_figures
+from argosy.status.lines import ANY_FLEET, line, summary, to_json
+from commd.bus.bus import Bus
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import Findings
+from schemas.files.terminal import printable
+from schemas.humanize import json_lines
+from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.records import Health
+
+WATCH_EVERY = 1.0
+"""Wall seconds between two looks of `--watch`."""
+LOOK = 0.05
+"""Wall seconds between two looks at whether everybody has told how he is."""
+
+
+def add_roll_arguments(parser: ArgumentParser) -> None:
+    """Declare whose roll is called, and where."""
+    parser.add_argument("mission", nargs="?", help="mission file: who should be there, and at which router")
+    parser.add_argument("--fleet", metavar="NAME", help="without a mission: only this fleet (default: all)")
+    add_router_argument(parser, "the mission's")
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy status`."""
+    add_roll_arguments(parser)
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="as JSON")
+    form.add_argument("--plain", action="store_true", help="a line for each daemon, as in a pipe")
+    parser.add_argument("--watch", action="store_true", help="show it until ctrl-C; in a pipe: what changes")
+    help_ = f"wall seconds that daemons have to tell how they are (default {SILENT + 0.5:g})"
+    parser.add_argument("--wait", type=float, default=SILENT + 0.5, metavar="S", help=help_)
+
+
+def run(args: Namespace) -> int:
+    """Print the status. Returns 0 if all that should be there is there and tells how it is, 1 if not."""
+    if args.mission and args.fleet:
+        print("error: argosy status: a mission has its fleet: leave out --fleet", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    try:
+        mission = load_mission(args.mission) if args.mission else None
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return EXIT_BAD_INPUT
+
+    async def ask(bus: Bus, where: Where) -> int:
+        roll = call_the_roll(bus, where.fleet, mission)
+        await settled(roll, args.wait)
+        fleet = where.fleet if where.fleet != ANY else ANY_FLEET
+        if args.watch:
+            return await _watch(roll, bus, fleet, args)
+        rows = roll.rows()
+        _view(fleet, mission, args)(rows)
+        for one in await unreached(bus):
+            print(f"note: {one}", file=sys.stderr)
+        return EXIT_DONE if well(rows) else EXIT_FAILED
+
+    return on_the_bus(args, ask)
+
+
+def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> Roll:
+    """Begin to hear who is there and how they are."""
+    roll = Roll(mission, asyncio.get_running_loop().time, several=fleet == ANY)
+    bus.watch(keys.alive(fleet, "*", "*", "*"), roll.token)
+    bus.subscribe(keys.health(fleet, "*", "*"), Health, roll.heard)
+    return roll
+
+
+async def settled(roll: Roll, wait: float) -> None:
+    """Wait until everybody has told how he is, at most so many wall seconds."""
+    until = asyncio.get_running_loop().time() + wait
+    while not roll.settled and asyncio.get_running_loop().time() < until:  # noqa: ASYNC110 - time alone changes it, too
+        await asyncio.sleep(LOOK)
+
+
+def well(rows: list[Row]) -> bool:
+    """Whether somebody is there, and nobody is missing or not as he should be."""
+    return bool(rows) and all(row.well for row in rows)
+
+
+def _view(fleet: str, mission: Mission | None, args: Namespace) -> Callable[[list[Row]], None]:
+    """Return what prints the rows: a table on a terminal, lines in a pipe, JSON."""
+    if args.json:
+        return lambda rows: print(json_lines(to_json(fleet, rows, well(rows))))
+    if args.plain or not sys.stdout.isatty():
+        return lambda rows: _print_lines(fleet, rows)
+    from rich.console import Console
+
+    from argosy.status.table import table
+
+    return lambda rows: Console().print(table(fleet, rows))
+
+
+def _print_lines(fleet: str, rows: list[Row]) -> None:
+    for row in rows:
+        print(line(row))
+    print(summary(fleet, rows))
+
+
+async def _watch(roll: Roll, bus: Bus, fleet: str, args: Namespace) -> int:
+    """Show the roll until ctrl-C, which ends the command."""
+    if args.json or args.plain or not sys.stdout.isatty():
+        return await _tell_changes(roll, fleet, args)
+    from rich.console import Console
+    from rich.live import Live
+
+    from argosy.status.table import table
+
+    with Live(console=Console(), screen=True, auto_refresh=False) as live:
+        while True:
+            live.update(table(fleet, roll.rows(), away=not bus.router_up), refresh=True)
+            await asyncio.sleep(WATCH_EVERY)
+
+
+async def _tell_changes(roll: Roll, fleet: str, args: Namespace) -> int:
+    """Print what changes, with the time: standings and warnings as lines, or everything as one line of JSON."""
+    known: dict[tuple[str, str], object] = {}
+    while True:
+        rows = roll.rows()
+        now = time.strftime("%H:%M:%S")
+        if args.json:
+            print(json_lines(to_json(fleet, rows, well(rows)), indent=None), flush=True)
+        else:
+            said: dict[tuple[str, str], object] = {(row.title, row.daemon): _what_matters(row) for row in rows}
+            for row in rows:
+                if known.get((row.title, row.daemon)) != said[row.title, row.daemon]:
+                    print(now, line(row), flush=True)
+            for name, daemon in known.keys() - said.keys():
+                print(now, printable(f"gone {daemon} {name}"), flush=True)
+            known = said
+        await asyncio.sleep(WATCH_EVERY)
+
+
+def _what_matters(row: Row) -> object:
+    """What changes when there is something new to say of a daemon."""
+    life = None if row.health is None else (row.health.header.boot, row.health.errors)
+    return row.standing, [without_figures(note) for note in row.notes], life

@@ -1,0 +1,122 @@
+"""`argosy stop`: an order to robots that stands above every agent, from any terminal that reaches the router."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from typing import get_args
+
+from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
+from commd.bus.bus import Bus
+from commd.bus.errors import BusError, QueryTimeout
+from commd.process.process import EXIT_DONE, EXIT_FAILED
+from schemas.files.terminal import printable
+from schemas.files.yaml_positions import did_you_mean
+from schemas.mission.model import load_mission
+from schemas.wire import keys
+from schemas.wire.records import OperatorOrder, Outcome, StopOrder
+
+ANSWER_TIMEOUT = 15.0
+"""Wall seconds that a bridge has to see the order confirmed by its vehicle; it gives up after 10 s itself."""
+
+ORDERS: tuple[OperatorOrder, ...] = get_args(OperatorOrder)
+HELP = (
+    "`hold`, `land` and `rtl` fail every action, and none begins until `release`; "
+    "`pause` holds the robot and keeps its actions, which go on at `continue`"
+)
+UNANSWERED = "its bridge did not answer"
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy stop`."""
+    words = f"{{{','.join(ORDERS)}}}"
+    parser.add_argument("order", type=_order, metavar=words, help=HELP)
+    parser.add_argument(
+        "robot",
+        nargs="*",
+        default=[],
+        help="robots (default: all of the mission, and every robot whose bridge is there)",
+    )
+    add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
+
+
+def _order(word: str) -> str:
+    if word not in ORDERS:
+        raise ArgumentTypeError(f"there is no order `{word}`{did_you_mean(word, ORDERS)}")
+    return word
+
+
+def run(args: Namespace) -> int:
+    """Send the order and print what became of it. Returns 0 only if every robot confirmed."""
+
+    there = False
+
+    async def stop(bus: Bus, where: Where) -> int:
+        nonlocal there
+        there = True
+        return await _stop(bus, where, args.order, args.robot)
+
+    code = on_the_bus(args, stop)
+    if code == EXIT_FAILED and not there and args.mission:  # why, is said; of whom, too
+        for robot in args.robot or load_mission(args.mission).robots:
+            print(f"{robot}: {args.order} NOT confirmed (nobody was reached)")
+    return code
+
+
+async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
+    """Order the mission's robots at once, whether they are seen or not, then others whose bridges are there."""
+    looking = asyncio.create_task(bridges(bus, where.fleet))
+
+    async def told(fleet: str, robot: str) -> bool:
+        outcome = await order_robot(bus, fleet, robot, order)
+        reason = outcome.reason
+        if reason == UNANSWERED and robot not in {its for _, its in await looking}:
+            reason = f"its bridge is not on the bus at {where.router}"
+        said = f" ({printable(reason)})" if reason else ""
+        print(f"{robot}: {order} {'confirmed' if outcome.ok else 'NOT confirmed'}{said}", flush=True)
+        return outcome.ok
+
+    known = [robot for robot in where.robots if not wanted or robot in wanted]
+    orders = [asyncio.create_task(told(where.fleet, robot)) for robot in known]
+    absent: list[str] = []
+    try:
+        if not wanted or set(wanted) - set(known):  # else nobody is to wait for boards that are nothing to them
+            there = await looking
+            orders += [
+                asyncio.create_task(told(fleet, robot))
+                for fleet, robot in there
+                if robot not in known and (not wanted or robot in wanted)
+            ]
+            absent = _absent(where, wanted, known, [robot for _, robot in there])
+            for line in await unreached(bus):
+                print(f"note: {line}", file=sys.stderr)
+        confirmed = all(await asyncio.gather(*orders))
+    finally:
+        for task in (looking, *orders):
+            task.cancel()
+        await asyncio.gather(looking, *orders, return_exceptions=True)
+    return EXIT_DONE if orders and confirmed and not absent else EXIT_FAILED
+
+
+def _absent(where: Where, wanted: list[str], known: list[str], there: list[str]) -> list[str]:
+    """Name the robots that are wanted and that nobody knows, and return them; say so if there is none at all."""
+    absent = [robot for robot in wanted if robot not in (*known, *there)]
+    for robot in absent:
+        others = f"; there is {', '.join(sorted(set(there)))}" if there else ""
+        print(f"{robot}: its bridge is not on the bus at {where.router}{others}", file=sys.stderr)
+    if not (there or known or wanted):
+        what = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
+        print(f"error: no robot of {what} is on the bus at {where.router}", file=sys.stderr)
+    return absent
+
+
+async def order_robot(bus: Bus, fleet: str, robot: str, order: str) -> Outcome:
+    """Give one robot an order and return what became of it."""
+    ask = StopOrder(order=order)  # type: ignore[arg-type]
+    try:
+        return await bus.ask_one(keys.stop(fleet, robot), ask, Outcome, ANSWER_TIMEOUT)
+    except QueryTimeout:
+        return Outcome(ok=False, reason=UNANSWERED)
+    except BusError as error:  # the others have their orders, and their outcomes are to be shown
+        return Outcome(ok=False, reason=str(error))

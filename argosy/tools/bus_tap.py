@@ -1,0 +1,233 @@
+"""What is said on the bus, as bytes, for tools that show it: of one router, or of all boards of a fleet with keys."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import re
+import time
+from argparse import ArgumentParser, ArgumentTypeError
+from collections import deque
+from collections.abc import AsyncIterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from threading import Lock
+
+import zenoh
+
+from argosy.cli.fleet_bus import FleetBus
+from argosy.cli.operator_bus import ANY, Where, unreached
+from argosy.tools.output import note
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed
+from schemas.wire import keys
+from schemas.wire.codec import codec
+from schemas.wire.records import Perception
+
+ROOM = 10_000
+"""Samples that wait to be shown; of more the newest are dropped, and counted."""
+REMEMBERED = 10_000
+"""Samples by which is known what another board has told already."""
+ANSWER_TIMEOUT = 5.0
+"""Wall seconds that bridges have to say what holds now."""
+LATER = 2.0
+"""Wall seconds by which another board may tell the same later; the same after that is said anew."""
+TURN = 64
+"""Samples that are shown in one go before the event loop turns to others, such as ctrl-C."""
+QUIET = 3.0
+"""Wall seconds without a word after which it is said who is there."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """Something that was put."""
+
+    key: str
+    payload: bytes
+    encoding: str
+    at: float
+    """Unix seconds of its arrival."""
+    arrived: float
+    """The same by the clock of the event loop, which nobody sets."""
+    deleted: bool = False
+    board: str = ""
+    """Whose router has passed it on, where several boards are listened to."""
+    last_known: bool = False
+    """It was put before, holds still, and was asked for."""
+
+
+def add_key_argument(parser: ArgumentParser) -> None:
+    """Declare what is listened to."""
+    what = "a key expression such as 'argosy/*/*/status/**' or 'uav/percept/*', or the name of an agent, robot or board"
+    parser.add_argument(
+        "key", nargs="?", type=_key, metavar="KEY", help=f"{what} (default: everything but the course of minds)"
+    )
+
+
+def _key(text: str) -> str:
+    try:
+        zenoh.KeyExpr(text)
+    except zenoh.ZError:
+        raise ArgumentTypeError(f"expected a key expression such as `uav/percept/*`, got `{text}`") from None
+    return text
+
+
+def key_expressions(text: str | None, fleet: str) -> list[str]:
+    """Return what to listen to for what a user names."""
+    within = f"{keys.ROOT}/{fleet}"
+    if text is None or _NAME.fullmatch(text):
+        return what_is_told(fleet, text or "*")
+    if text == "**":
+        return [f"{within}/**"]
+    if text == keys.ROOT or text.startswith((f"{keys.ROOT}/", "@")):
+        return [text]
+    return [f"{within}/{text}", text] if "/" in text else [f"{within}/{text}"]  # robots on Zenoh have keys of their own
+
+
+def what_is_told(fleet: str, name: str = "*") -> list[str]:
+    """Return the keys on which something is put under a name, but for the course of minds, told only to who listens."""
+    rests = [channel.key.split("/")[1:] for channel in keys.CHANNELS if channel.kind == "put"]
+    kinds = {rest[0]: "/**" if len(rest) > 1 else "" for rest in rests if rest[0] != "trace"}
+    return [f"{keys.ROOT}/{fleet}/{name}/{kind}{further}" for kind, further in kinds.items()]
+
+
+class Ears:
+    """Hears what is put on some keys, in the order in which it comes."""
+
+    def __init__(self, bus: Bus, expressions: Sequence[str]) -> None:
+        self.dropped = 0
+        """Samples that did not fit: more was said than could be shown."""
+        self._loop = asyncio.get_running_loop()
+        self._waiting: deque[Heard] = deque()
+        self._lock, self._called = Lock(), asyncio.Event()
+        self._copies = Copies()
+        self._expressions, self._held = expressions, list[object]()
+        if isinstance(bus, FleetBus):
+            bus.boards.at_each(self._listen)
+        else:
+            self._listen("", bus)
+
+    async def samples(self, until: float | None = None) -> AsyncIterator[Heard]:
+        """Yield what is heard, for ever or until a time of the event loop."""
+        taken = 0
+        while until is None or self._loop.time() < until:
+            with self._lock:
+                heard = self._waiting.popleft() if self._waiting else None
+                if heard is None:
+                    self._called.clear()
+            if heard is not None:
+                taken += 1
+                if taken % TURN == 0:
+                    await asyncio.sleep(0)
+                if not heard.board or self._copies.is_new(heard):
+                    yield heard
+                continue
+            try:
+                async with asyncio.timeout_at(until):
+                    await self._called.wait()
+            except TimeoutError:
+                return
+
+    def _listen(self, board: str, bus: Bus) -> None:
+        for place, expression in enumerate(self._expressions):
+            overlapping = [one for one in map(zenoh.KeyExpr, self._expressions[:place]) if one.intersects(expression)]
+            self._held.append(bus.raw.tap(expression, partial(self._take, board, overlapping)))
+
+    def _take(self, board: str, overlapping: Sequence[zenoh.KeyExpr], sample: zenoh.Sample) -> None:
+        """Queue a sample, unless the subscription of an overlapping expression does; runs on a thread of Zenoh's."""
+        if any(expression.intersects(sample.key_expr) for expression in overlapping):
+            return
+        deleted = sample.kind == zenoh.SampleKind.DELETE
+        key, payload, encoding = str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding)
+        heard = Heard(key, payload, encoding, time.time(), time.monotonic(), deleted, board)
+        self._queue(heard)
+
+    def _queue(self, heard: Heard) -> None:
+        with self._lock:
+            if len(self._waiting) >= ROOM:
+                self.dropped += 1
+                return
+            self._waiting.append(heard)
+            first = len(self._waiting) == 1
+        if first:
+            with suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(self._called.set)
+
+    async def ask_last_known(self, bus: Bus, fleet: str) -> None:
+        """Ask the bridges for the percepts listened to that hold now: they put a percept only when it changes."""
+        every, encoder = zenoh.KeyExpr(keys.percept(fleet, "*", "**")), codec(Perception)
+        wanted = [one for one in map(zenoh.KeyExpr, self._expressions) if one.intersects(every)]
+        asked = {str(one if every.includes(one) else every) for one in wanted}
+        by_several_boards: set[tuple[str, bytes]] = set()
+
+        def told(key: str, perception: Perception) -> None:
+            if not any(one.intersects(key) for one in wanted):
+                return
+            payload = encoder.encode(perception, bus.wire)
+            if (key, payload) not in by_several_boards:
+                by_several_boards.add((key, payload))
+                encoding = encoder.encoding(bus.wire)
+                self._queue(Heard(key, payload, encoding, time.time(), time.monotonic(), last_known=True))
+
+        for key in asked if str(every) not in asked else {str(every)}:
+            with suppress(BusClosed):
+                await bus.ask_all(key, Perception, ANSWER_TIMEOUT, told, limit=ROOM)
+
+
+class Copies:
+    """Tells what several boards pass on of the same record from what somebody says again in the same words."""
+
+    def __init__(self) -> None:
+        self._said: dict[tuple[str, bool, bytes], deque[set[str]]] = {}
+        """Of each payload on a key, for each time that it was said lately: the boards by which it came."""
+        self._order: deque[tuple[float, tuple[str, bool, bytes]]] = deque()
+
+    def is_new(self, heard: Heard) -> bool:
+        """Whether no other board has told this already: each board tells a record once."""
+        while self._order and (len(self._order) >= REMEMBERED or self._order[0][0] < heard.arrived - LATER):
+            _, old = self._order.popleft()
+            self._said[old].popleft()
+            if not self._said[old]:
+                del self._said[old]
+        what = heard.key, heard.deleted, hashlib.blake2b(heard.payload, digest_size=16).digest()
+        said = self._said.setdefault(what, deque())
+        for boards in said:
+            if heard.board not in boards:
+                boards.add(heard.board)
+                return False
+        said.append({heard.board})
+        self._order.append((heard.arrived, what))
+        return True
+
+
+async def names_there(bus: Bus, fleet: str) -> dict[tuple[str, str], set[str]]:
+    """Return who holds a name: fleet and name to the daemons."""
+    found: dict[tuple[str, str], set[str]] = {}
+    for token in await bus.tokens(keys.alive(fleet, "*", "*", "*")):
+        if (parsed := keys.parse(token)) is not None and len(parsed[2]) == 3:
+            found.setdefault((parsed[0], parsed[1]), set()).add(parsed[2][1])
+    return found
+
+
+async def tell_unreached(bus: Bus) -> None:
+    """Say on stderr which boards of the fleet are not listened to."""
+    for line in await unreached(bus):
+        note(line)
+
+
+async def tell_who_is_there(bus: Bus, where: Where, text: str | None, seconds: float = QUIET) -> None:
+    """Say on stderr that nothing was heard for so long of what a user named, and who could say something."""
+    there = await names_there(bus, where.fleet)
+    of = "" if text is None else f" by or to `{text}`" if _NAME.fullmatch(text) else f" on {text}"
+    quiet = f"nothing was said{of} within {seconds:g} s"
+    if not there:
+        of = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
+        who = f"nobody of {of} is on the bus at {where.router}"
+    else:
+        fleets: dict[str, list[str]] = {}
+        for fleet, name in sorted(there):
+            fleets.setdefault(fleet, []).append(name)
+        who = "; ".join(f"fleet {fleet} has {', '.join(names)}" for fleet, names in fleets.items())
+    note(f"{quiet}; {who}")

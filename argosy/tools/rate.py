@@ -1,0 +1,149 @@
+"""`argosy hz`: how often something is said on each key, how evenly, and how much it is."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import sys
+from argparse import ArgumentParser, Namespace
+from collections import deque
+from collections.abc import Iterable
+from itertools import pairwise
+
+from argosy.cli.arguments import duration
+from argosy.cli.operator_bus import Where, add_fleet_arguments, on_the_bus, unreached
+from argosy.tools.bus_tap import QUIET, Ears, add_key_argument, key_expressions, tell_who_is_there
+from argosy.tools.output import note, put_out
+from commd.bus.bus import Bus
+from commd.process.process import EXIT_DONE, EXIT_FAILED
+from schemas.humanize import columns, shortened
+
+WINDOW = 5.0
+"""Wall seconds that the figures are of, if nobody says otherwise."""
+MOST_KEYS = 5_000
+"""Keys of which there are figures; of more, those that are silent make room, or else the new ones are only counted."""
+MOST_SAMPLES = 10_000
+"""Samples of one key in a window; of more the oldest are left out, and the figures are of the rest."""
+TABLE_EVERY = 1.0
+"""Wall seconds between two tables on a terminal."""
+HEAD = ("key", "Hz", "min ms", "max ms", "jitter ms", "B/s", "n", "last s ago")
+
+
+class Rates:
+    """What was heard in the last seconds, key by key, and what was heard before and is silent now."""
+
+    def __init__(self, window: float) -> None:
+        self.left_out = 0
+        """Samples on more keys than are kept."""
+        self._window = window
+        self._keys: dict[str, deque[tuple[float, int]]] = {}
+        """Ordered by when each was heard last."""
+
+    def add(self, key: str, at: float, size: int) -> None:
+        """Take in a sample of so many bytes."""
+        known = self._keys.pop(key, None)
+        if known is None:
+            if len(self._keys) >= MOST_KEYS and not self._make_room(at):
+                self.left_out += 1
+                return
+            known = deque(maxlen=MOST_SAMPLES)
+        known.append((at, size))
+        self._keys[key] = known
+
+    def _make_room(self, now: float) -> bool:
+        """Forget the key that is silent longest, if it is silent."""
+        silent = next(iter(self._keys))
+        if self._keys[silent][-1][0] >= now - self._window:
+            return False
+        del self._keys[silent]
+        return True
+
+    def rows(self, now: float, since: float) -> list[tuple[str, ...]]:
+        """Return a row for each key: of the window that ends now, and since when it is silent.
+
+        Listening began at `since`.
+        """
+        span = min(self._window, max(now - since, 1e-9))
+        rows = []
+        for key, known in sorted(self._keys.items()):
+            while len(known) > 1 and known[0][0] < now - self._window:
+                known.popleft()
+            lately = [(at, size) for at, size in known if at >= now - self._window]  # the last one is kept
+            times, size = [at for at, _ in lately], sum(size for _, size in lately)
+            rows.append((shortened(key), *figures(times, size, span), f"{max(0.0, now - known[-1][0]):.1f}"))
+        return rows
+
+    def silent(self, now: float) -> bool:
+        """Whether nothing was heard in the window that ends now."""
+        return all(known[-1][0] < now - self._window for known in self._keys.values())
+
+
+def figures(times: list[float], size: int, span: float) -> tuple[str, ...]:
+    """Return rate, shortest and longest interval, its standard deviation, bytes a second, and how many there were.
+
+    Rate and bytes are those of the whole span, in seconds, of which a channel may have been silent for a part.
+    """
+    gaps = [later - earlier for earlier, later in pairwise(times)]
+    rate, many = f"{len(times) / span:.2f}", (f"{size / span:.0f}", str(len(times)))
+    if not gaps:
+        return rate, "-", "-", "-", *many
+    mean = sum(gaps) / len(gaps)
+    jitter = math.sqrt(sum((gap - mean) ** 2 for gap in gaps) / len(gaps))
+    return rate, *(f"{1000 * one:.1f}" for one in (min(gaps), max(gaps), jitter)), *many
+
+
+def table(rows: Iterable[tuple[str, ...]]) -> list[str]:
+    """Return rows in columns, figures flush right."""
+    return columns([HEAD, *rows], right=range(1, len(HEAD)))
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy hz`."""
+    add_key_argument(parser)
+    help_ = f"figures of the last so many wall seconds (default {WINDOW:g}s)"
+    window = duration(lambda seconds: 0.1 <= seconds <= 3600, "100ms to 1h")
+    parser.add_argument("--window", type=window, default=WINDOW, metavar="DURATION", help=help_)
+    parser.add_argument("--once", action="store_true", help="print them after one window, and end")
+    add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
+
+
+def run(args: Namespace) -> int:
+    """Print figures until ctrl-C; with `--once` returns 1 if nothing was heard."""
+
+    async def measure(bus: Bus, where: Where) -> int:
+        ears, rates = Ears(bus, key_expressions(args.key, where.fleet)), Rates(args.window)
+        loop = asyncio.get_running_loop()
+        missing = asyncio.create_task(unreached(bus))
+        redraw = sys.stdout.isatty() and not args.once
+        every = TABLE_EVERY if redraw else args.window
+        began, heard, noticed, told = loop.time(), False, False, False
+        while True:
+            until = loop.time() + every
+            async for sample in ears.samples(until):
+                rates.add(sample.key, sample.arrived, len(sample.payload))
+            if missing.done() and not told and not redraw:
+                told = True
+                for board in missing.result():
+                    note(board)
+            rows = rates.rows(loop.time(), began)
+            heard = heard or bool(rows)
+            if not heard and not noticed and (args.once or loop.time() - began >= QUIET):
+                noticed = True
+                await tell_who_is_there(bus, where, args.key, round(loop.time() - began, 1))
+            lines = table(rows) if rows else []
+            if rows and rates.silent(loop.time()):
+                lines.append(f"nothing was said in the last {args.window:g} s")
+            if ears.dropped or rates.left_out:
+                lines.append(f"{ears.dropped + rates.left_out} records were left out: more is said than is counted")
+            if lines and redraw and missing.done():
+                lines += missing.result()
+            if lines and not put_out(
+                "\n".join((["\x1b[H\x1b[J"] if redraw else []) + lines + ([] if args.once else [""]))
+            ):
+                return EXIT_DONE
+            if args.once:
+                for board in [] if told else await missing:
+                    note(board)
+                return EXIT_DONE if heard else EXIT_FAILED
+
+    return on_the_bus(args, measure)

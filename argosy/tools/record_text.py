@@ -1,0 +1,199 @@
+"""A record in one line for people, as programs write it where they do: the one way in which all tools show records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+
+from argosy.tools.action_text import called
+from argosy.tools.decoding import plain, read_record
+from schemas.humanize import shortened
+from schemas.manifest.loader import ActionDescription
+from schemas.wire.codec import BadRecord
+from schemas.wire.mind_records import DecisionView, Deed, MindDecisions, MindDeeds, MindInputs, MindOrder, MindView
+from schemas.wire.records import (
+    Action,
+    ActionStatus,
+    BoardReport,
+    BoardServices,
+    Cancel,
+    Health,
+    LiveManifest,
+    Mail,
+    Mailboxes,
+    ManifestChange,
+    Message,
+    Outcome,
+    Perception,
+    Receipt,
+    Record,
+    RunningMission,
+    RunState,
+    ServiceRequest,
+    StopOrder,
+)
+from schemas.wire.term_text import write
+
+SIGNS = {"replace": "", "add": "+", "remove": "-"}
+
+
+def line_of(key: str, payload: bytes, encoding: str = "") -> str:
+    """Return what was put or answered on a key in one line; never raises."""
+    try:
+        record = read_record(key, payload, encoding)
+        if record is None:
+            return shortened(_unknown(payload, encoding))
+        text = in_words(record)
+        if isinstance(record, Perception) and not record.name:
+            text = text.replace("?", key.partition("?")[0].rpartition("/")[2], 1)
+        return shortened(text)
+    except BadRecord as bad:
+        return shortened(f"({bad})")
+
+
+def in_words(record: Record) -> str:
+    """Return a record in words."""
+    match record:
+        case Perception():
+            return f"{SIGNS[record.update]}{called(record.name or '?', record.parameters)}"
+        case ActionStatus():
+            return _status(record)
+        case Action():
+            again = f", attempt {record.attempt}" if record.attempt > 1 else ""
+            return f"{called(record.name or '?', record.parameters)}{again}"
+        case ActionDescription():
+            told = f"; {record.problem}" if record.problem else ""
+            return f"{record.signature} by {record.confirm or 'result'} within {record.deadline:g} s{told}"
+        case Health():
+            return _health(record)
+        case Mail():
+            return "; ".join(map(_message, record.messages)) or "no mail"
+        case Receipt():
+            reasons = [f"{place}: {why}" for place, why in (*record.refused.items(), *record.later.items())]
+            return f"taken {record.taken}" + _list(", refused or later: ", reasons)
+        case BoardServices():
+            offers = (f"{name} ({', '.join(its)})" if its else name for name, its in record.agents.items())
+            return f"{record.board}: {', '.join(offers) or 'nobody'}" + _list("; found ", record.found) + _why(record)
+        case Mailboxes():
+            waits = (f"{one.sender} > {one.receiver} {one.messages}" for one in record.queues)
+            return f"{record.board}: {', '.join(waits) or 'no mail waits'}; {record.dead_count} given up"
+        case LiveManifest():
+            bad = "; ".join(record.problems)
+            return f"{record.robot} version {record.version} of {record.file or 'no file'}" + (
+                bad and f"; refused: {bad}"
+            )
+        case Outcome():
+            return ("done" if record.ok else "NOT done") + (f": {record.reason}" if record.reason else "")
+        case MindView() | MindInputs() | MindDecisions() | MindDeeds():
+            return _mind(record)
+        case _:
+            return _small(record)
+
+
+def _small(record: Record) -> str:
+    match record:
+        case Cancel():
+            return f"cancel {record.id}"
+        case StopOrder():
+            return record.order
+        case RunningMission():
+            return f"{record.file}, {len(record.text)} characters"
+        case RunState():
+            said = f": {record.why}" if record.why else ""
+            return f"{record.phase.replace('_', ' ')}{said} ({record.mission_time:.1f} s)"
+        case MindOrder():
+            return f"{record.do} {record.text}".strip()
+        case ServiceRequest():
+            return f"{record.agent} {record.do} {record.service}".strip()
+        case ManifestChange():
+            changes = (f"{path} = {_json(value)}" for path, value in record.set.items())
+            return ", ".join([*changes, *(f"without {path}" for path in record.remove)])
+        case BoardReport():
+            links = (f"{one.board} {one.answered}/{one.asked}" for one in record.links)
+            free = f", {record.disk_free / 1e9:.1f} GB free" if record.disk_free is not None else ""
+            return f"{record.board}: {record.state}{free}{_list('; links ', links)}"
+    return f"{type(record).__name__} {_json(msgspec.to_builtins(record))}"
+
+
+def _status(status: ActionStatus) -> str:
+    progress = {} if status.final else status.feedback
+    figures = "".join(f" {what}={value:.4g}" for what, value in progress.items())
+    said = f": {status.reason}" if status.reason else ""
+    return f"{called(status.name or '?', status.parameters)} {status.state.replace('_', ' ')}{figures}{said}"
+
+
+def _health(health: Health) -> str:
+    parts = [f"{health.daemon or '?'} up {health.uptime:.0f} s", f"cpu {health.cpu:.1f} s"]
+    for what, count in (("dropped", health.drops), ("bad input", health.bad_input), ("errors", health.errors)):
+        parts += [f"{what} {count}"] if count else []
+    if health.lag > 0.1:
+        parts.append(f"behind {health.lag:.1f} s")
+    return ", ".join(parts) + _list("; ", health.notes, "; ")
+
+
+def _message(message: Message) -> str:
+    return f"{message.sender} > {message.receiver} {message.performative} {write(message.content)}"
+
+
+def _mind(record: MindView | MindInputs | MindDecisions | MindDeeds) -> str:
+    match record:
+        case MindView():
+            what = f"cycle {record.cycle} {record.state}, {len(record.beliefs) + record.beliefs_left_out} beliefs"
+            goals = (f"{one.stack[-1] if one.stack else '?'} {one.state}" for one in record.intentions)
+            return f"{record.agent}: {what}" + _list("; ", goals, "; ")
+        case MindInputs():
+            return f"{record.agent}: batch {record.number} to cycle {record.last}, {len(record.inputs)} inputs"
+        case MindDecisions():
+            told = [*map(_decision, record.decisions), *(f"{one.formula}: {one.error}" for one in record.failures)]
+        case MindDeeds():
+            told = [_deed(one) for one in record.deeds]
+    return "; ".join(told) + (f"; {record.left_out} left out" if record.left_out else "")
+
+
+def _decision(decision: DecisionView) -> str:
+    chosen = decision.chosen
+    if chosen is None:
+        return f"{decision.event}: no plan"
+    return f"{decision.event}: {chosen.label or chosen.trigger}" + (f" ({chosen.position})" if chosen.position else "")
+
+
+def _deed(deed: Deed) -> str:
+    match deed.kind:
+        case "sent":
+            return f"sent {deed.other} {deed.performative} {deed.text}"
+        case "received":
+            return f"received of {deed.other} {deed.performative} {deed.text}"
+    said = " ".join(filter(None, (deed.kind, deed.text, deed.state)))
+    return said + (f": {deed.reason}" if deed.reason else "")
+
+
+def _why(services: BoardServices) -> str:
+    return f"; {services.problem}" if services.problem else ""
+
+
+def _list(before: str, items: Iterable[str], between: str = ", ") -> str:
+    text = between.join(items)
+    return f"{before}{text}" if text else ""
+
+
+def _unknown(payload: bytes, encoding: str) -> str:
+    """What is no record of ours: JSON as it is, text, or how much it is."""
+    if not payload:
+        return "(empty)"
+    try:
+        return _json(plain(payload, encoding))
+    except BadRecord:
+        pass
+    try:
+        return payload.decode()
+    except UnicodeDecodeError:
+        return f"({len(payload)} bytes)"
+
+
+def _json(value: Any) -> str:
+    try:
+        return msgspec.json.encode(value).decode()
+    except (TypeError, ValueError, RecursionError):
+        return repr(value)

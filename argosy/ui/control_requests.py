@@ -1,0 +1,177 @@
+"""What the page's buttons do: orders to robots above every agent, and orders to minds; the outcome as it is told.
+
+As in `argosy stop` every robot of the mission is ordered, seen or not, and whoever did not confirm is named.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import msgspec
+from msgspec.structs import replace
+
+from argosy.cli.operator_bus import bridges
+from argosy.fleet_model import steady_clock
+from argosy.stop.command import UNANSWERED, order_robot
+from argosy.ui.view_structs import OrderedView
+from commd.bus.bus import Bus
+from commd.bus.errors import BusError, QueryTimeout
+from schemas.wire import keys
+from schemas.wire.mind_records import MindOrder
+from schemas.wire.names import check_name
+from schemas.wire.records import OperatorOrder, Outcome
+
+WAITING = ("waiting", "")
+CUT = ("NOT confirmed", "it was cut off: NOT known whether it was done")
+NOBODY = "the router is not reached, so nobody was told"
+ROBOTS = 200
+"""Robots of one order."""
+KEPT = 20
+"""Orders that pages show."""
+CONTROL_PATIENCE = 5.0
+"""Wall seconds that an agent has to answer."""
+LONGEST = 4_000
+"""Characters of a goal or belief."""
+LATE = 5.0
+"""Wall seconds after which an order that comes is none any more: whoever gave it sees another sky by now."""
+
+
+class StopWish(msgspec.Struct, forbid_unknown_fields=True):
+    """What a page asks of robots."""
+
+    order: OperatorOrder
+    at: float
+    """When that was, by our clock as the page was told it."""
+    robots: list[str] | None = None
+    """None: all."""
+
+
+class ControlWish(msgspec.Struct, forbid_unknown_fields=True):
+    """What a page asks of a mind."""
+
+    agent: str
+    do: Literal["pause", "step", "resume", "goal", "belief"]
+    at: float
+    text: str = ""
+
+
+class Orders:
+    """The orders of this run."""
+
+    def __init__(self, known: Callable[[], list[str]], rights: Callable[[], str]) -> None:
+        self._known = known
+        """The robots of the mission, and those that were seen."""
+        self._rights = rights
+        """Why nothing may be ordered; empty if it may be."""
+        self._number = 0
+        self.last: deque[OrderedView] = deque(maxlen=KEPT)
+
+    async def stop(self, bus: Bus | None, fleet: str, wish: StopWish) -> OrderedView:
+        """Order robots, all at once, and wait for what each of them says."""
+        self._number += 1
+        view = OrderedView(
+            number=self._number, order=wish.order, at=steady_clock(), clicked=wish.at, state="looking",
+            of="all" if wish.robots is None else "",
+        )  # fmt: skip
+        self.last.append(view)
+        problem = (
+            late(wish.at)
+            or self._rights()
+            or misnamed(wish.robots or (), "a robot")
+            or (NOBODY if bus is None or not fleet else "")
+        )
+        if problem or bus is None:
+            return self._now(replace(view, problem=problem))
+        names = self._known() if wish.robots is None else list(dict.fromkeys(wish.robots))[:ROBOTS]
+        telling = {asyncio.create_task(self._told(bus, fleet, name, wish.order)) for name in names}
+        view = self._now(replace(view, outcomes=dict.fromkeys(names, WAITING)))
+        looking = asyncio.create_task(bridges(bus, fleet))
+        try:
+            if wish.robots is None:  # those that nobody has seen yet, too: the others have their orders by now
+                for more in sorted({robot for _, robot in await looking} - set(names)):
+                    telling.add(asyncio.create_task(self._told(bus, fleet, more, wish.order)))
+                    view = self._now(replace(view, outcomes=view.outcomes | {more: WAITING}))
+            if not telling:
+                view = self._now(replace(view, problem="no robot is there"))
+                return view
+            there = {robot for _, robot in await looking}
+            for told in asyncio.as_completed(telling):
+                robot, outcome = await told
+                reason = outcome.reason
+                if reason == UNANSWERED and not bus.router_up:
+                    reason = "the router is not reached"
+                elif reason == UNANSWERED and robot not in there:
+                    reason = "its bridge is not on the bus"
+                state = "confirmed" if outcome.ok else "NOT confirmed"
+                view = self._now(replace(view, outcomes=view.outcomes | {robot: (state, reason)}))
+        finally:
+            for task in (looking, *telling):
+                task.cancel()
+            await asyncio.gather(looking, *telling, return_exceptions=True)
+            cut = {robot: CUT for robot, told in view.outcomes.items() if told == WAITING}
+            if cut or not (view.outcomes or view.problem):  # by an error, or the end of this process
+                self._now(replace(view, outcomes=view.outcomes | cut, problem="" if cut else CUT[1]))
+        return view
+
+    async def _told(self, bus: Bus, fleet: str, robot: str, order: str) -> tuple[str, Outcome]:
+        return robot, await order_robot(bus, fleet, robot, order)
+
+    def _now(self, view: OrderedView) -> OrderedView:
+        """Let pages see how an order stands."""
+        view = replace(view, state=_state(view))
+        for index, one in enumerate(self.last):
+            if one.number == view.number:
+                self.last[index] = view
+        return view
+
+    async def control(self, bus: Bus | None, fleet: str, wish: ControlWish) -> Outcome:
+        """Order a mind; refused in words unless its mission allows it."""
+        if why := late(wish.at) or self._rights() or misnamed((wish.agent,), "an agent"):
+            return Outcome(ok=False, reason=why)
+        if bus is None or not fleet:
+            return Outcome(ok=False, reason=NOBODY)
+        if len(wish.text) > LONGEST:
+            return Outcome(ok=False, reason=f"{len(wish.text)} characters, expected at most {LONGEST}")
+        if wish.do in ("goal", "belief") and not wish.text.strip():
+            return Outcome(ok=False, reason=f"expected a {wish.do}, such as `go(3,4)`")
+        order = MindOrder(do=wish.do, text=wish.text.strip())
+        try:
+            return await bus.ask_one(keys.control(fleet, wish.agent), order, Outcome, CONTROL_PATIENCE)
+        except QueryTimeout:
+            return Outcome(ok=False, reason=f"`{wish.agent}` did not answer: is it there?")
+        except BusError as error:
+            return Outcome(ok=False, reason=str(error))
+
+
+def _state(view: OrderedView) -> Literal["looking", "waiting", "confirmed", "NOT confirmed", "NOT ordered"]:
+    states = {state for state, _ in view.outcomes.values()}
+    if view.problem:
+        return "NOT ordered"
+    if not states:
+        return "looking"
+    return "waiting" if "waiting" in states else "confirmed" if states == {"confirmed"} else "NOT confirmed"
+
+
+def late(at: float) -> str:
+    """Say why an order of that time is none any more; empty if it is a fresh one.
+
+    One lies somewhere while this process, its machine or the way to it hangs, and comes when nobody expects it.
+    """
+    age = steady_clock() - at
+    if abs(age) <= LATE:
+        return ""
+    when = f"{age:.0f} s after it was given" if age > 0 else f"{-age:.0f} s before it was given, by our clock"
+    return f"it came {when}, and may not be meant any more: order again"
+
+
+def misnamed(names: Sequence[str], what: str) -> str:
+    """Say which of the names is none, in words: a `*` would speak to everybody."""
+    for name in names:
+        try:
+            check_name(name)
+        except ValueError:
+            return f"`{name[:64]}` is no name of {what}"
+    return ""

@@ -1,0 +1,288 @@
+"""A fleet as the pages of `argosy ui` see it: the model that is kept up to date, what is shown, what is asked of it."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
+from typing import Literal
+
+from msgspec.structs import replace
+
+from argosy.cli.operator_bus import ANY, Where
+from argosy.fleet_model import Entry, Letter, MissionClock, TeamModel, TeamWatcher, steady_clock
+from argosy.ui.belief_polling import Believing
+from argosy.ui.control_requests import ControlWish, Orders, StopWish
+from argosy.ui.fleet_link import Link
+from argosy.ui.map_markers import marks
+from argosy.ui.view_builders import agent_view, alarms, board_view, robot_view, shared_notes
+from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Shown
+from argosy.ui.view_structs import DefectView, HappenedView, HeadView, LetterView, OrderedView, RunView, SeenMind
+from argosy.ui.websocket import Page
+from argosy.ui.why_requests import FleetWish, WhyWish, explained
+from commd.bus.bus import Bus
+from commd.process.log_handler import one_line
+from schemas.mission.model import Ending, Mission
+from schemas.version import RELEASE
+from schemas.wire.records import Header, Outcome
+
+FRESH = 0.2
+"""Seconds for which what is shown is not looked at again."""
+LETTERS = 150
+"""Messages of the chart."""
+MARKED = 1.0
+"""Seconds between two looks at what is to be marked on the map."""
+TRACK = 500
+"""Points of each track that a new page gets."""
+
+
+class Following:
+    """What the server shows and does. Nothing is made while no page is open."""
+
+    def __init__(self, place: Where, mission: Mission | None, identity: str = "", tiles: bool = False) -> None:
+        """`identity` is the name in our certificate, if we have one; `tiles`: there are tiles for the map."""
+        self.place, self.mission, self.identity = place, mission, identity
+        self.model = TeamModel(steady_clock, fleet="" if place.fleet == ANY else place.fleet, mission=mission)
+        self.shown = Shown(self._tracks)
+        self._run = self.model.run
+        self.pages: set[Page] = set()
+        self.link = Link(place, self._follow)
+        self.orders = Orders(self._robots, self._rights)
+        self._tiles = tiles
+        self._watcher: TeamWatcher | None = None
+        self._believing = Believing()
+        self._looked: frozenset[str] = frozenset()
+        self._made = self._marked = 0.0
+        self._marks = marks(self.model, {})
+        self._entry = self._letter = 0
+        """Numbers of the last entry and of the last change of a letter that are shown."""
+        self._letters: dict[tuple[str, str, str], LetterView] = {}
+        self._said: dict[str, str] = {}
+        self._defect = ""
+
+    @asynccontextmanager
+    async def _follow(self, bus: Bus, fleet: str) -> AsyncIterator[None]:
+        watcher = self._watcher = TeamWatcher(bus, self.model, fleet)
+        watcher.start()
+        for agent in self._looked:
+            watcher.look_at(agent)
+        believing = asyncio.create_task(self._believing.run(bus, self.model))
+        try:
+            yield
+        finally:
+            self._watcher = None
+            believing.cancel()
+            await asyncio.gather(believing, return_exceptions=True)
+            await watcher.stop()
+
+    # What is shown.
+
+    def refresh(self) -> None:
+        """Bring what is shown up to date, unless that was just done."""
+        now = self.model.now()
+        if now - self._made < FRESH:
+            return
+        self._made = now
+        try:
+            self._bring(now)
+        except Exception as error:  # said on the page, and its other parts and its orders go on
+            what = f"a defect of argosy ui: {type(error).__name__}: {one_line(str(error))}"
+            if what != self._defect:
+                print(f"argosy ui: {what}", file=sys.stderr, flush=True)
+            self._defect = what
+            self.shown.add({"defect": DefectView(text=what), "head": self._head()} | self._ordered())
+        else:
+            self._defect = ""
+
+    def _bring(self, now: float) -> None:
+        self._look()
+        if self.model.run != self._run:
+            self._run = self.model.run
+            self._believing.beliefs.clear()
+            self._marked = 0.0
+            self.shown.begin_run()
+        if now - self._marked >= MARKED:
+            self._marked, self._marks = now, marks(self.model, self._believing.beliefs)
+        entries = self.model.timeline.since(self._entry)
+        self._entry = self.model.timeline.number
+        self._said |= {
+            entry.who: entry.text for entry in entries if entry.what == "print" and entry.who in self.model.agents
+        }
+        for gone in self._said.keys() - self.model.agents.keys():
+            del self._said[gone]
+        self._take_letters()
+        self.shown.show(self._parts(), [_happened(entry, self.model.clock) for entry in entries])
+
+    def left(self, page: Page) -> None:
+        """Forget a page, and look away from what it alone looked at."""
+        self.pages.discard(page)
+        self._look()
+
+    def _look(self) -> None:
+        """Let the watcher look at the minds that pages look at."""
+        looked = frozenset(agent for page in self.pages for agent in page.looks_at)
+        if self._watcher is not None:
+            for agent in looked - self._looked:
+                self._watcher.look_at(agent)
+            for agent in self._looked - looked:
+                self._watcher.look_away(agent)
+        self._looked = looked
+
+    def _parts(self) -> dict[str, object]:
+        model = self.model
+        robots = {} if model.mission is None else model.mission.robots
+        shared = {note.text for note in shared_notes(model)}
+        parts: dict[str, object] = {"head": self._head(), "marks": self._marks}
+        for name, agent in model.agents.items():
+            parts[f"agent/{name}"] = agent_view(model, agent, self._said.get(name, ""), shared)
+        for name, robot in model.robots.items():
+            parts[f"robot/{name}"] = robot_view(model, robot, robots.get(name), shared)
+        for name, board in model.boards.items():
+            parts[f"board/{name}"] = board_view(board)
+        for letter in self._letters.values():
+            parts[f"letter/{letter.number}"] = letter
+        parts |= self._ordered()
+        for name in self._looked & model.agents.keys():
+            detail = model.agents[name].detail
+            shown = None if detail is None else replace(detail, header=Header(), plans=())
+            parts[OF_MINDS + name] = SeenMind(heard=model.agents[name].detailed, mind=shown)
+            parts[OF_PLANS + name] = () if detail is None else detail.plans
+        return parts
+
+    def _ordered(self) -> dict[str, object]:
+        return {f"order/{order.number}": order for order in self.orders.last}
+
+    def _head(self) -> HeadView:
+        link, model, mission, started_with = self.link, self.model, self.model.mission, self.mission
+        router: Literal["up", "away", "never", "ended"] = "up" if link.up else "away" if link.was_up else "never"
+        if router == "away" and model.over:
+            router = "ended"
+        differs = started_with is not None and mission is not None and mission.text != started_with.text
+        return HeadView(
+            fleet=link.fleet,
+            fleets=link.fleets if not link.fleet else (),
+            mission="" if mission is None else mission.name,
+            file="" if mission is None else mission.path.name,
+            version=RELEASE,
+            endpoint=self.place.router,
+            router=router,
+            router_since=link.changed,
+            problem=link.problem or model.mission_problem,
+            identity=self.identity,
+            observer=self._rights(),
+            inject=None if mission is None else mission.inject,
+            mission_differs=started_with.path.name if started_with is not None and differs else "",
+            run=_run(model),
+            as_of=model.as_of if model.over else None,
+            notes=tuple(shared_notes(model)),
+            alarms=tuple(alarms(model)),
+            mission_zero=model.clock.zero,
+            speed=model.clock.speed,
+            timeout=None if mission is None else mission.timeout,
+            done=_formulas(model, mission.done if mission else (), "done"),
+            failed=_formulas(model, mission.failed if mission else (), "failed"),
+            tiles=self._tiles,
+            unreached=() if model.over else link.unreached,
+        )
+
+    def _take_letters(self) -> None:
+        """Take the letters that came or changed, and forget the oldest."""
+        for letter in self.model.letters.since(self._letter):
+            self._letter = letter.number
+            key = (letter.id, letter.sender, letter.receiver)
+            known = self._letters.get(key)
+            self._letters[key] = _letter(letter, known.number if known else letter.number)
+        while len(self._letters) > LETTERS:
+            del self._letters[next(iter(self._letters))]
+
+    def _tracks(self) -> dict[str, list[tuple[float, float]]]:
+        """Return where each robot was, as far as that is kept, in few points."""
+        tracks: dict[str, list[tuple[float, float]]] = {}
+        for name, robot in self.model.robots.items():
+            points = robot.seen.track.points
+            step = max(1, len(points) // TRACK)
+            tracks[name] = [(one.latitude, one.longitude) for one in points[::step]]
+        return tracks
+
+    # What is asked.
+
+    def _robots(self) -> list[str]:
+        named = [] if self.model.mission is None else list(self.model.mission.robots)
+        return list(dict.fromkeys([*named, *(name for name, one in self.model.robots.items() if one.there)]))
+
+    def _rights(self) -> str:
+        """Return why nothing may be ordered; empty if it may be."""
+        if self.mission is not None and self.identity in self.mission.security.observers:
+            return f"`{self.identity}` is an observer by the mission: it sees, and orders nothing"
+        return ""
+
+    async def stop(self, wish: StopWish) -> OrderedView:
+        """Order robots."""
+        return await self.orders.stop(self.link.bus, self.link.fleet, wish)
+
+    async def control(self, wish: ControlWish) -> Outcome:
+        """Order a mind."""
+        return await self.orders.control(self.link.bus, self.link.fleet, wish)
+
+    async def why(self, wish: WhyWish) -> object:
+        """Explain what an agent did."""
+        return await explained(self.link.bus, self.link.fleet, wish)
+
+    async def choose(self, wish: FleetWish) -> Outcome:
+        """Choose one of several fleets."""
+        return Outcome(ok=self.link.choose(wish.fleet))
+
+
+def _formulas(model: TeamModel, endings: Iterable[Ending], what: str) -> dict[str, bool]:
+    """Return the mission's formulas of one kind and whether they hold, as far as their agents have told."""
+    held: dict[str, bool] = {}
+    for one in endings:
+        mind = model.agents[one.agent].mind if one.agent in model.agents else None
+        held[f"{one.agent}: {one.formula}"] = bool(mind and getattr(mind, what).get(one.formula, False))
+    return held
+
+
+def _letter(letter: Letter, number: int) -> LetterView:
+    return LetterView(
+        number=number,
+        id=letter.id,
+        sender=letter.sender,
+        receiver=letter.receiver,
+        performative=letter.performative,
+        content=letter.content,
+        sent=letter.sent,
+        received=letter.received,
+        in_reply_to=letter.in_reply_to,
+        state=letter.state,
+        undelivered=letter.undelivered,
+    )
+
+
+def _run(model: TeamModel) -> RunView | None:
+    state, silent = model.run_state, model.run_silent
+    if state is None:
+        return None
+    return RunView(
+        phase=state.phase,
+        why=state.why,
+        seconds=round(state.mission_time, 1) if model.over else 0.0,
+        report=state.report,
+        recording=state.recording,
+        silent=None if silent is None else round(model.now() - silent, 1),
+    )
+
+
+def _happened(entry: Entry, clock: MissionClock) -> HappenedView:
+    seconds = clock.seconds(entry.at)
+    return HappenedView(
+        n=entry.number,
+        at=round(entry.at, 2),
+        mission=None if seconds is None else round(seconds, 1),
+        who=entry.who,
+        what=entry.what,
+        text=entry.text,
+        level=entry.level,
+        other=entry.other,
+        id=entry.id,
+    )

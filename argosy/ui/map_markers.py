@@ -1,0 +1,117 @@
+"""What stands on the map besides vehicles: victims, waypoints, targets, areas, as percepts, actions and beliefs say.
+
+A victim is what a percept or belief `victim(Id,Lat,Lon)` or `found(Id,Lat,Lon)` says; `held(Id,Agent)` tells to whom it
+is promised and `rescued(Id)` that it is rescued, as in the search and rescue that ships. An area is `area(South,West,
+North,East)`. Everything else that has a latitude beside a longitude is a place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+
+from argosy.fleet_model import Place, TeamModel
+from argosy.ui.view_structs import AreaView, MarksView, MarkView
+from schemas.geo import distance
+from schemas.wire.mind_records import BeliefView
+from schemas.wire.term_text import BadTerm, read, write
+from schemas.wire.terms import Structure, Term, to_float
+
+VICTIMS = frozenset({"victim", "found", "survivor"})
+WAYPOINTS = frozenset({"waypoint", "waypoints", "wp"})
+MOST = 300
+"""Marks on a map; the oldest are left out and counted."""
+NEAR = 30_000.0
+"""Metres from a robot within which a belief counts as an area."""
+Facts = Mapping[str, Iterable[BeliefView]]
+"""The beliefs of each agent."""
+
+
+@lru_cache(4_096)
+def literal(text: str) -> Structure | None:
+    """Read the text of a belief; None if it is no positive literal with arguments."""
+    try:
+        term = read(text)
+    except (BadTerm, RecursionError):
+        return None
+    return term if isinstance(term, Structure) and not term.negated and term.args else None
+
+
+def marks(model: TeamModel, beliefs: Facts) -> MarksView:
+    """Return everything that is to be marked on the map."""
+    found: dict[str, MarkView] = {}
+    believed = [(agent, said) for agent, its in beliefs.items() for one in its if (said := literal(one.text))]
+    robots = [at for one in model.robots.values() if (at := one.seen.position or one.seen.home)]
+    states = _states(believed)
+    for agent, said in believed:
+        if said.functor in VICTIMS and len(said.args) >= 3 and (at := _position(said.args[1:3])) and _near(at, robots):
+            _victim(found, _plain(said.args[0]), at, agent, states, write(said))
+    for place in model.places.all.values():
+        _place(found, place, states)
+    areas: dict[tuple[float, float, float, float], AreaView] = {}
+    for agent, said in believed:
+        numbers = [to_float(one) for one in said.args]
+        if said.functor == "area" and len(numbers) == 4 and None not in numbers:
+            south, west, north, east = (one or 0.0 for one in numbers)
+            if south < north and west < east and _near((south, west), robots):
+                areas.setdefault(
+                    (south, west, north, east), AreaView(agent=agent, label="area", bounds=(south, west, north, east))
+                )
+    kept = list(found.values())[-MOST:]
+    return MarksView(marks=tuple(kept), areas=tuple(areas.values())[:20], left_out=len(found) - len(kept))
+
+
+def _states(believed: list[tuple[str, Structure]]) -> dict[str, str]:
+    """Return how victims are, by their ids: a rescue that anybody knows of is one."""
+    states: dict[str, str] = {}
+    for _, said in believed:
+        if said.functor == "held" and len(said.args) == 2:
+            states.setdefault(_plain(said.args[0]), f"promised to {_plain(said.args[1])}")
+    for _, said in believed:
+        if said.functor == "rescued" and len(said.args) == 1:
+            states[_plain(said.args[0])] = "rescued"
+    return states
+
+
+def _victim(
+    found: dict[str, MarkView], id: str, at: tuple[float, float], agent: str, states: dict[str, str], text: str
+) -> None:
+    key = f"victim {id}"
+    known = found[key].agents if key in found else ()
+    agents = known if agent in known else (*known, agent)
+    found[key] = MarkView(
+        id=key, kind="victim", label=id, position=at, agents=agents, state=states.get(id, "missing"), text=text[:200]
+    )
+
+
+def _place(found: dict[str, MarkView], place: Place, states: dict[str, str]) -> None:
+    if place.kind == "action":
+        if place.present:
+            found[place.id] = MarkView(
+                id=place.id, kind="target", label=place.name, position=place.position, agents=(place.agent,),
+                state=place.state, text=place.text,
+            )  # fmt: skip
+        return
+    said = literal(place.text)
+    id = _plain(said.args[0]) if said is not None else place.text
+    if place.name in VICTIMS and said is not None:  # a victim stays where it was seen, perceived or not
+        _victim(found, id, place.position, place.agent, states, place.text)
+    elif place.present:
+        kind = "waypoint" if place.name in WAYPOINTS else "place"
+        label = id if kind == "waypoint" else place.name
+        found[place.id] = MarkView(
+            id=place.id, kind=kind, label=label, position=place.position, agents=(place.agent,), text=place.text  # type: ignore[arg-type]
+        )  # fmt: skip
+
+
+def _position(pair: tuple[Term, ...]) -> tuple[float, float] | None:
+    one, two = map(to_float, pair)
+    return None if one is None or two is None or not (-90 <= one <= 90 and -180 <= two <= 180) else (one, two)
+
+
+def _near(at: tuple[float, float], robots: list[tuple[float, float]]) -> bool:
+    return any(distance(at, robot) <= NEAR for robot in robots)
+
+
+def _plain(term: Term) -> str:
+    return term if isinstance(term, str) else write(term)

@@ -1,0 +1,142 @@
+"""Makes what pages show of the members of a fleet from the shared model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Container
+from typing import Literal
+
+from argosy.fleet_model import Member, TeamAgent, TeamBoard, TeamModel, TeamRobot, activity
+from argosy.fleet_model.fleet_status import Standing
+from argosy.fleet_model.robots import ActionSeen
+from argosy.ui.view_structs import AgentView, BoardView, IntentionLine, NoteView, RobotView, RunningView
+from schemas.mission.model import Robot
+
+INTENTIONS = 4
+"""Intentions of an agent that stand in the list."""
+STALE = 6.0
+"""Seconds after which what a mind has shown is old: those that nobody looks at are asked every 2 s."""
+
+
+def shared_notes(model: TeamModel) -> list[NoteView]:
+    """Return the notes that several members have, with their names: they are said once."""
+    return [note for note in _named(model, lambda member: member.notes) if len(note.names) > 1]
+
+
+def alarms(model: TeamModel) -> list[NoteView]:
+    """Return the notes that are errors, with the names of those that have them."""
+    return _named(model, lambda member: member.alarms)
+
+
+def _named(model: TeamModel, notes_of: Callable[[Member], tuple[str, ...]]) -> list[NoteView]:
+    named: dict[str, list[str]] = {}
+    for members in (model.agents, model.robots, model.boards):
+        for member in members.values():
+            for note in notes_of(member):
+                named.setdefault(note, []).append(member.name)
+    return [NoteView(text=note, names=tuple(names)) for note, names in named.items()]
+
+
+def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[str] = ()) -> AgentView:
+    """Return an agent as it stands in the list; notes that are `shared` are said elsewhere."""
+    mind, does = agent.mind, activity(model, agent)
+    counted = {} if mind is None else {
+        "program": mind.program,
+        "cycle": mind.cycle,
+        "intentions": tuple(
+            IntentionLine(
+                id=one.id, state=one.state, goal=one.stack[0] if one.stack else "", depth=len(one.stack),
+                reason=one.reason, at=one.at,
+            )
+            for one in mind.intentions[:INTENTIONS]
+        ),
+        "intention_count": len(mind.intentions) + mind.intentions_left_out,
+        "belief_count": len(mind.beliefs) + mind.beliefs_left_out,
+        "event_count": len(mind.events) + mind.events_left_out,
+        "question_count": len(mind.questions),
+        "mailbox": mind.mailbox + model.mail_for(agent.name),
+        "dropped": sum(mind.dropped.values()),
+    }  # fmt: skip
+    return AgentView(
+        name=agent.name,
+        board=agent.board,
+        robot=agent.robot,
+        standing=_standing(agent),
+        since=agent.since,
+        notes=tuple(note for note in agent.notes if note not in shared),
+        state=does.doing,
+        action=does.action[:200],
+        stale=agent.heard if (agent.age(model.as_of) or 0.0) > STALE else None,
+        silent=agent.silent,
+        why_silent=agent.why_silent,
+        actions=tuple(_running(one, model.as_of) for one in model.open_actions(agent.name)[-INTENTIONS:]),
+        said=said,
+        **counted,  # type: ignore[arg-type]
+    )
+
+
+def _running(action: ActionSeen, now: float) -> RunningView:
+    return RunningView(
+        id=action.id,
+        text=action.text[:200],
+        state=action.state,
+        began=action.began,
+        silent=None if action.silent(now) is None else action.heard,
+        feedback={name: round(value, 1) for name, value in list(action.feedback.items())[:4] if math.isfinite(value)},
+    )
+
+
+def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None, shared: Container[str] = ()) -> RobotView:
+    """Return a robot as it stands on the map; `named` is what the mission says of it."""
+    seen, age = robot.seen, robot.age(model.as_of)
+    velocity = seen.velocity
+    return RobotView(
+        name=robot.name,
+        board=robot.board,
+        agents=robot.agents,
+        standing=_standing(robot),
+        since=robot.since,
+        notes=tuple(note for note in robot.notes if note not in shared),
+        alarms=robot.alarms,
+        stale=round(model.as_of - age, 1) if age is not None and robot.stale(model.as_of) else None,
+        lost=seen.lost,
+        mode=seen.mode,
+        armed=seen.armed,
+        position=_place(seen.position),
+        altitude=_rounded(seen.altitude, 1),
+        heading=_rounded(seen.heading, 0),
+        speed=None if velocity is None else _rounded(math.hypot(velocity[0], velocity[1]), 1),
+        battery=_rounded(seen.battery, 0),
+        satellites=seen.satellites,
+        home=_place(seen.home),
+        radius=None if named is None or named.limits.radius is None else float(named.limits.radius),
+        ceiling=None if named is None or named.limits.altitude is None else float(named.limits.altitude),
+        operator=seen.operator,
+        paused=seen.paused,
+        told=dict(list(seen.told.items())[:8]),
+    )
+
+
+def board_view(board: TeamBoard) -> BoardView:
+    """Return a board."""
+    return BoardView(
+        name=board.name,
+        standing=_standing(board),
+        since=board.since,
+        notes=board.notes,
+        waiting=board.waiting(),
+        problem=board.problem,
+    )
+
+
+def _standing(member: Member) -> Standing | Literal["ended"]:
+    return "ended" if member.ended else member.standing
+
+
+def _place(at: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Return a place on earth, or None: JSON has no infinity, and a map no place for it."""
+    return at if at is not None and abs(at[0]) <= 90 and abs(at[1]) <= 180 else None
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(value + 0.0, digits)

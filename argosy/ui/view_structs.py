@@ -1,0 +1,297 @@
+"""What goes to the page, as JSON: one struct for each part. Times are Unix seconds of this machine, places are degrees.
+
+What a mind shows goes as it came (schemas/wire/mind_records.py, docs/mind-format.md).
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from argosy.fleet_model.activity import Doing
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import RunPhase
+
+_encoder = msgspec.json.Encoder()
+
+
+def encoded(thing: object) -> bytes:
+    """Return JSON."""
+    return _encoder.encode(thing)
+
+
+class View(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A part of what is shown; what is missing has its default."""
+
+
+class RunView(View, frozen=True, kw_only=True):
+    """What `argosy run` says of the run that it watches over."""
+
+    phase: RunPhase
+    why: str = ""
+    """Why it has failed, or why it brings its vehicles home."""
+    seconds: float = 0.0
+    """Mission seconds that it took; of a run that goes on, 0."""
+    report: str = ""
+    recording: str = ""
+    silent: float | None = None
+    """Unix seconds since when `argosy run` is not heard, although it should be."""
+
+
+class NoteView(View, frozen=True, kw_only=True):
+    """What several members say of themselves in the same words."""
+
+    text: str
+    names: tuple[str, ...]
+
+
+class HeadView(View, frozen=True, kw_only=True):
+    """The fleet as a whole (part `head`)."""
+
+    fleet: str = ""
+    """Empty: not known yet."""
+    fleets: tuple[str, ...] = ()
+    """Where no fleet was named and several are there: those to choose from."""
+    mission: str = ""
+    file: str = ""
+    version: str = ""
+    endpoint: str = ""
+    router: Literal["up", "away", "never", "ended"] = "never"
+    """`away`: it was there; `ended`: it has left with its run."""
+    router_since: float = 0.0
+    problem: str = ""
+    """Why nothing is seen, in words; or what else is to be said of the bus."""
+    identity: str = ""
+    """The name in our certificate; empty without keys."""
+    observer: str = ""
+    """Why nothing can be ordered, in words; empty if it may be."""
+    inject: bool | None = None
+    """Whether minds take orders by the mission; None = the mission is not known, so their agents say."""
+    mission_differs: str = ""
+    """The file that `argosy ui` was started with, if the fleet runs another mission."""
+    run: RunView | None = None
+    """None: nobody tells of a run, as in a fleet of boards."""
+    as_of: float | None = None
+    """When what is shown held, of a run that is over; None = it holds now."""
+    notes: tuple[NoteView, ...] = ()
+    """Notes that several members have; they do not stand with each."""
+    alarms: tuple[NoteView, ...] = ()
+    """Notes that are errors."""
+    mission_zero: float | None = None
+    """When mission second 0 was, as far as it is known."""
+    speed: float = 1.0
+    """Mission seconds per wall second."""
+    timeout: float | None = None
+    """Mission seconds."""
+    done: dict[str, bool] = {}
+    """The mission's `done` formulas, `agent: formula`, and whether they hold."""
+    failed: dict[str, bool] = {}
+    tiles: bool = False
+    unreached: tuple[str, ...] = ()
+    """Boards that are not reached, each with the reason."""
+
+
+class DefectView(View, frozen=True, kw_only=True):
+    """What cannot be shown by a defect of ours (part `defect`): all else is as it was before."""
+
+    text: str
+
+
+class RunningView(View, frozen=True, kw_only=True):
+    """An action that runs."""
+
+    id: str
+    text: str
+    state: str
+    began: float
+    silent: float | None = None
+    """Since when its bridge tells nothing of it; None = it does."""
+    feedback: dict[str, float] = {}
+    target: tuple[float, float] | None = None
+
+
+class IntentionLine(View, frozen=True, kw_only=True):
+    """An intention in one line."""
+
+    id: int
+    state: str
+    goal: str = ""
+    """The top of its stack."""
+    depth: int = 0
+    reason: str = ""
+    at: str = ""
+
+
+class AgentView(View, frozen=True, kw_only=True):
+    """An agent in the list (part `agent/NAME`)."""
+
+    name: str
+    board: str = ""
+    robot: str = ""
+    standing: str
+    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/health.md); ended = it has left
+    with its run."""
+    since: float | None = None
+    notes: tuple[str, ...] = ()
+    state: Doing = ""
+    """What it does; empty = its mind was not heard."""
+    action: str = ""
+    """The action that it waits for."""
+    stale: float | None = None
+    """When its mind was last heard, if that is long ago; None = it answers, or was never heard."""
+    silent: float | None = None
+    """Since when its mind does not answer."""
+    why_silent: str = ""
+    program: str = ""
+    cycle: int = 0
+    intentions: tuple[IntentionLine, ...] = ()
+    intention_count: int = 0
+    belief_count: int = 0
+    event_count: int = 0
+    question_count: int = 0
+    mailbox: int = 0
+    dropped: int = 0
+    actions: tuple[RunningView, ...] = ()
+    said: str = ""
+    """The last line that it printed."""
+
+
+class RobotView(View, frozen=True, kw_only=True):
+    """A robot on the map and in the list (part `robot/NAME`)."""
+
+    name: str
+    board: str = ""
+    agents: tuple[str, ...] = ()
+    standing: str
+    since: float | None = None
+    notes: tuple[str, ...] = ()
+    alarms: tuple[str, ...] = ()
+    """Those of the notes that are errors."""
+    stale: float | None = None
+    """When it last told something of itself, if that is long ago; None = what is shown is as it is now."""
+    lost: bool = False
+    """Its vehicle is not heard any more: all else is as it was."""
+    mode: str = ""
+    armed: bool = False
+    position: tuple[float, float] | None = None
+    altitude: float | None = None
+    """Metres above home."""
+    heading: float | None = None
+    """Degrees from north, clockwise."""
+    speed: float | None = None
+    """Metres a second over ground."""
+    battery: float | None = None
+    """Percent."""
+    satellites: int | None = None
+    home: tuple[float, float] | None = None
+    radius: float | None = None
+    """Metres around home that it may not leave."""
+    ceiling: float | None = None
+    """Metres above home."""
+    operator: str = ""
+    """The order that stands above its agents."""
+    paused: bool = False
+    """An operator has paused it."""
+    told: dict[str, str] = {}
+    """Of what is no vehicle: its last percepts."""
+
+
+class BoardView(View, frozen=True, kw_only=True):
+    """A board (part `board/NAME`)."""
+
+    name: str
+    standing: str
+    since: float | None = None
+    notes: tuple[str, ...] = ()
+    waiting: int = 0
+    """Messages that wait there."""
+    problem: str = ""
+
+
+class MarkView(View, frozen=True, kw_only=True):
+    """A place that agents speak of (in part `marks`)."""
+
+    id: str
+    kind: Literal["victim", "waypoint", "target", "place"]
+    label: str
+    position: tuple[float, float]
+    agents: tuple[str, ...] = ()
+    state: str = ""
+    """Of a victim: `missing`, `promised`, `rescued`; of an action: how it stands."""
+    text: str = ""
+
+
+class AreaView(View, frozen=True, kw_only=True):
+    """A rectangle that agents believe in: south, west, north, east."""
+
+    agent: str
+    label: str
+    bounds: tuple[float, float, float, float]
+
+
+class MarksView(View, frozen=True, kw_only=True):
+    """All places and areas (part `marks`)."""
+
+    marks: tuple[MarkView, ...] = ()
+    areas: tuple[AreaView, ...] = ()
+    left_out: int = 0
+
+
+class LetterView(View, frozen=True, kw_only=True):
+    """A message between agents (part `letter/N`)."""
+
+    number: int
+    """In the order in which messages were first heard of."""
+    id: str
+    sender: str
+    receiver: str
+    performative: str
+    content: str
+    sent: float | None = None
+    received: float | None = None
+    in_reply_to: str = ""
+    state: Literal["in_flight", "received", "undelivered"]
+    undelivered: str = ""
+    """Why it was given up by somebody; it may have come all the same."""
+
+
+class HappenedView(View, frozen=True, kw_only=True):
+    """A line of the timeline."""
+
+    n: int
+    at: float
+    mission: float | None = None
+    """Mission seconds by the fleet's clock; None = not known when it happened."""
+    who: str
+    what: str
+    text: str
+    level: str = "info"
+    other: str = ""
+    id: str = ""
+
+
+class OrderedView(View, frozen=True, kw_only=True):
+    """An order to robots and what became of it (part `order/N`)."""
+
+    number: int
+    order: str
+    at: float
+    clicked: float
+    """When the page has ordered it, as it said: by this the page knows its own order."""
+    state: Literal["looking", "waiting", "confirmed", "NOT confirmed", "NOT ordered"]
+    """Of the whole order; `looking`: nobody knows yet whom to order. `confirmed` is said of at least one robot."""
+    of: str = ""
+    """`all`, or nothing for a single robot."""
+    outcomes: dict[str, tuple[str, str]] = {}
+    """By robot: `waiting`, `confirmed` or `NOT confirmed`, and the reason."""
+    problem: str = ""
+    """Why nobody was ordered at all."""
+
+
+class SeenMind(View, frozen=True, kw_only=True):
+    """A whole mind (part `mind/NAME`, for pages that look at it)."""
+
+    heard: float | None
+    mind: MindView | None = None
+    """Without its plans: they are part `plans/NAME`."""

@@ -1,0 +1,246 @@
+"""An agent's mind, drilled down: what it intends and does, what waits, what it believes, what it decided and why."""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from agentd.standalone.decision_printer import decision_lines, failure_lines
+from argosy.fleet_model import TeamAgent, TeamModel, activity
+from argosy.watch.glyphs import Glyphs
+from argosy.watch.overview_page import unheard
+from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, said
+from argosy.watch.text_helpers import place, places, rounded
+from schemas.humanize import count, span
+from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, MindView
+
+OLD = 3.0
+"""Seconds after which what is shown of a mind counts as old; each is asked every 2 s."""
+MOST_OUTCOMES = 5
+"""Actions that have ended that are shown."""
+
+
+def seen(agent: TeamAgent) -> tuple[MindView | None, float | None]:
+    """Return the view of its mind with the most in it, unless a newer one is there, and when it was heard."""
+    if agent.detail is not None and (agent.heard or 0.0) - (agent.detailed or 0.0) <= OLD:
+        return agent.detail, agent.detailed
+    return agent.mind, agent.heard
+
+
+def title(model: TeamModel, agent: TeamAgent) -> Text:
+    """Return who it is and how it is, in one line."""
+    view, heard = seen(agent)
+    now = model.as_of
+    if view is None or heard is None:
+        why = f"its mind has not been seen yet {agent.why_silent}".strip()
+        return joined((agent.name, "bold"), (why if agent.there else "it is not there", WARN))
+    old, does = now - heard, activity(model, agent)
+    return joined(
+        (agent.name, "bold"),
+        (does.doing, {"paused": WARN, "waiting": "", "idle": ""}.get(does.doing, GOOD)),
+        (f"board {agent.board}" if agent.board else "", DIM),
+        (f"robot {agent.robot}" if agent.robot else "", DIM),
+        f"cycle {view.cycle}",
+        f"{model.clock.seconds(heard) or view.time:.0f} s of mission",
+        rounded(does.action),
+        (f"lag {span(agent.lag)}", BAD if agent.lag >= 1 else DIM),
+        (f"{agent.drops} dropped" if agent.drops else "", WARN),
+        (_age(agent, old), BAD),
+    )
+
+
+def _age(agent: TeamAgent, old: float) -> str:
+    if agent.ended:
+        return ""
+    if not agent.there:
+        return f"GONE, as it was {span(old)} ago"
+    if agent.silent is not None:
+        return f"SILENT, as it was {span(old)} ago"
+    return f"as it was {span(old)} ago" if old > OLD else ""
+
+
+def mind(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
+    """Return intentions, actions, events, questions, messages: all that moves it."""
+    view, _ = seen(agent)
+    rows: list[Row] = [Row(said(f"! {note}", BAD if note in agent.alarms else WARN)) for note in agent.notes]
+    if view is None:
+        return [*rows, Row(Text("its mind has not been seen yet", WARN))]
+    if view.paused_for is not None:
+        rows.append(Row(Text(f"the operator has paused it; it goes on by itself in {span(view.paused_for)}", WARN)))
+    rows.append(head(f"intentions {_of(len(view.intentions), view.intentions_left_out)}"))
+    for intention in view.intentions:
+        rows += _intention(intention, view, glyphs)
+    rows += _actions(model, agent, glyphs)
+    rows.append(head(f"events that wait {_of(len(view.events), view.events_left_out)}"))
+    rows += [
+        Row(joined(f"  {event.text}", (f"of intention {event.intention}" if event.intention else "", DIM)), indent=4)
+        for event in view.events
+    ]
+    if view.questions:
+        rows.append(head(f"questions without an answer {len(view.questions)}"))
+    for question in view.questions:
+        asked = f"for {span(view.time - question.asked)}"
+        until = f"gives up in {span(question.until - view.time)}" if question.until is not None else "never gives up"
+        what = f"  {question.performative} {question.content}"
+        rows.append(Row(joined(f"  to {question.receiver}", what, (f"{asked}, {until}", DIM)), indent=4))
+    rows += _mail(model, agent, view)
+    if view.dropped:
+        rows.append(head("dropped"))
+        rows += [Row(Text(f"  {number} {what}", WARN)) for what, number in view.dropped.items()]
+    if formulas := {**view.done, **view.failed}:
+        rows.append(head("the mission's formulas"))
+        rows += [_formula(text, holds, text in view.failed, glyphs) for text, holds in formulas.items()]
+    return rows
+
+
+def _intention(intention: IntentionView, view: MindView, glyphs: Glyphs) -> list[Row]:
+    since = f"for {span(view.time - intention.since)}" if intention.since is not None else ""
+    style = {"running": GOOD, "suspended": WARN}.get(intention.state, "")
+    rows = [
+        Row(
+            joined(
+                (f"  {intention.id}", DIM),
+                (intention.state, style),
+                intention.reason,
+                (since, DIM),
+                (place(intention.at), DIM),
+            ),
+            indent=6,
+        )
+    ]
+    for depth, trigger in enumerate(intention.stack):
+        rows.append(
+            Row(said(f"     {f'{glyphs.under} ' if depth else '  '}{trigger}", "" if depth else "bold"), indent=9)
+        )
+    return rows
+
+
+def _actions(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
+    now = model.now()
+    running = model.open_actions(agent.name)
+    ended = [one for one in model.actions.values() if one.agent == agent.name and one.ended is not None]
+    rows = [head(f"actions {len(running)} running")] if running or ended else []
+    for action in running:
+        figures = "  ".join(f"{name} {value:.1f}" for name, value in action.feedback.items())
+        text = joined(
+            (f"  {glyphs.runs} {action.text}", "blue"),
+            f"{action.state} {span(action.age(now))}",
+            unheard(action, now),
+            (figures, DIM),
+        )
+        rows.append(Row(text, indent=6))
+    for action in ended[: -MOST_OUTCOMES - 1 : -1]:
+        ago = f"{span(now - (action.ended or now))} ago"
+        style = GOOD if action.state == "succeeded" else WARN
+        rows.append(Row(joined(f"    {action.text}", (action.state, style), action.reason, (ago, DIM)), indent=6))
+    return rows
+
+
+def _mail(model: TeamModel, agent: TeamAgent, view: MindView) -> list[Row]:
+    queues = [
+        (board.name, queue)
+        for board in model.boards.values()
+        if board.mailboxes is not None
+        for queue in board.mailboxes.queues
+        if agent.name in (queue.sender, queue.receiver)
+    ]
+    rows = [head(f"mail {view.mailbox} taken in and not read")]
+    for board, queue in queues:
+        what = f"  {queue.sender} > {queue.receiver}  {count(queue.messages, 'message')} in the {queue.box} of {board}"
+        rows.append(Row(joined(what, (f"oldest {span(queue.oldest)}", DIM), (queue.state, WARN)), indent=4))
+    problems = [(board.name, board.problem) for board in model.boards.values() if board.problem]
+    return rows + [Row(said(f"  {name}: {problem}", WARN), indent=4) for name, problem in problems]
+
+
+def _formula(text: str, holds: bool, bad: bool, glyphs: Glyphs) -> Row:
+    style = (BAD if bad else GOOD) if holds else DIM
+    return Row(
+        joined(
+            (f"  {glyphs.well if holds else glyphs.away}", style), text, ("failed when" if bad else "done when", DIM)
+        )
+    )
+
+
+def _old(agent: TeamAgent, now: float) -> list[Row]:
+    """Return how old the details are that are shown, if they are old: only the mind that is looked at is asked."""
+    old = now - (agent.detailed or now)
+    return [Row(Text(f"as it was {span(old)} ago", BAD))] if old > OLD else []
+
+
+def beliefs(agent: TeamAgent, now: float) -> list[Row]:
+    """Return what it believes, source by source, each with its age in mission seconds."""
+    view = agent.detail
+    if view is None:
+        word = "its mind has not been seen yet" if agent.mind is None else "not asked for yet"
+        return [Row(Text(word, WARN))]
+    groups: dict[str, list[Row]] = {}
+    for belief in view.believed:
+        age = f"{span(view.time - belief.since)}" if belief.since is not None else ""
+        row = Row(joined(f"  {_without_source(belief.text, belief.sources)}", (age, DIM)), indent=4)
+        groups.setdefault(", ".join(belief.sources) or "nobody says who told it", []).append(row)
+    rows = _old(agent, now)
+    for source in sorted(groups, key=_order):
+        rows += [head(f"from {source} {len(groups[source])}"), *groups[source]]
+    if view.beliefs_left_out:
+        rows.append(Row(Text(f"{view.beliefs_left_out} more are believed and not shown", WARN)))
+    return rows or [Row(Text("it believes nothing", DIM))]
+
+
+def _without_source(text: str, sources: tuple[str, ...]) -> str:
+    """Leave out who told it: it stands above."""
+    return text.removesuffix(f"[{','.join(f'source({source})' for source in sources)}]")
+
+
+def _order(source: str) -> tuple[int, str]:
+    return ({"percept": 1, "self": 2}.get(source, 0), source)
+
+
+def decisions(agent: TeamAgent, opened: set[str], now: float) -> list[Row]:
+    """Return the last decisions, the newest first; those that are opened with their reasons."""
+    view = agent.detail
+    if view is None:
+        return [Row(Text("not asked for yet", WARN))]
+    rows = _old(agent, now)
+    together: list[tuple[int, str, DecisionView | FailureView]] = []
+    together += [(one.cycle, f"d{one.cycle} {one.event}", one) for one in view.decisions]
+    together += [(one.cycle, f"f{one.cycle} {one.formula}", one) for one in view.failures]
+    for _, key, one in sorted(together, key=lambda found: found[0], reverse=True):
+        rows.append(_failure(one, key) if isinstance(one, FailureView) else _decision(one, key))
+        if key in opened:
+            lines = failure_lines(one) if isinstance(one, FailureView) else decision_lines(one)  # type: ignore[arg-type]
+            rows += [Row(said(f"      {places(line.removeprefix('why: '))}"), indent=10) for line in lines]
+            if isinstance(one, DecisionView) and one.dropped_by:
+                rows.append(Row(said(f"      dropped by {one.dropped_by}"), indent=10))
+    return rows or [Row(Text("no decision is remembered", DIM))]
+
+
+def _decision(view: DecisionView, key: str) -> Row:
+    chosen = f"by {place(view.chosen.position)}" if view.chosen is not None else "no plan"
+    rejected = f"{len(view.rejected)} not" if view.rejected else ""
+    outcome = {"failed": BAD, "none": BAD, "dropped": WARN, "ended": GOOD}.get(view.outcome, "")
+    word = "no plan" if view.outcome == "none" else view.outcome
+    if view.outcome == "none" and not {"!", "?"} & set(view.kind):
+        outcome = DIM  # most beliefs come and go without one
+    return Row(
+        joined(
+            (f"{view.time:8.1f} s", DIM),
+            view.event,
+            (chosen if view.chosen is not None else "", DIM),
+            (rejected, DIM),
+            (word, outcome),
+        ),
+        key,
+        indent=12,
+    )
+
+
+def _failure(view: FailureView, key: str) -> Row:
+    why = f"{view.error}: {view.reason}" if view.reason else view.error
+    return Row(
+        joined((f"{view.time:8.1f} s", DIM), f"{view.formula} fails", (why, BAD), (place(view.position), DIM)),
+        key,
+        indent=12,
+    )
+
+
+def _of(shown: int, left_out: int) -> str:
+    return f"{shown} of {shown + left_out}" if left_out else str(shown)

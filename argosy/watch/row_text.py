@@ -1,0 +1,102 @@
+"""Rows of text for the panes, and tables of them that fit a width."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from rich.cells import cell_len
+from rich.text import Text
+
+from schemas.files.terminal import printable
+
+HEAD, DIM, BAD, WARN, GOOD = "bold dim", "dim", "bold red", "yellow", "green"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a pane."""
+
+    text: Text
+    key: str = ""
+    """What it is about, if it can be chosen: `agent scout`."""
+    indent: int = 0
+    """Columns by which what does not fit is set in on the next line."""
+    head: bool = False
+    """Whether it is a heading, which no filter hides."""
+    found_by: str = field(default="", compare=False)
+    """Further words by which a filter finds it."""
+
+    def __post_init__(self) -> None:
+        """Let nothing through that a terminal takes for a command, whoever made the text."""
+        safe(self.text)
+
+    def matches(self, words: Sequence[str]) -> bool:
+        """Whether every word stands in it, and none of those with a `-` before them; in small letters."""
+        text = f"{self.text.plain} {self.found_by}".lower()
+        return all(word[1:] not in text if word[:1] == "-" and word[1:] else word in text for word in words)
+
+
+def safe(text: Text) -> Text:
+    """Return this text with a blank for each character that a terminal may take for a command; its styles stay."""
+    if not text.plain.isprintable():
+        text.plain = printable(text.plain)
+    return text
+
+
+def said(text: str, style: str = "") -> Text:
+    """Return a text that no terminal takes for a command."""
+    return Text(printable(text), style)
+
+
+def head(text: str) -> Row:
+    """Return a heading."""
+    return Row(Text(text.upper(), HEAD), head=True)
+
+
+def joined(*parts: Text | str | tuple[str, str], gap: str = "  ") -> Text:
+    """Return parts beside each other, the empty ones left out."""
+    text = Text()
+    for part in parts:
+        one = said(part) if isinstance(part, str) else said(*part) if isinstance(part, tuple) else part
+        if one.plain:
+            text.append(gap if text.plain else "").append_text(one)
+    return text
+
+
+def table(
+    rows: Sequence[Sequence[Text]], width: int, *, flex: int, right: Sequence[int] = (), gap: int = 2
+) -> list[Text]:
+    """Return rows whose columns stand below each other; the column `flex` gets what the others leave.
+
+    Columns at the right end go first where there is no room, and an empty column takes none.
+    """
+    if not rows:
+        return []
+    count = max(map(len, rows))
+    widths = [max((cell_len(row[at].plain) if at < len(row) else 0) for row in rows) for at in range(count)]
+    least = min(widths[flex], 12)
+    while (
+        count > flex + 1
+        and sum(gap + one for at, one in enumerate(widths[:count]) if one and at != flex) + least > width
+    ):
+        count -= 1
+    others = sum(gap + one for at, one in enumerate(widths[:count]) if one and at != flex)
+    widths[flex] = max(least, min(widths[flex], width - others))
+    return [_line(row[:count], widths, flex, right, gap) for row in rows]
+
+
+def _line(row: Sequence[Text], widths: Sequence[int], flex: int, right: Sequence[int], gap: int) -> Text:
+    text = Text(no_wrap=True)
+    for at, cell in enumerate(row):
+        if not widths[at]:
+            continue
+        one = cell.copy()
+        if at in right:
+            one.align("right", widths[at])
+        else:
+            one.truncate(widths[at], overflow="ellipsis", pad=True)
+        text.append_text(one)
+        text.append(" " * gap)
+    text.rstrip()
+    return text

@@ -1,0 +1,165 @@
+"""Explanations: made of a view of a mind, and of what the boards and the other agents answer when they are asked."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TypeVar
+
+from argosy.cli.operator_bus import ANY, Unanswered
+from argosy.why.answer import Explanation, Line, Paragraph
+from argosy.why.current_state import doing, dropped, failure_paragraph, only_counted, standing
+from argosy.why.decision_history import Memory
+from argosy.why.decisions import WITHOUT_PLAN, decision_paragraph, groups
+from argosy.why.goal_explanation import about as tell_about
+from argosy.why.goal_explanation import names_of
+from argosy.why.program_places import Places
+from argosy.why.question import subject_of
+from argosy.why.unanswered_questions import MailFacts, dead_letters, question_paragraph
+from argosy.why.wording import without_annotations
+from commd.bus.bus import Bus
+from schemas.files.yaml_positions import did_you_mean
+from schemas.wire import keys
+from schemas.wire.mind_records import DecisionView, MindView
+from schemas.wire.names import is_name
+from schemas.wire.records import BoardServices, Mailboxes, Record
+
+R = TypeVar("R", bound=Record)
+
+REMEMBERED = 200
+"""Decisions and failures that a mind is asked for: all that it keeps if nobody says otherwise."""
+LAST = 5
+"""So many happenings are told if nobody says otherwise."""
+ANSWER_TIMEOUT = 5.0
+"""Wall seconds that an agent has to answer."""
+MAIL_TIMEOUT = 2.0
+"""Wall seconds that boards and receivers have to answer."""
+MOST_ASKED = 8
+"""So many receivers of open questions are asked what they think."""
+NO_DECISIONS = "It remembers no decisions: none was made since its start, or it was started with --decisions 0."
+
+
+async def explain(bus: Bus, fleet: str, agent: str, about: str = "", last: int = LAST) -> Explanation:
+    """Ask an agent, and about its open questions the boards and those who were asked, and tell what it thinks.
+
+    Raises Unanswered if there is no such agent or it does not answer, and Findings for what nothing can be called.
+    """
+    if about:
+        subject_of(about)
+    fleet, view = await view_of(bus, fleet, agent)
+    facts = MailFacts()
+    if view.questions:
+        facts = await mail_facts(bus, fleet, view)
+    elif not about:
+        facts.boards, facts.silent = await _mailboxes(bus, fleet)
+    return tell(view, about, last=last, facts=facts)
+
+
+def tell(view: MindView, about: str = "", *, last: int = LAST, facts: MailFacts | None = None) -> Explanation:
+    """Explain from a view of a mind alone; it wants its plans (`?plans=true`) and many decisions (`last=200`)."""
+    places, facts = Places(view), facts or MailFacts()
+    facts = replace(facts, minds={name: places.near(mind) for name, mind in facts.minds.items()})
+    memory, known = Memory(places.near(view)), True
+    if about:
+        subject = subject_of(about)
+        paragraphs = tell_about(memory, subject, last, facts)
+        known = any(one.kind != "hint" for one in paragraphs) or subject.name in names_of(view)
+    else:
+        paragraphs = _now(memory, last, facts)
+    if not view.decisions and not view.failures:
+        paragraphs.append(Paragraph("hint", (Line(NO_DECISIONS),)))
+    return Explanation(view.agent, about, memory.now, places.far(paragraphs), known)
+
+
+def _now(memory: Memory, last: int, facts: MailFacts) -> list[Paragraph]:
+    """What it is doing and what went wrong, oldest first; then what it is doing."""
+    view = memory.view
+    wrong = [one for one in memory.decisions if _went_wrong(one)]
+    told = [one.failure for one in wrong if one.failure is not None]
+    goals = {one.cycle for one in wrong if one.chosen is None}
+    happened = [decision_paragraph(memory, group) for group in groups(wrong)]
+    happened += [
+        failure_paragraph(memory, failure)
+        for failure in memory.failures
+        if failure not in told and not _is_told(failure.cycle, failure.error, goals)
+    ]
+    happened += list(dropped(memory, view.drops))
+    happened.sort(key=lambda paragraph: paragraph.time or 0.0)
+    asked = [question_paragraph(memory, question, facts) for question in view.questions[-last:]]
+    given_up = list(dead_letters(view.agent, facts, time.time_ns()))[-last:]
+    return [*only_counted(view), *given_up, *happened[-last:], *asked, standing(memory), *doing(memory)]
+
+
+def _went_wrong(made: DecisionView) -> bool:
+    """Whether a plan was dropped or failed by itself, not only with one that it waited for, or there was none."""
+    if made.failure is not None:
+        if made.failure.error in WITHOUT_PLAN:
+            return False  # that of the goal without a plan is told
+        return made.failure.given_up[:1] == (without_annotations(made.event),)
+    return made.outcome == "dropped" or (made.chosen is None and made.kind[-1] in "!?")
+
+
+def _is_told(cycle: int, error: str, goals: set[int]) -> bool:
+    return error in WITHOUT_PLAN and cycle in goals
+
+
+async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:
+    """Return the fleet of an agent and what it thinks. Raises Unanswered, which says who is there."""
+    selector = f"{keys.mind(fleet, agent)}?plans=true;last={REMEMBERED}"
+    found = await _all(bus, selector, MindView, ANSWER_TIMEOUT)
+    if len(found) > 1:
+        fleets = ", ".join(sorted(_chunk(key, 0) for key in found))
+        raise Unanswered(f"several fleets have an agent {agent}: {fleets}; say which by --fleet")
+    for key, view in found.items():
+        if isinstance(view, MindView):
+            return _chunk(key, 0), view
+        raise Unanswered(f"{agent}: {view}")
+    there = sorted({_chunk(token, 1) for token in await bus.tokens(keys.alive(fleet, "*", "agentd", "*"))})
+    where = "" if fleet == ANY else f" in fleet {fleet}"
+    if not there:
+        raise Unanswered(f"no agent is there{where}: does its agentd run, and is this its router?")
+    if agent in there:
+        raise Unanswered(f"{agent} is there and does not answer within {ANSWER_TIMEOUT:g} s: does its agentd hang?")
+    raise Unanswered(f"there is no agent `{agent}`{where}{did_you_mean(agent, there)}")
+
+
+async def mail_facts(bus: Bus, fleet: str, view: MindView) -> MailFacts:
+    """Ask the boards what waits there and who lives where, and the receivers of open questions what they think."""
+    asked = dict.fromkeys(question.receiver for question in view.questions)
+    receivers = [one for one in asked if is_name(one)][:MOST_ASKED]  # who is asked stands in a key, as `*` would
+    minds_asked = asyncio.gather(*(_mind(bus, fleet, name) for name in receivers))
+    (boards, silent), homes, minds = await asyncio.gather(_mailboxes(bus, fleet), _homes(bus, fleet), minds_asked)
+    known = {name: mind for name, mind in zip(receivers, minds, strict=True) if mind is not None}
+    return MailFacts(boards, silent, homes, known, asked=True)
+
+
+async def _mailboxes(bus: Bus, fleet: str) -> tuple[list[Mailboxes], dict[str, str]]:
+    found = await _all(bus, keys.mailboxes(fleet, "*"), Mailboxes, MAIL_TIMEOUT)
+    boards = [one for one in found.values() if isinstance(one, Mailboxes)]
+    return boards, {_chunk(key, 1): one for key, one in found.items() if isinstance(one, str)}
+
+
+async def _homes(bus: Bus, fleet: str) -> dict[str, str]:
+    found = await _all(bus, keys.services(fleet, "*"), BoardServices, MAIL_TIMEOUT)
+    services: Iterable[BoardServices] = (one for one in found.values() if isinstance(one, BoardServices))
+    return {agent: one.board for one in services for agent in one.agents}
+
+
+async def _mind(bus: Bus, fleet: str, agent: str) -> MindView | None:
+    found = await _all(bus, f"{keys.mind(fleet, agent)}?plans=true;last={REMEMBERED}", MindView, MAIL_TIMEOUT)
+    return next((one for one in found.values() if isinstance(one, MindView)), None)
+
+
+async def _all(bus: Bus, selector: str, kind: type[R], seconds: float) -> dict[str, R | str]:
+    """All answers by their keys: a record, or in words why there is none."""
+    found: dict[str, R | str] = {}
+    errors = await bus.ask_all(selector, kind, seconds, found.__setitem__)
+    return errors | found
+
+
+def _chunk(key: str, number: int) -> str:
+    """Fleet (0) or name (1) of a key."""
+    parsed = keys.parse(key)
+    return "" if parsed is None else (parsed[0], parsed[1])[number]

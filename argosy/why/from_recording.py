@@ -1,0 +1,120 @@
+"""A mind as it was at a moment of a recording: it lives its recorded inputs again up to there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import takewhile
+from pathlib import Path
+
+from agentd.conversion.introspection import MOST_BELIEFS, Look
+from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, drops_of, events_of, intentions_of, questions_of
+from agentd.extensions.plugins import discover
+from agentd.replay.replayed_mind import CannotReplay
+from agentd.replay.replayed_mind import Life as Lived
+from argosy.recording.file.mind_inputs import Life, in_words
+from argosy.recording.file.reader import Recording, open_recording
+from schemas.files.yaml_positions import did_you_mean
+from schemas.wire import keys
+from schemas.wire.mind_records import Deed, MindDeeds, MindInputs, MindView
+
+LOOK = Look(plans=True, last=1000, beliefs=MOST_BELIEFS)
+"""A mind that lives again remembers more decisions than one that has to fly."""
+MOST_ACTIONS = 60
+"""So many of the last actions and their ends are known."""
+
+
+class NotRecorded(ValueError):
+    """What was asked for is not in the recording; says what is."""
+
+
+def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[MindView, list[str]]:
+    """Return a mind as it was at a mission second, by default at the end, and what should be known of that.
+
+    Raises BadRecording and NotRecorded.
+    """
+    recording = open_recording(file)
+    life = _life(recording, agent, at)
+    batches = [batch for _, batch in takewhile(lambda pair: pair[0] == pair[1].number, enumerate(life.batches))]
+    if not batches or batches[0].birth is None:
+        raise NotRecorded(f"{file}: the beginning of {agent}'s life is not in it: record from before it begins")
+    notes = [recording.missing] if recording.missing else []
+    if life.missing:
+        notes.append(f"batches {in_words(life.missing)} of its inputs are missing: it is told up to there")
+    discover()
+    try:
+        lived = Lived(batches[0])
+        for batch in batches:
+            if not _live(lived, batch, at):
+                break
+    except CannotReplay as error:
+        raise NotRecorded(f"{file}: {error}") from None
+    if at is not None and lived.now < at and lived.mind.cycle >= batches[-1].last:
+        notes.append(f"it is told up to mission second {lived.now:.1f}: no more went into it after that")
+    return _view(lived, at, _actions(recording, life, at)), notes
+
+
+def _life(recording: Recording, agent: str, at: float | None) -> Life:
+    """The life that lasts at a mission second: the last one that has begun by then."""
+    parsed = (keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__)
+    known = sorted({one[1] for one in parsed if one is not None})
+    if agent not in known:
+        hint = did_you_mean(agent, known) or ", nor of any other agent"
+        raise NotRecorded(f"{recording.path}: there are no inputs of {agent} in it{hint}")
+    lives = recording.lives(agent)
+    begun = [life for life in lives if at is None or _begin(life) <= at]
+    return begun[-1] if begun else lives[0]
+
+
+def _begin(life: Life) -> float:
+    birth = life.batches[0].birth if life.batches else None
+    return 0.0 if birth is None else birth.start
+
+
+def _live(lived: Lived, batch: MindInputs, at: float | None) -> bool:
+    """Live a batch, up to a mission second. Returns whether there is more to live."""
+    later = [] if at is None else [step.first for step in batch.steps if step.now > at]
+    last = min([batch.last, *(first - 1 for first in later[:1])])
+    lived.take(batch)
+    while lived.mind.cycle < last:
+        lived.cycle()
+    if not later:
+        lived.end_of_batch()
+    return not later
+
+
+def _actions(recording: Recording, life: Life, at: float | None) -> Iterable[Deed]:
+    only = (keys.trace(life.fleet, life.agent, "deeds"),)
+    records = [one for _, one in recording.typed(MindDeeds, only) if one.header.boot == life.boot]
+    deeds = (deed for record in records for deed in record.deeds if deed.kind in ("action", "outcome"))
+    return [deed for deed in deeds if at is None or deed.time <= at][-MOST_ACTIONS:]
+
+
+def _view(lived: Lived, at: float | None, actions: Iterable[Deed]) -> MindView:
+    mind, now = lived.mind, lived.now if at is None else max(lived.now, at)
+    believed, beliefs_left_out = Beliefs(mind).shown(LOOK, now)
+    intentions, intentions_left_out = intentions_of(mind)
+    events, events_left_out = events_of(mind, "")
+    decisions, failures = decisions_of(mind, LOOK)
+    return MindView(
+        agent=lived.agent,
+        program=lived.birth.program,
+        cycle=mind.cycle,
+        time=now,
+        state="reasoning" if mind.ready else "waiting",
+        beliefs=tuple(one.text for one in believed),
+        believed=believed,
+        beliefs_left_out=beliefs_left_out,
+        intentions=intentions,
+        intentions_left_out=intentions_left_out,
+        events=events,
+        events_left_out=events_left_out,
+        mailbox=len(mind.mailbox),
+        questions=questions_of(mind, ""),
+        plans=Plans(mind).shown(LOOK),
+        plan_count=len(mind.plans.plans),
+        decisions=decisions,
+        failures=failures,
+        dropped=dict(mind.drops.counts),
+        drops=drops_of(mind),
+        actions=tuple(actions),
+    )

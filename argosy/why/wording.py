@@ -1,0 +1,147 @@
+"""Events, plans and times in words that a newcomer understands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from schemas.humanize import joined, shortened, span
+from schemas.wire.mind_records import FailureView, PlanView, RejectedView
+
+ANSWERING = "+!answer_question"
+"""The event of the intention that answers a question of another agent, which no program has written."""
+LONGEST = 160
+"""Characters of a formula that are shown."""
+
+
+def shown(text: str) -> str:
+    """A text of the agent's, fit for a terminal and not longer than a line or two."""
+    return shortened(text, LONGEST)
+
+
+def ago(now: float, then: float) -> str:
+    """`12 s ago (mission second 431.2)`; of what is to come, `in 12 s (...)`."""
+    seconds = now - then
+    where = f"mission second {then:.1f}"
+    if seconds < -0.05:
+        return f"in {span(-seconds)} ({where})"
+    return f"{span(seconds)} ago ({where})" if seconds >= 0.05 else f"now ({where})"
+
+
+def first_up(text: str) -> str:
+    """The text as the beginning of a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def unquoted(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the characters of a term that stand in no string or quoted name, each with its place."""
+    quote, escaped = "", False
+    for place, character in enumerate(text):
+        if escaped:
+            escaped = False
+        elif quote:
+            escaped = character == "\\"
+            quote = "" if character == quote else quote
+        elif character in "\"'":
+            quote = character
+        else:
+            yield place, character
+
+
+def without_annotations(text: str) -> str:
+    """An event without what stands in square brackets behind it: `+!go(1)` of `+!go(1)[source(bob)]`."""
+    depth = 0
+    for place, character in unquoted(text):
+        if character == "(":
+            depth += 1
+        elif character == ")":
+            depth -= 1
+        elif character == "[" and depth == 0:
+            return text[:place]
+    return text
+
+
+def sign_of(event: str) -> tuple[str, str]:
+    """Operator and kind of an event, and the rest: `+!` and `go(1)`."""
+    rest = event.lstrip("+-^!?")
+    return event[: len(event) - len(rest)], rest
+
+
+def event_words(event: str) -> str:
+    """What an event is: `the goal !go(1)`, `the new belief victim(3)`."""
+    sign, rest = sign_of(without_annotations(event))
+    rest = shown(rest)
+    match sign:
+        case "+!":
+            return f"the goal !{rest}"
+        case "-!":
+            return f"the failure of !{rest}"
+        case "+?":
+            return f"the question ?{rest}"
+        case "-?":
+            return f"the failure of ?{rest}"
+        case "+":
+            return f"the new belief {rest}"
+        case "-":
+            return f"the end of the belief {rest}"
+    return f"the event {sign}{rest}"
+
+
+def goal_words(event: str) -> str:
+    """The event of a plan as the goal it is for: `!go(1)` of `+!go(1)`."""
+    sign, rest = sign_of(without_annotations(event))
+    return f"{sign.removeprefix('+') if sign in ('+!', '+?') else sign}{shown(rest)}"
+
+
+def raiser_words(event: str) -> str:
+    """The event of a plan that raised another one: the goal it is for, or what happened."""
+    return goal_words(event) if sign_of(event)[0] in ("+!", "+?") else event_words(event)
+
+
+def goals_words(events: Iterable[str], most: int = 4) -> str:
+    """Several goals, the innermost first; of many the number."""
+    told = [goal_words(event) for event in events]
+    rest = len(told) - most
+    return joined([*told[:most], f"{rest} more"] if rest > 0 else told)
+
+
+def plan_words(plan: PlanView) -> str:
+    """A plan with its label and place: `@careful +!fly(H) (fly.asl:4)`."""
+    label = f"@{plan.label} " if plan.label else ""
+    return f"{shown(label + plan.trigger)} ({plan.position})" if plan.position else shown(label + plan.trigger)
+
+
+def with_values(bindings: Mapping[str, str]) -> str:
+    """`, with B = 12`."""
+    pairs = [f"{name} = {value}" for name, value in bindings.items()]
+    return f", with {shown(', '.join(pairs))}" if pairs else ""
+
+
+def rejected_words(rejected: RejectedView) -> str:
+    """Why a plan was not chosen."""
+    if rejected.why != "context" or not rejected.literal:
+        return rejected.message
+    return f"{shown(rejected.literal)} does not hold{with_values(rejected.plan.bindings)}"
+
+
+def failure_words(failure: FailureView) -> str:
+    """What failed, and why: `the action takeoff(5) failed: it is not armed`."""
+    what = shown(failure.formula)
+    why = f": {shown(failure.reason)}" if failure.reason else ""
+    match failure.error:
+        case "constraint_failed":
+            return f"{what} did not hold"
+        case "test_goal_failed":
+            return f"{what} found nothing that is believed"
+        case "no_relevant":
+            return f"there is no plan for {event_words(failure.formula)}"
+        case "no_applicable":
+            return f"no plan could be chosen for {event_words(failure.formula)}"
+        case "wait_timeout":
+            return f"{what} waited in vain"
+        case "action_failed" if not what.startswith("."):
+            return f"the action {what} failed{why}"
+        case "ia_failed":
+            return f"{what} did not succeed{why}"
+        case "undefined_number":
+            return f"{what} could not be computed{why}"
+    return f"{what} failed with the error {failure.error}{why}"

@@ -1,0 +1,296 @@
+"""The action ids of the last hour and who has the robot, on disk: a bridge that is killed goes on from there.
+
+An id is executed once, whatever happens to the bridge in between; what the operator ordered stands.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from zlib import crc32
+
+import msgspec
+from msgspec.structs import replace
+
+from bridged.drivers.api import Order
+from commd.process.restart_counter import machine_life
+from commd.process.state_dir import make_private_file, make_private_folder
+from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Header, State
+
+KEEP = 3600.0
+"""Wall seconds for which an id is remembered."""
+MAX_ENTRIES = 20_000
+"""Ids remembered at most; the oldest goes first. An hour of five actions a second."""
+REWRITE_AT = 4 * 1024 * 1024
+"""Bytes of the file below which it is not worth leaving out what is older than an hour; then it is when the file has
+doubled."""
+_STANDING = ""
+"""In the place of an id: the line tells who has the robot, agent and operator. The last such line counts."""
+log = logging.getLogger("ledger")
+
+
+class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One line of the file: an id that was begun, and later how it ended."""
+
+    id: str
+    at: float
+    """Unix time in seconds."""
+    agent: str = ""
+    name: str = ""
+    """Of the action that the id was used for."""
+    state: State = "accepted"
+    """`accepted` = begun; else how it ended."""
+    reason: str = ""
+    after: int | None = None
+    """Seq of the last percept before its end, in the life of the bridge that `boot` names."""
+    boot: str = ""
+    holder: str = ""
+    """Of a line without an id: which agent answers for the robot, since `at`."""
+    free: bool = False
+    """Whether any other agent may take it."""
+    order: Order | None = None
+    """The operator's order that stands until `release`."""
+    paused: bool = False
+    """Whether the operator has paused the robot."""
+    machine: str = ""
+    """The life of the machine in which the operator said so last."""
+
+    @property
+    def final(self) -> ActionStatus | None:
+        """How it ended, None if it was begun and its end is not known."""
+        if self.state not in FINAL_STATES:
+            return None
+        return ActionStatus(
+            header=Header(boot=self.boot),
+            id=self.id,
+            state=self.state,
+            result=self.state == "succeeded",
+            reason=self.reason,
+            after=self.after,
+            name=self.name,
+        )
+
+
+_NOBODY = Entry(_STANDING, 0.0)
+
+
+class Ledger:
+    """Append-only file of ids; a line that was cut off by a power loss is left out when it is read.
+
+    What is written outlives the process at once. The disk is told to keep it through a power loss by a thread, of which
+    at most one sync runs and one waits: a slow card must not hold up heartbeats. It leaves out what is old, too.
+    """
+
+    def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
+        """Open the file, or make it with its directory. Raises OSError."""
+        self.path = path
+        self.note = ""
+        """What was wrong with the file at the start, in words."""
+        self._wall = wall
+        self._standing = _NOBODY
+        """Who has the robot."""
+        self._entries: dict[str, Entry] = {}
+        self._syncer = ThreadPoolExecutor(1, thread_name_prefix="ledger")
+        self._sync: Future[None] | None = None
+        self._unsynced = False
+        """An id was begun since a sync was asked for."""
+        make_private_folder(path.parent)
+        self._read()
+        self._fresh = path.with_suffix(".new")
+        _write(self._fresh, self._kept())
+        self._fresh.replace(path)
+        self._file = path.open("ab")
+        self._rewriting: Future[None] | None = None
+        self._copied = 0
+        """Bytes of the file that a rewriting under way covers."""
+        self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
+
+    def begin(self, action: Action) -> None:
+        """Note that an id is about to be executed; it outlives this process when this returns. Raises OSError.
+
+        `keep` is to be called soon.
+        """
+        self._unsynced = True
+        self._append(Entry(action.id, self._wall(), action.agent, action.name))
+
+    def keep(self) -> None:
+        """Let what was noted outlive a power loss too, soon. Raises OSError."""
+        if self._unsynced:
+            self._unsynced = False
+            self._keep_through_power_loss()
+
+    def finish(self, agent: str, status: ActionStatus) -> None:
+        """Note how an id of an agent ended: no more of it than whoever asks again must know. Raises OSError."""
+        entry = Entry(
+            status.id,
+            self._wall(),
+            agent,
+            status.name,
+            status.state,
+            status.reason,
+            status.after,
+            status.header.boot,
+        )
+        self._append(entry)
+
+    def find(self, action: str) -> Entry | None:
+        """Return what is known of an id, None if it was not begun within the last hour."""
+        return self._entries.get(action) if action else None
+
+    def hold(self, agent: str, free: bool) -> None:
+        """Note which agent answers for the robot from now on, and whether another may take it. Raises OSError."""
+        self._append(replace(self._standing, at=self._wall(), holder=agent, free=free))
+
+    def held(self) -> tuple[str, bool]:
+        """Return what was noted by `hold`; if that is older than an hour, whose action was begun last."""
+        if self._standing.at and self._standing.at >= self._wall() - KEEP:
+            return self._standing.holder, self._standing.free
+        for entry in reversed(self._entries.values()):
+            if entry.state != "refused":
+                return entry.agent, False
+        return "", False
+
+    @property
+    def ordered(self) -> Order | None:
+        """The operator's order that stands until `release`, of this life or one before, however old."""
+        return self._standing.order
+
+    @property
+    def paused(self) -> bool:
+        """Whether the operator has paused the robot, in this life or one before, however long ago."""
+        return self._standing.paused
+
+    @property
+    def before_boot(self) -> bool:
+        """Whether the machine was started since the operator ordered or paused."""
+        return self._standing.machine != machine_life()
+
+    def order(self, order: Order | None) -> None:
+        """Note which order of the operator stands from now on; None: none does. Raises OSError."""
+        self._stand(replace(self._standing, order=order))
+
+    def pause(self, paused: bool) -> None:
+        """Note whether the operator has paused the robot. Raises OSError."""
+        self._stand(replace(self._standing, paused=paused))
+
+    def _stand(self, standing: Entry) -> None:
+        """Note what the operator has said, if it is news; it is to outlive a power loss, too."""
+        if standing != self._standing:
+            self._append(replace(standing, machine=machine_life()))
+            self._keep_through_power_loss()
+
+    def close(self) -> None:
+        """Close the file; a sync under way ends by itself."""
+        self._syncer.shutdown(wait=False)
+        self._file.close()
+
+    def _append(self, entry: Entry) -> None:
+        self._remember(entry)
+        self._file.write(_line(entry))
+        self._file.flush()
+        if self._rewriting is None and self._file.tell() > self._rewrite_at:
+            self._copied = self._file.tell()
+            self._rewriting = self._syncer.submit(_write, self._fresh, self._kept())
+        elif self._rewriting is not None and self._rewriting.done():
+            self._replace(self._rewriting)
+            self._rewriting = None
+
+    def _keep_through_power_loss(self) -> None:
+        """Sync what has been written, unless a sync that has not begun yet will do that."""
+        waits = self._sync is not None and not self._sync.running() and not self._sync.done()
+        if not waits:
+            self._sync = self._syncer.submit(_sync, os.dup(self._file.fileno()))
+
+    def _kept(self) -> list[Entry]:
+        return [*self._entries.values(), *([] if self._standing == _NOBODY else [self._standing])]
+
+    def _remember(self, entry: Entry) -> None:
+        if entry.id == _STANDING:
+            self._standing = entry
+            return
+        self._entries.pop(entry.id, None)
+        self._entries[entry.id] = entry
+        oldest = self._wall() - KEEP
+        while self._entries:
+            first = next(iter(self._entries.values()))
+            if first.at >= oldest and len(self._entries) <= MAX_ENTRIES:
+                break
+            del self._entries[first.id]
+
+    def _read(self) -> None:
+        try:
+            lines = self.path.read_bytes().split(b"\n")
+        except FileNotFoundError:
+            return
+        damaged = 0
+        for line in filter(None, lines):
+            try:
+                self._remember(decoded(line))
+            except (ValueError, msgspec.MsgspecError):
+                damaged += 1
+        if damaged:
+            self.note = (
+                f"{self.path}: {damaged} lines are damaged, or were cut off by a power failure: an action that is asked"
+                " for again may be done twice, and an order of the operator may be forgotten"
+            )
+            log.error("ledger_damaged %s", self.note)
+
+    def _replace(self, rewriting: Future[None]) -> None:
+        """Put the new file, with what was noted meanwhile, in the place of the old one, which stays on an error."""
+        before = self._file
+        try:
+            rewriting.result()
+            with self.path.open("rb") as old:
+                old.seek(self._copied)
+                meanwhile = old.read()
+            file = self._fresh.open("ab")
+            file.write(meanwhile)
+            file.flush()
+            self._fresh.replace(self.path)
+        except OSError as error:
+            log.error("%s cannot be made smaller: %s", self.path, error.strerror)
+        else:
+            before.close()
+            self._file, self._sync = file, None
+            self._keep_through_power_loss()
+        self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
+
+
+def _line(entry: Entry) -> bytes:
+    """A line of the file: the entry, and its checksum."""
+    data = msgspec.json.encode(entry)
+    return b"%s %08x\n" % (data, crc32(data))
+
+
+def decoded(line: bytes) -> Entry:
+    """Read a line. Raises ValueError for one that is damaged; one of an older version has no checksum."""
+    data, _, check = line.rpartition(b" ")
+    if line.endswith(b"}"):
+        data = line
+    elif check != b"%08x" % crc32(data):
+        raise ValueError("its checksum is another one")
+    return msgspec.json.decode(data, type=Entry)
+
+
+def _write(path: Path, entries: list[Entry]) -> None:
+    """Write a new file."""
+    make_private_file(path)
+    with path.open("wb") as file:
+        for entry in entries:
+            file.write(_line(entry))
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _sync(file: int) -> None:
+    """Sync a descriptor of our own, which outlives the file being closed or replaced meanwhile, and close it."""
+    try:
+        os.fsync(file)
+    except OSError as error:
+        log.error("action ids may not outlive a power loss: %s", error.strerror)
+    finally:
+        os.close(file)

@@ -1,0 +1,461 @@
+"""The life of actions (design section 5): asked for, checked, carried out, and answered with exactly one final status.
+
+Pure: requests and the time (mission seconds) go in, statuses come out. The ledger alone touches the disk.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from msgspec.structs import replace
+
+from bridged.bridge.action_log import Ledger
+from bridged.bridge.action_status import MAX_ID, MAX_REASON, Statuses, legible
+from bridged.bridge.composite_driver import Body
+from bridged.bridge.error_boundary import Guarded
+from bridged.bridge.feedback import Progress
+from bridged.bridge.lease import Lease
+from bridged.bridge.pause import Pause
+from bridged.bridge.percepts import PerceptBoard
+from bridged.bridge.running_action import Follower, Job
+from bridged.drivers import OURS
+from bridged.drivers.api import Execution, Order, Outcome, defers
+from bridged.drivers.argument_check import BadArgument, read_arguments
+from schemas.manifest.built_in import ACTIONS
+from schemas.manifest.loader import ActionEntry, Argument, Manifest
+from schemas.wire.keys import STATUS_EVERY
+from schemas.wire.records import Action, ActionStatus
+
+CAUSE_AFTER = 1.5
+"""Wall seconds after which what hinders an action is worth a line of the log."""
+MAX_RUNNING = 8
+"""Actions that may run at once, counted over all agents."""
+log = logging.getLogger("actions")
+
+
+class ActionDesk:
+    """Takes the agents' requests and the operator's orders for one robot."""
+
+    def __init__(
+        self,
+        manifest: Manifest,
+        driver: Body,
+        board: PerceptBoard,
+        ledger: Ledger,
+        publish: Callable[[str, ActionStatus], None],
+        lease: Lease,
+        *,
+        robot: str,
+        boot: str,
+        stamp: Callable[[], int],
+        now: Callable[[], float],
+        speed: float = 1.0,
+    ) -> None:
+        self.blocked = ""
+        """Why no action is taken now (the operator, or the end of the bridge); empty = they are."""
+        self.lease = lease
+        """Which agent has the robot."""
+        self.on_control: Callable[[], None] = lambda: None
+        """Called when an action that moves the robot or sets its mode is accepted, before it begins."""
+        self.by_hand = False
+        """Whether the last such action was asked for by hand: somebody flies the robot in the name of an agent."""
+        self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
+        self._calls = Guarded(driver)
+        self._statuses = Statuses(robot, boot, stamp, board)
+        self._publish = publish
+        self.robot, self._boot, self._now = robot, boot, now
+        self._pause = Pause(ledger, board, robot, now)
+        self._holding: Execution | None = None
+        """What holds the robot while it is paused."""
+        self._feedback_every = STATUS_EVERY * speed
+        self._jobs: dict[str, Job] = {}
+        self._by_hand = 0
+
+    @property
+    def arming(self) -> bool:
+        """Whether an action is under way that may have armed the robot without its state showing it yet."""
+        return any(job.entry.confirm == "armed" for job in self._jobs.values())
+
+    @property
+    def running(self) -> list[str]:
+        """Names of the actions that run now."""
+        return [job.action.name for job in self._jobs.values()]
+
+    @property
+    def paused(self) -> bool:
+        """Whether the operator has paused the robot."""
+        return self._pause.lasts
+
+    def ask(self, agent: str, name: str, request: Action, follower: Follower) -> None:
+        """Answer a request: `follower` hears the present status of a known id, or the whole life of a new one."""
+        request = self._identified(agent, request)
+        action = replace(request, agent=agent, name=name[:MAX_ID])
+        if len(action.id) > MAX_ID:
+            action = replace(action, id=action.id[:MAX_ID])
+            self._deny(action, f"an id has {MAX_ID} characters at most, got {len(request.id)}", follower)
+        elif used := self._used_otherwise(action):
+            self._deny(action, used, follower)
+        elif self._known(action, follower):
+            pass
+        elif request.attempt > 1:
+            self._refuse(action, "bridge restarted", follower)
+        elif request.name not in ("", name) or request.agent not in ("", agent):
+            said = f"{request.agent or agent}/{request.name or name}"
+            self._refuse(action, f"the key says {agent}/{name}, the action says {said}", follower)
+        else:
+            self._begin(action, follower)
+
+    def turn_away(self, agent: str, name: str, request: Action, reason: str, follower: Follower) -> None:
+        """Refuse a request of somebody who may not ask; its id is not used up by that."""
+        action = replace(self._identified(agent, request), agent=agent, name=name[:MAX_ID])
+        self._deny(replace(action, id=action.id[:MAX_ID]), reason, follower)
+
+    def adopt(self, manifest: Manifest) -> None:
+        """Take actions by another manifest from now on; those that run go on by their old entry."""
+        self._manifest = manifest
+
+    def cancel(self, agent: str, action: str, by: str = "") -> ActionStatus:
+        """End a running action of an agent, who asks for it, or somebody else does.
+
+        Returns its final status, also if it had ended already.
+        """
+        job = self._jobs.get(action)
+        if job is not None and job.action.agent == agent:
+            goes_on = "" if job.entry.cancel == "hold" or not job.entry.motion else "; the vehicle goes on"
+            hold = job.entry.cancel == "hold"
+            return self._end(job, Outcome("cancelled", f"cancelled by {(by or agent)[:MAX_ID]}{goes_on}"), hold=hold)
+        known = self._ledger.find(action)
+        if known is not None and known.agent == agent and known.final is not None:
+            return known.final
+        unknown = Action(id=action[:MAX_ID], agent=agent)
+        return self._statuses.make(unknown, "refused", f"no action {unknown.id} of {agent}")
+
+    def leave(self, agent: str, action: str, reason: str) -> ActionStatus:
+        """Refuse to end an action for somebody who may not ask."""
+        log.info("robot=%s cancel of %s refused: %s", self.robot, action[:MAX_ID], reason)
+        return self._statuses.make(Action(id=action[:MAX_ID], agent=agent), "refused", reason)
+
+    def order(self, order: Order, reason: str, *, block: bool, insist: bool) -> Execution:
+        """Begin an order from above: every action that runs fails with `reason`; `block` refuses new ones after it.
+
+        It goes on against a pilot only if it `insist`s.
+        """
+        if block:
+            self.blocked = reason
+        self._pause.end()
+        execution = self._calls.order(order, reason, insist=insist)
+        self.step()
+        for job in list(self._jobs.values()):
+            self._end(job, Outcome("failed", reason), hold=False)
+        return execution
+
+    @property
+    def ordered(self) -> Order | None:
+        """The operator's order that stands until `release`, of this life of the bridge or one before."""
+        return self._ledger.ordered
+
+    def stand(self, order: Order | None) -> None:
+        """Keep the operator's order that stands from now on: it outlives a bridge that is killed; None: none does."""
+        try:
+            self._ledger.order(order)
+        except OSError as error:
+            log.error("robot=%s the operator's order cannot be kept on disk: %s", self.robot, error.strerror)
+
+    def end_pause(self) -> None:
+        """End a pause without asking for anything again."""
+        self._pause.end()
+
+    @property
+    def of_before_boot(self) -> bool:
+        """Whether the operator ordered or paused before the machine was started."""
+        return self._ledger.before_boot
+
+    def pause(self) -> Execution:
+        """Hold the robot until `resume`: what moves, arms or sets the mode is interrupted, and nothing begins.
+
+        Returns what holds it. Other actions that run go on.
+        """
+        self.step()
+        self._pause.begin()
+        interrupted = []
+        if "hold" in self._driver.orders:
+            for job in self._jobs.values():
+                if not job.held and (job.entry.motion or job.entry.confirm in ("armed", "mode")):
+                    interrupted.append(job.execution)
+                    job.execution = _held(job.action.name, job.execution.feedback)
+                    job.held = True
+        self._holding = self._calls.pause(interrupted)
+        self._tell_all()
+        return self._holding
+
+    def resume(self) -> Execution:
+        """Bring the robot back into the state before the pause; `go_on` is to follow when it is."""
+        return self._calls.resume()
+
+    def go_on(self) -> None:
+        """End the pause: what it has interrupted is asked for again by the same rules, what has waited begins."""
+        self._pause.end()
+        for job in [job for job in self._jobs.values() if job.held]:
+            if reason := self._driver.refuses(job.entry):
+                self._end(job, Outcome("refused", reason), hold=False)
+            else:
+                self._perform(job)
+        self._tell_all()
+
+    def _tell_all(self) -> None:
+        """Tell of every action how it is, whenever that was told last."""
+        for job in self._jobs.values():
+            job.told_at = -math.inf
+        self.step()
+
+    def end_all(self, agent: str, outcome: Outcome) -> None:
+        """End every action of an agent that is no more; an empty name is every agent."""
+        for job in [job for job in self._jobs.values() if agent in ("", job.action.agent)]:
+            self._end(job, outcome, hold=False)
+
+    def step(self) -> None:
+        """Pass on what executions have come to, feedback, and deadlines that are over."""
+        now, elapsed = self._now(), self._pause.elapsed
+        for job in list(self._jobs.values()):
+            if job.execution.outcome is not None:
+                self._finish(job, job.execution.outcome)
+            elif elapsed >= job.deadline_at:
+                waits = f"; it waited for {job.execution.waits_for}" if job.execution.waits_for else ""
+                outcome = Outcome("timed_out", f"not done within {job.deadline:g} s{waits}")
+                holds = job.entry.cancel == "hold" and not defers("hold", self._driver.under_way)
+                self._end(job, outcome, hold=holds)
+            elif now - job.told_at >= self._feedback_every or job.execution.cause != job.cause:
+                job.told_at, job.cause = now, job.execution.cause
+                running = self._statuses.make(job.action, "running", job.execution.waits_for, job.execution.feedback)
+                self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - elapsed), paused=job.held))
+                job.progress.show(running.feedback, legible(job.cause, MAX_REASON))
+                self._log_cause(job, elapsed)
+        self.lease.step(
+            active=self._driver.active, heard=self._driver.heard, busy=bool(self._jobs) or self.paused, now=now
+        )
+        self._look_at_pause()
+
+    def _identified(self, agent: str, request: Action) -> Action:
+        """Return a request with an id: by hand there may be none."""
+        if request.id:
+            return request
+        self._by_hand += 1
+        return replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
+
+    def _asker(self, action: Action) -> str:
+        """Name who asked for an action: an agent, or somebody in its name, by hand."""
+        return f"{action.agent}, by hand" if self._is_by_hand(action) else action.agent
+
+    def _is_by_hand(self, action: Action) -> bool:
+        unsigned = action.id.startswith(f"{action.agent}:{self._boot}:hand")
+        return unsigned or action.header.source not in ("", action.agent)
+
+    def _used_otherwise(self, action: Action) -> str:
+        """Say what else an id was used for, empty if for nothing: the answer to another action is none to this one."""
+        job, entry = self._jobs.get(action.id), self._ledger.find(action.id)
+        if job is not None:
+            agent, name = job.action.agent, job.action.name
+        elif entry is not None:
+            agent, name = entry.agent, entry.name
+        else:
+            return ""
+        return "" if (agent, name) == (action.agent, action.name) else f"the id was used for {name} of {agent}"
+
+    def _known(self, action: Action, follower: Follower) -> bool:
+        """Answer a request for an id that was begun before."""
+        if (job := self._jobs.get(action.id)) is not None:
+            job.join(action.header.source, follower)
+            return True
+        if (entry := self._ledger.find(action.id)) is None:
+            return False
+        reason = "the bridge restarted while it ran; how it ended is not known"
+        follower(entry.final or self._statuses.make(action, "failed", reason))
+        return True
+
+    def _begin(self, action: Action, follower: Follower) -> None:
+        entry = ACTIONS.get(action.name) or self._manifest.actions.get(action.name)
+        if entry is None:
+            known = ", ".join(f"{name}/{one.arity}" for name, one in (self._manifest.actions | ACTIONS).items())
+            self._refuse(action, f"{self.robot} has no action {action.name}; it has {known}", follower)
+            return
+        try:
+            arguments = read_arguments(action.name, entry, action.parameters, self._manifest.robot.values)
+        except BadArgument as error:
+            self._refuse(action, str(error), follower)
+            return
+        if action.deadline is not None and not action.deadline > 0:
+            self._refuse(action, f"deadline: expected more than 0 s, got {action.deadline:g}", follower)
+            return
+        now = self._now()
+        lent = self.lease.refuses(action.agent, ", ".join(self.running), now)
+        if action.name in ACTIONS:
+            self._answer_built_in(action, arguments, self.blocked or lent, follower)
+            return
+        rival = self.lease.holder not in ("", action.agent)
+        if reason := self.blocked or lent or self._driver.refuses(entry) or self._busy(action, entry, rival):
+            self._refuse(action, reason, follower)
+            return
+        try:
+            self._ledger.begin(action)
+        except OSError as error:
+            if not entry.supersedes:
+                self._refuse(action, f"its id cannot be kept on disk: {error.strerror}", follower)
+                return
+            log.error(
+                "robot=%s the id of %s cannot be kept on disk: %s", self.robot, action.id, error.strerror
+            )  # a way down must stay
+        taken = self._take(action, entry) if rival else []
+        for other in self._superseded(entry):
+            self._end(other, Outcome("cancelled", f"superseded by {action.name} of {self._asker(action)}"), hold=False)
+        self.lease.take(action.agent, now)
+        if entry.motion or entry.supersedes or entry.confirm == "mode":
+            self.by_hand = self._is_by_hand(action)
+            self.on_control()
+        deadline = min(float(entry.deadline), action.deadline or math.inf)
+        accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline, paused=self.paused)
+        follower(accepted)
+        self._publish(action.agent, accepted)
+        progress, until = Progress(self._board, action.agent, action.name, entry), self._pause.elapsed + deadline
+        held = _held(action.name)
+        job = Job(action, entry, held, until, deadline, accepted, now, progress, arguments, held=True)
+        job.followers.append((action.header.source, follower))
+        self._jobs[action.id] = job
+        if not self.paused:
+            self._perform(job)
+        if job.execution.outcome is not None and job.execution.outcome.state != "succeeded":
+            self._hold_for(taken)
+        self.step()
+        self._note(job)
+        try:
+            self._ledger.keep()
+        except OSError as error:
+            log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, action.id, error.strerror)
+
+    def _perform(self, job: Job) -> None:
+        """Let the driver carry an action out: now that it is asked for, or when a pause is over."""
+        action, entry, job.held = job.action, job.entry, False
+        if self._manifest.driver_of(entry) not in OURS:
+            self._note(job)  # first: should its driver not return, the log names the action
+        job.execution = self._calls.perform(action.name, entry, job.arguments)
+
+    def _look_at_pause(self) -> None:
+        """End a pause when others fly the robot: it is theirs, and what has waited has failed."""
+        if not self.paused or not (mode := self._driver.overridden):
+            return
+        if self._holding is not None and not self._holding.over:
+            return
+        who = "(pilot, ground station or failsafe)"
+        reason = f"the mode became {mode} while the operator had paused the robot; nobody here asked for it {who}"
+        log.warning("robot=%s %s", self.robot, reason)
+        self._pause.end()
+        for job in [job for job in self._jobs.values() if job.held]:
+            self._end(job, Outcome("failed", reason), hold=False)
+
+    def _answer_built_in(self, action: Action, arguments: dict[str, Argument], reason: str, follower: Follower) -> None:
+        """`release` and `hand_over`: done at once, and never while an action of the holder runs."""
+        if not reason and self.lease.holder == action.agent and self._jobs:
+            reason = f"busy: {', '.join(self.running)} is running; cancel it first, or wait for its end"
+        if not reason and action.name == "release":
+            reason = self.lease.release(action.agent)
+        elif not reason:
+            reason = self.lease.give(action.agent, str(arguments["agent"]), self._now())
+        if reason:
+            self._refuse(action, reason, follower)
+            return
+        log.info("robot=%s action %s %s succeeded", self.robot, action.id, action.name)
+        status = self._statuses.make(action, "succeeded")
+        follower(status)
+        self._publish(action.agent, status)
+        self._record(action, status)
+
+    def _take(self, action: Action, entry: ActionEntry) -> list[Job]:
+        """Take the robot from an agent of lower rank: what runs for it fails. Returns what moved the robot."""
+        taken = list(self._jobs.values())
+        for job in taken:
+            self._end(job, Outcome("failed", f"lease taken by {action.agent}"), hold=False)
+        moving = [job for job in taken if job.entry.motion]
+        if not entry.motion and not entry.supersedes:
+            self._hold_for(moving)
+            return []
+        return moving
+
+    def _hold_for(self, taken: list[Job]) -> None:
+        """Let the robot stay where it is: whoever has taken it does not move it."""
+        for job in taken:
+            self._calls.hold(job.execution, job.status.reason)
+
+    def _busy(self, action: Action, entry: ActionEntry, rival: bool) -> str:
+        """Why an action cannot begin beside those that run, empty if it can; what runs for a `rival` would end."""
+        if rival:
+            return ""
+        ending = self._superseded(entry)
+        for job in self._jobs.values():
+            both_move = entry.motion and job.entry.motion
+            if job not in ending and (both_move or job.action.name == action.name):
+                return f"busy: {job.action.name} is running"
+        return f"busy: {MAX_RUNNING} actions are running" if len(self._jobs) >= MAX_RUNNING else ""
+
+    def _superseded(self, entry: ActionEntry) -> list[Job]:
+        return [job for job in self._jobs.values() if job.entry.motion] if entry.supersedes else []
+
+    def _refuse(self, action: Action, reason: str, follower: Follower) -> None:
+        self._record(action, self._deny(action, reason, follower))
+
+    def _deny(self, action: Action, reason: str, follower: Follower) -> ActionStatus:
+        """Refuse an action whose id stands for another one, or for none."""
+        status = self._statuses.make(action, "refused", reason)
+        log.info("robot=%s action %s %s refused: %s", self.robot, action.id, action.name, status.reason)
+        follower(status)
+        self._publish(action.agent, status)
+        return status
+
+    def _end(self, job: Job, outcome: Outcome, *, hold: bool) -> ActionStatus:
+        self._calls.stop(job.execution, outcome, hold=hold and not job.held)
+        return self._finish(job, job.execution.outcome or outcome)
+
+    def _finish(self, job: Job, outcome: Outcome) -> ActionStatus:
+        if job.action.id not in self._jobs:
+            return job.status
+        del self._jobs[job.action.id]
+        job.progress.end()
+        self._board.flush(self._now())
+        status = self._statuses.make(job.action, outcome.state, outcome.reason, job.execution.feedback)
+        self._tell(job, status)  # first: its agent waits for it
+        self._record(job.action, status)
+        self._note(job)
+        log.info("robot=%s action %s %s %s %s", self.robot, job.action.id, job.action.name, status.state, status.reason)
+        return status
+
+    def _log_cause(self, job: Job, elapsed: float) -> None:
+        """Write into the log what hinders an action, and each change of it; what is over in a moment is left out."""
+        begun = job.deadline_at - job.deadline
+        if job.cause and job.cause != job.logged_cause and elapsed - begun >= CAUSE_AFTER * self._feedback_every:
+            job.logged_cause = job.cause
+            log.warning("robot=%s action %s %s waits: %s", self.robot, job.action.id, job.action.name, job.cause)
+
+    def _note(self, job: Job) -> None:
+        """Write into the log that an action has begun; of one that is over at once, after its agent was told."""
+        if not job.noted:
+            job.noted = True
+            self._say_begun(job.action, job.arguments)
+
+    def _say_begun(self, action: Action, arguments: dict[str, Argument]) -> None:
+        log.info("robot=%s action %s %s%s", self.robot, action.id, action.name, list(arguments.values()))
+
+    def _tell(self, job: Job, status: ActionStatus) -> None:
+        job.tell(status)
+        self._publish(job.action.agent, status)
+
+    def _record(self, action: Action, status: ActionStatus) -> None:
+        try:
+            self._ledger.finish(action.agent, status)
+        except OSError as error:
+            log.error("robot=%s how %s ended cannot be kept on disk: %s", self.robot, status.id, error.strerror)
+
+
+def _held(name: str, feedback: Mapping[str, float] = MappingProxyType({})) -> Execution:
+    """What stands for an action that waits for the end of a pause."""
+    return Execution(name, feedback=dict(feedback), waits_for="paused by the operator")

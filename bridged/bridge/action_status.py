@@ -1,0 +1,69 @@
+"""Statuses as the bus, the ledger and the agents can take them, whatever a driver has said in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from numbers import Real
+
+from msgspec.structs import replace
+
+from bridged.bridge.percepts import PerceptBoard
+from schemas.wire.records import Action, ActionStatus, Header, State
+
+MAX_ID = 200
+"""Characters of an action's id."""
+MAX_REASON = 1000
+"""Characters of a reason; what is more is left out."""
+MAX_FIGURES = 64
+"""Figures of one action's progress that its status carries."""
+MAX_FIGURE_NAME = 100
+"""Characters of a figure's name."""
+
+
+class Statuses:
+    """Makes the statuses of one robot's actions."""
+
+    def __init__(self, robot: str, boot: str, stamp: Callable[[], int], board: PerceptBoard) -> None:
+        self._robot, self._boot, self._stamp, self._board = robot, boot, stamp, board
+        self._seq = 0
+
+    def make(
+        self, action: Action, state: State, reason: str = "", feedback: Mapping[str, float] | None = None
+    ) -> ActionStatus:
+        """Return what has become of an action by now."""
+        self._seq += 1
+        made = ActionStatus(
+            header=Header(seq=self._seq, stamp=self._stamp(), source=self._robot, boot=self._boot),
+            id=action.id,
+            state=state,
+            reason=legible(reason, MAX_REASON),
+            feedback=figures(feedback or {}),
+            after=self._board.last_seq(action.agent),
+            name=action.name,
+            parameters=action.parameters,
+        )
+        return replace(made, result=state == "succeeded") if made.final else made
+
+
+def legible(text: object, at_most: int) -> str:
+    """Return a text that can be sent: no half characters, and no more of them than wanted."""
+    whole = str(text).encode("utf-8", "replace").decode()
+    return whole if len(whole) <= at_most else f"{whole[: at_most - 3]}..."
+
+
+def figures(feedback: Mapping[str, float]) -> dict[str, float]:
+    """Return the figures that are numbers: JSON knows no infinity, and an agent refuses what is none."""
+    told: dict[str, float] = {}
+    for what, value in feedback.items():
+        if len(told) >= MAX_FIGURES:
+            break
+        if not isinstance(value, Real):
+            continue
+        try:
+            number = float(value)
+        except OverflowError:
+            continue
+        if math.isfinite(number):
+            told[legible(what, MAX_FIGURE_NAME)] = number
+    return told

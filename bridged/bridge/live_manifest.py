@@ -1,0 +1,95 @@
+"""The manifest that a robot runs by, and how it changes while the robot works: checked first, and as a whole.
+
+Pure: changes go in, the manifest in effect comes out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from bridged.drivers import check_manifest
+from schemas.files.findings import Finding, Findings
+from schemas.manifest.edit import changed
+from schemas.manifest.loader import Manifest, read_document
+from schemas.manifest.text import document
+from schemas.wire.records import LiveManifest, ManifestChange
+
+RESTART = "cannot change while the bridge runs: change the file and restart it"
+MAY_CHANGE = frozenset({"link_loss"})
+"""Fields of `[robot]` that may; all others say which robot it is."""
+
+
+class RunningManifest:
+    """What one bridge runs by now."""
+
+    def __init__(
+        self,
+        manifest: Manifest,
+        adopt: Callable[[Manifest], None],
+        objections: Callable[[Manifest], Iterable[Finding]] = lambda manifest: (),
+    ) -> None:
+        """`adopt` puts a manifest into effect; it may raise Findings, ValueError or OSError.
+
+        `objections` says what the mission needs of the robot and a manifest takes away.
+        """
+        self.manifest = manifest
+        self.version = 1
+        self._adopt, self._objections = adopt, objections
+        self._drivers = manifest.drivers()
+        self._files = " and ".join(file for file in (manifest.file, manifest.percepts_file) if file)
+
+    def told(self, robot: str, problems: Iterable[str] = ()) -> LiveManifest:
+        """Return the manifest for the bus."""
+        return LiveManifest(
+            robot=robot,
+            version=self.version,
+            file=self._files,
+            manifest=document(self.manifest),
+            problems=tuple(problems),
+        )
+
+    def change(self, change: ManifestChange) -> list[str]:
+        """Put a change into effect. Returns everything that is wrong with it instead, and then nothing has changed."""
+        if change.version not in (None, self.version):
+            return [f"the manifest is at version {self.version}, the change is for version {change.version}"]
+        made, problems = changed(document(self.manifest), change)
+        try:
+            manifest = read_document(made, "", check=check_manifest)
+        except Findings as found:
+            return problems + _messages(found.findings)
+        problems += [
+            *self._fixed(manifest),
+            *_messages(check_manifest(manifest)),
+            *_messages(self._objections(manifest)),
+        ]
+        if not problems:
+            problems = self._put_into_effect(manifest)
+        return problems
+
+    def _fixed(self, manifest: Manifest) -> Iterable[str]:
+        """Say what would be another robot, or would need a driver that does not run."""
+        old, new = self.manifest.robot, manifest.robot
+        for field in old.__struct_fields__:
+            if field not in MAY_CHANGE and getattr(old, field) != getattr(new, field):
+                yield f"robot.{field}: {RESTART}"
+        tables: dict[str, Any] = {"percepts": manifest.percepts, "actions": manifest.actions}
+        for table, entries in tables.items():
+            for name, entry in entries.items():
+                if entry.driver and entry.driver not in self._drivers:
+                    there = f"`{entry.driver}` does not run for this robot, {', '.join(self._drivers)} does"
+                    yield f"{table}.{name}.driver: {there}; {RESTART}"
+
+    def _put_into_effect(self, manifest: Manifest) -> list[str]:
+        try:
+            self._adopt(manifest)
+        except (Findings, ValueError, OSError) as error:
+            self._adopt(self.manifest)
+            return _messages(error.findings) if isinstance(error, Findings) else [str(error)]
+        self.manifest = manifest
+        self.version += 1
+        return []
+
+
+def _messages(findings: Iterable[Finding]) -> list[str]:
+    return [finding.message for finding in findings]

@@ -1,0 +1,136 @@
+"""Reads and checks everything that a bridge needs, before anything starts."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import get_args
+
+from msgspec.structs import replace
+
+from bridged.bridge.manifest_loader import load_robot_manifest
+from bridged.bridge.safety_orders import Step, read_steps
+from bridged.drivers import check_manifest, check_robot, orders_of
+from bridged.drivers.api import Order
+from schemas.files.findings import Finding, Findings
+from schemas.files.yaml_positions import Steps, did_you_mean
+from schemas.manifest.loader import Manifest
+from schemas.mission.model import NO_STEPS, Mission, Robot
+
+
+@dataclass(frozen=True)
+class Part:
+    """One robot of a bridge: what was read of it."""
+
+    name: str
+    manifest: Manifest
+    steps: tuple[Step, ...]
+    """What is done when its agent is lost."""
+    idle_steps: tuple[Step, ...]
+    """What is done when it is in the air and its agents intend nothing."""
+    idle_after: float
+    """Mission seconds after which that counts."""
+    agents: list[str]
+    silence: float
+    """Wall seconds after which an agent that says nothing counts as lost."""
+    where: str
+    """Its link, or the prefix of its keys, or its driver, for people."""
+
+
+def chosen(mission: Mission, robots: list[str], board: str | None) -> list[str]:
+    """Return the robots that a bridge serves: those that are named, or all of the board. Raises Findings for none."""
+    if robots:
+        return robots
+    if board is None and len(mission.boards) > 1:
+        raise Findings([_said(mission, f"which robots? Name them, or by --board one of {', '.join(mission.boards)}")])
+    if board is not None and board not in mission.board_names:
+        raise Findings([_said(mission, f"there is no board `{board}`{did_you_mean(board, mission.boards)}")])
+    found = [name for name, robot in mission.robots.items() if board in (None, robot.board)]
+    if not found:
+        raise Findings([_said(mission, f"board `{board}` has no robots" if board else "the mission has no robots")])
+    return found
+
+
+def _said(mission: Mission, text: str) -> Finding:
+    return Finding(str(mission.path), 0, 0, text)
+
+
+def prepare_all(mission: Mission, names: list[str], link: str | None, speed: float) -> tuple[Mission, list[Part]]:
+    """Prepare several robots of one bridge. Raises Findings with what is wrong with any of them."""
+    parts: list[Part] = []
+    findings: list[Finding] = []
+    for name in dict.fromkeys(names):
+        try:
+            mission, manifest, steps = prepare(mission, name, link, speed)
+        except Findings as found:
+            findings += found.findings
+            continue
+        robot = mission.robots[name]
+        idle, agents = read_steps(mission, name, "on_idle"), mission.agents_of(name)
+        where = _where(robot, manifest)
+        parts.append(Part(name, manifest, steps, idle, robot.idle_after, agents, robot.agent_silence, where))
+    if findings:
+        raise Findings(findings)
+    return mission, parts
+
+
+def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tuple[Mission, Manifest, tuple[Step, ...]]:
+    """Read everything that can be wrong before anything starts. Raises Findings with all of it."""
+    robot = mission.robots.get(name)
+    if robot is None:
+        known = ", ".join(mission.robots) or "none"
+        raise Findings([mission.positions.finding(("robots",), f"there is no robot `{name}`, there is {known}")])
+    findings: list[Finding] = []
+    where = ("robots", name)
+    if speed != 1 and robot.simulate is None:
+        findings.append(mission.positions.finding(where, f"speed {speed:g}: only a simulated robot can be hurried"))
+    manifest: Manifest | None = None
+    steps: tuple[Step, ...] = ()
+    try:
+        steps = read_steps(mission, name, "on_agent_loss")
+    except Findings as found:
+        findings += found.findings
+    try:
+        read_steps(mission, name, "on_idle")
+    except Findings as found:
+        findings += found.findings
+    try:
+        manifest = load_robot_manifest(robot.manifest, mission.path.parent)
+        findings += check_manifest(manifest)
+    except Findings as found:
+        findings += found.findings
+    if manifest is not None:
+        findings += order_findings(mission, name, manifest)
+    robot = replace(robot, link=link or robot.link)
+    if robot.signing is not None:
+        passphrase = mission.relative(robot.signing.passphrase_file).absolute()
+        robot = replace(robot, signing=replace(robot.signing, passphrase_file=str(passphrase)))
+    if manifest is not None:
+        for field, problem in check_robot(manifest, robot):
+            place = (*where, field) if (*where, field) in mission.positions.values else where
+            findings.append(mission.positions.finding(place, problem))
+    if findings or manifest is None:
+        raise Findings(findings)
+    return dataclasses.replace(mission, robots=mission.robots | {name: robot}), manifest, steps
+
+
+def _where(robot: Robot, manifest: Manifest) -> str:
+    keys = f"{robot.prefix}/**" if robot.prefix else ""
+    return robot.link or keys or f"driver `{manifest.robot.driver}`"
+
+
+def order_findings(mission: Mission, name: str, manifest: Manifest) -> list[Finding]:
+    """Say which orders the mission declares for a robot that has none such. Defaults are for those that have them."""
+    robot, positions, known = mission.robots[name], mission.positions, orders_of(manifest)
+    if known is None:
+        return []
+    said: list[tuple[Steps, str]] = [(("robots", name, "on_shutdown"), robot.on_shutdown)]
+    for field, steps in (("on_agent_loss", robot.on_agent_loss), ("on_idle", robot.on_idle)):
+        if steps != NO_STEPS:
+            said += [(("robots", name, field, index), step.partition(" ")[0]) for index, step in enumerate(steps)]
+    has = ", ".join(sorted(known)) or "none; its manifest declares them under [orders]"
+    return [
+        positions.finding(where, f"{where[2]}: the robot has no order `{order}`, it has {has}")
+        for where, order in said
+        if where in positions.values and order in get_args(Order) and order not in known
+    ]

@@ -1,0 +1,462 @@
+"""What is done to a robot without its agent: the operator's stop, the loss of the agent, the end of the bridge."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal, cast, get_args
+
+from bridged.bridge.action_server import ActionDesk
+from bridged.bridge.composite_driver import Body
+from bridged.bridge.error_boundary import Guarded
+from bridged.drivers.api import Execution, Order, Outcome
+from commd.common.clock import Clock
+from commd.common.tasks import wait_at_most
+from schemas.files.durations import Duration
+from schemas.files.findings import Findings
+from schemas.mission.model import NO_STEPS, Mission
+from schemas.wire.records import Note
+
+ORDER_PATIENCE = 10.0
+"""Wall seconds in which the vehicle must confirm the mode of an order."""
+ARMING_SHOWS = 1.5
+"""Wall seconds after which a vehicle that was told to arm shows whether it did: its HEARTBEAT comes once a second."""
+AGAIN = 1.0
+"""Wall seconds before an order that failed is given again, and between two looks whether a robot is home."""
+LOOK = 0.2
+"""Wall seconds between two looks whether a robot that was never heard is heard, or an agent has taken control."""
+FIRST_HEARD = 10.0
+"""Wall seconds that a bridge which leaves stays to hear a robot that a former life of it may have left in flight."""
+COMING: tuple[Order, ...] = ("rtl", "land")
+"""The motions that end on the ground, or at home, with nobody in charge."""
+UNATTENDED = "robot_unattended"
+"""Code of the alarm that a robot is in the air and its agents have nothing to do with it."""
+FALLBACK: tuple[Order, ...] = ("rtl", "land", "hold")
+"""What is tried next when the vehicle does not do the last that is ordered."""
+log = logging.getLogger("orders")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of `on_agent_loss` or `on_idle`: an order, and how long to leave it at that."""
+
+    order: Order
+    pause: float = 0.0
+    """Mission seconds before the next step."""
+
+
+def read_steps(mission: Mission, robot: str, field: Literal["on_agent_loss", "on_idle"]) -> tuple[Step, ...]:
+    """Return the robot's steps of a field. Raises Findings for what is not `hold|land|rtl [DURATION]`."""
+    steps, findings = [], []
+    texts = getattr(mission.robots[robot], field)
+    for index, text in enumerate(() if texts == NO_STEPS else texts):
+        order, _, pause = text.partition(" ")
+        try:
+            if order not in get_args(Order):
+                raise ValueError(f"Expected hold, land or rtl, got `{order}`")
+            steps.append(Step(cast(Order, order), Duration.read(pause) if pause else 0.0))
+        except ValueError as error:
+            findings.append(mission.positions.finding(("robots", robot, field, index), f"{field}: {error}"))
+    if findings:
+        raise Findings(findings)
+    return tuple(steps)
+
+
+class Orders:
+    """Carry out orders, one at a time: a later one takes over from a sequence that is under way.
+
+    Only the operator's replace a safer motion: see `bridged.drivers.api.defers`.
+    """
+
+    def __init__(self, desk: ActionDesk, driver: Body, clock: Clock, patience: float = 10.0) -> None:
+        """`patience`: mission seconds that an agent which is back has to take control (`idle_after`)."""
+        self._desk, self._driver, self._clock, self._patience = desk, driver, clock, patience
+        self._calls = Guarded(driver)
+        self._sequence: asyncio.Task[None] | None = None
+        self._answer: Callable[[], Coroutine[Any, Any, None]] | None = None
+        """What the sequence carries out: after a pause it begins again."""
+        self._restoring: asyncio.Task[None] | None = None
+        self._execution: Execution | None = None
+        """The order of a sequence that is being carried out."""
+        self._lost: tuple[str, Sequence[Step]] | None = None
+        """The agent that was lost last, and what is done about it: until an agent takes control."""
+        self._back_at: float | None = None
+        """Since when the agent that was lost is back, in mission seconds; none = it is not."""
+        self._alarm: Note | None = None
+        self._left = ""
+        self._unheard = ""
+        self._deferred = ""
+        self._stopping = False
+        self._secured = False
+        """Whether the robot does what it was ordered at the end of the bridge."""
+        desk.on_control = self._taken
+        if desk.ordered:
+            desk.blocked = f"operator: {desk.ordered}"
+            told = "as a former life of the bridge was told: no action is taken until `release`"
+            log.warning("robot=%s %s, %s", desk.robot, desk.blocked, told)
+
+    def notes(self) -> list[str | Note]:
+        """Warnings that hold now."""
+        left = self._left if self._driver.overridden else ""
+        return [note for note in (left, self._unheard, self._deferred, self._alarm) if note]
+
+    @property
+    def unattended(self) -> bool:
+        """Whether only an agent's intention can decide what becomes of a robot in the air.
+
+        Not while an action runs, a sequence of ours is carried out, the operator or a pilot has it or has paused it,
+        somebody commands it by hand, or before any agent has flown it.
+        """
+        desk, driver = self._desk, self._driver
+        others = driver.overridden or desk.blocked or desk.paused or desk.by_hand or self._stopping
+        return (
+            driver.airborne and driver.heard and not (others or desk.running or self._loss) and bool(desk.lease.answers)
+        )
+
+    @property
+    def _loss(self) -> bool:
+        """Whether the loss of an agent is being answered."""
+        return self._sequence is not None and bool(self._desk.lease.closed)
+
+    async def carry_out(self, order: Order, reason: str, *, block: bool, insist: bool = False) -> Outcome:
+        """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over.
+
+        Without `insist` it ends when a pilot, a ground station or a failsafe sets another mode.
+        """
+        execution = self._desk.order(order, reason, block=block, insist=insist)
+        if not block:  # to call off a sequence leaves the operator's order alone
+            self._execution = execution
+        outcome = await self._confirmed(execution)
+        log.log(
+            logging.INFO if outcome.state == "succeeded" else logging.ERROR,
+            "robot=%s %s (%s): %s %s",
+            self._desk.robot,
+            order,
+            reason,
+            outcome.state,
+            outcome.reason,
+        )
+        return outcome
+
+    async def _confirmed(self, execution: Execution) -> Outcome:
+        """Wait until the robot confirms an order or `ORDER_PATIENCE` is over."""
+        confirmed = asyncio.Event()
+        execution.ended = confirmed.set
+        if execution.outcome is None:
+            try:
+                async with asyncio.timeout(ORDER_PATIENCE):
+                    await confirmed.wait()
+            except TimeoutError:
+                pass
+            except asyncio.CancelledError:  # called off: it must not go on against whoever has the robot now
+                self._calls.stop(execution, Outcome("cancelled", "called off"), hold=False)
+                raise
+        waits = f": it waits for {execution.waits_for}" if execution.waits_for else ""
+        said = f"the vehicle did not confirm {execution.name} within {ORDER_PATIENCE:g} s{waits}"
+        self._calls.stop(execution, Outcome("timed_out", said), hold=False)
+        return execution.outcome or Outcome("timed_out", said)
+
+    async def operator(self, order: Order) -> Outcome:
+        """The operator's order: it ends every action, and no agent acts until `release`.
+
+        An agent that is lost is answered for on `release`, unless the robot is left by then.
+        """
+        if not self._stopping:
+            self._desk.stand(order)
+        back_at, may_move = self._back_at, self._loss or self._may_move
+        self.call_off()
+        if may_move and self._lost is not None and self._lost[0] == self._desk.lease.answers and not self._stopping:
+            self._back_at = back_at
+            self._begin_loss(*self._lost)
+        return await self.carry_out(order, f"operator: {order}", block=True, insist=True)
+
+    def release(self) -> Outcome:
+        """The operator lets the agents act again, but not while the bridge leaves the robot."""
+        if self._stopping:
+            return Outcome("refused", "the bridge stops: it takes no action any more")
+        self._desk.blocked = ""
+        self._desk.stand(None)
+        log.info("robot=%s released: actions are taken again", self._desk.robot)
+        waits = "; it is paused: they begin when it is told to `continue`" if self._desk.paused else ""
+        lost = f"; {self._desk.lease.closed}" if self._loss else ""
+        return Outcome("succeeded", f"actions are taken again{waits}{lost}")
+
+    async def pause(self) -> Outcome:
+        """The operator pauses the robot: it holds, its actions are kept and wait for `resume`."""
+        if self._stopping:
+            return Outcome("refused", "the bridge stops")
+        if self._sequence is not None and self._answer is not None:
+            self._sequence.cancel()
+            self._begin(self._answer)
+        return await self._confirmed(self._desk.pause())
+
+    async def resume(self) -> Outcome:
+        """The operator lets the robot go on: first it is brought back into its mode, then its actions are asked again.
+
+        It stays paused if it does not confirm. An order of the operator that stands is given again instead.
+        """
+        if self._stopping:
+            return Outcome("refused", "the bridge stops: it takes no action any more")
+        if not self._desk.paused and self._desk.blocked:
+            return Outcome("refused", f"it is not paused: {self._desk.blocked}; `release` gives it back to its agents")
+        if not self._desk.paused:
+            return Outcome("succeeded", "it was not paused")
+        if order := self._desk.ordered:
+            return await self.carry_out(order, f"operator: {order}", block=True, insist=True)
+        outcome = await self._confirmed(self._desk.resume())
+        if outcome.state == "succeeded" and self._desk.paused:
+            self._desk.go_on()
+        return outcome
+
+    def restore(self) -> None:
+        """Hold a robot that a former life of the bridge was told to pause, or order it again, when it is heard."""
+        if self._desk.paused or self._desk.ordered:
+            self._restoring = asyncio.create_task(self._restore())
+
+    async def _restore(self) -> None:
+        desk, driver = self._desk, self._driver
+        while (desk.paused or desk.ordered) and not (driver.heard or self._stopping):  # noqa: ASYNC110 - drivers do not tell when
+            await asyncio.sleep(LOOK)
+        if self._stopping or driver.overridden:
+            return
+        if desk.paused:
+            await self._confirmed(desk.pause())
+        elif desk.of_before_boot and driver.arms and not driver.active:
+            log.warning("robot=%s is not armed and the machine was started since: that ends the order", desk.robot)
+            self.release()
+        elif (order := desk.ordered) and driver.active:
+            await self.carry_out(order, f"operator: {order}", block=True)
+
+    def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
+        """Do what the mission declares, step by step, until an agent takes control or somebody above it speaks.
+
+        The agent's action has failed; what the vehicle does goes on until an order replaces it.
+        """
+        log.error("robot=%s agent %s is lost (%s)", self._desk.robot, agent, why)
+        arming = self._desk.arming
+        self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}"))
+        if (self._may_move or arming) and not self._stopping:
+            self.call_off()
+            self._lost = agent, steps
+            self._begin_loss(agent, steps)
+        else:
+            self._desk.lease.let_go()
+
+    def agent_back(self, agent: str) -> None:
+        """Give an agent that was lost `patience` to take control; if it commands nothing, the sequence goes on."""
+        self._back_at = self._clock.now()
+        if self._loss:
+            said = f"the bridge goes on in {self._patience:g} s unless it takes control"
+            log.warning("robot=%s agent %s is back; %s", self._desk.robot, agent, said)
+
+    def agents_idle(self, seconds: float, steps: Sequence[Step], *, lost: bool = False) -> None:
+        """Raise the alarm and do what the mission declares for a robot in the air that no agent intends anything with.
+
+        `seconds`: for how long, in mission seconds; 0 = it is attended, which ends the alarm. `lost`: the agent that
+        answers for it is lost.
+        """
+        if not seconds or (self._alarm is None and self._driver.under_way in COMING):
+            self._alarm = None
+            return
+        agent, first = self._desk.lease.answers, self._alarm is None
+        does = f"it is brought to safety ({', '.join(step.order for step in steps)})" if steps else "on_idle is none"
+        why = f"agent {agent} is {'lost' if lost else 'there and intends nothing'}"
+        text = f"in the air without anybody in charge: {why}; {does}"
+        self._alarm = Note(code=UNATTENDED, text=text, value=round(seconds, 1))
+        if first:
+            log.error("robot=%s %s", self._desk.robot, text)
+            if steps:
+                self._begin(partial(self._answer_idle, f"agent {agent} is {'lost' if lost else 'idle'}", steps))
+
+    def call_off(self) -> None:
+        """Leave out what is still to come: an agent has taken control, or somebody above it has spoken."""
+        if self._sequence is not None:
+            self._sequence.cancel()
+            self._sequence = None
+            self._desk.lease.closed = ""
+            if self._execution is not None:  # before the next action begins, and not when the task ends
+                self._calls.stop(self._execution, Outcome("cancelled", "called off"), hold=False)
+        self._left = self._unheard = self._deferred = ""
+        self._back_at = None
+
+    def _taken(self) -> None:
+        """An agent takes control."""
+        self._lost = None
+        self.call_off()
+
+    def _begin_loss(self, agent: str, steps: Sequence[Step]) -> None:
+        self._desk.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
+        self._begin(partial(self._answer_loss, agent, steps))
+
+    def _begin(self, answer: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        self._answer, self._sequence = answer, asyncio.create_task(answer())
+
+    @property
+    def _never_heard(self) -> bool:
+        """Whether this life of the bridge cannot know what the robot does: a former one may have left it in flight."""
+        return not self._driver.heard and not math.isfinite(self._driver.silence)
+
+    @property
+    def _may_move(self) -> bool:
+        return self._driver.active or self._never_heard
+
+    async def _answer_loss(self, agent: str, steps: Sequence[Step]) -> None:
+        """Bring the robot to safety, whatever happens; then it is anybody's."""
+        await self._try_to_bring_to_safety(f"agent {agent} is lost", steps)
+        self._sequence, self._desk.lease.closed = None, ""
+        self._desk.lease.let_go()
+
+    async def _answer_idle(self, why: str, steps: Sequence[Step]) -> None:
+        await self._try_to_bring_to_safety(why, steps)
+        self._sequence = None
+
+    async def _try_to_bring_to_safety(self, why: str, steps: Sequence[Step]) -> None:
+        try:
+            await self._bring_to_safety(why, steps)
+        except Exception:
+            log.exception("robot=%s defect while the robot is brought to safety (%s)", self._desk.robot, why)
+
+    async def _bring_to_safety(self, why: str, steps: Sequence[Step]) -> None:
+        if not self._may_move:
+            await asyncio.sleep(ARMING_SHOWS)
+        if self._operator_has_it:
+            await self._wait_for_operator(why)
+            if not self._may_move:  # it was landed meanwhile
+                return
+        if self._never_heard and not self._driver.active:
+            self._unheard = f"{why}; the robot was never heard: it is brought to safety when it is"
+            log.error("robot=%s %s", self._desk.robot, self._unheard)
+            while self._never_heard:  # noqa: ASYNC110 - drivers do not tell when
+                await asyncio.sleep(LOOK)
+            self._unheard = ""
+        outcome = Outcome("succeeded")
+        for step in steps:
+            await self._leave_time_to_take_control()
+            outcome = await self._until_heard(step.order, why)
+            if self._driver.overridden:
+                break
+            await self._clock.sleep(step.pause)
+        for order in self._others(steps[-1].order) if steps else ():
+            if outcome.state == "succeeded" or not self._driver.active or self._driver.overridden:
+                break
+            said = "the vehicle did not do the last that was ordered, so"
+            log.error("robot=%s %s %s is ordered instead", self._desk.robot, said, order)
+            outcome = await self._until_heard(order, why)
+        if mode := self._driver.overridden:
+            others = "which others set (pilot, ground station or failsafe)"
+            if self._driver.under_way in COMING:
+                log.info("robot=%s %s; it comes home in %s, %s", self._desk.robot, why, mode, others)
+                return
+            self._left = f"{why}; the vehicle is left in {mode}, {others}: nothing is ordered"
+            log.error("robot=%s %s", self._desk.robot, self._left)
+
+    @property
+    def _operator_has_it(self) -> str:
+        """What the operator does with the robot, and until when; empty = nothing. The operator stands above us."""
+        if self._desk.paused:
+            return "the robot is paused: it is brought to safety on `continue`"
+        return f"{self._desk.blocked}: it is brought to safety on `release`" if self._desk.blocked else ""
+
+    async def _wait_for_operator(self, why: str) -> None:
+        """Wait while the operator has a robot that may move; an agent that is back may take control after that."""
+        while self._may_move and (has := self._operator_has_it):
+            if (said := f"{why}; {has}") != self._deferred:
+                self._deferred = said
+                log.error("robot=%s %s", self._desk.robot, said)
+            await asyncio.sleep(LOOK)
+        self._deferred = ""
+        if self._back_at is not None:
+            self._back_at = self._clock.now()
+
+    async def _leave_time_to_take_control(self) -> None:
+        """Wait while an agent that is back may still take control; its first action ends the sequence."""
+        while self._back_at is not None and self._clock.now() < self._back_at + self._patience:  # noqa: ASYNC110 - as above
+            await asyncio.sleep(LOOK)
+
+    async def _until_heard(self, order: Order, why: str) -> Outcome:
+        """Give an order; a vehicle that is out of reach may come back, so it is told until it answers."""
+        outcome, again = Outcome("failed", f"the robot has no order `{order}`"), False
+        if order not in self._driver.orders:
+            return outcome
+        while self._driver.active and not self._driver.overridden:
+            outcome = await self.carry_out(order, f"{why}: {order}", block=False)
+            if outcome.state == "succeeded" or (self._driver.heard and (again or outcome.state != "timed_out")):
+                break
+            again = self._driver.heard
+            if outcome.state == "failed":
+                await asyncio.sleep(AGAIN)
+        return outcome
+
+    async def shut_down(self, order: Order, stay: float = 0.0, leave: asyncio.Event | None = None) -> str:
+        """Leave the robot safe at the end of the bridge. Returns in words what was left.
+
+        Stay with it for at most `stay` mission seconds, until it is disarmed, a pilot has it, or `leave` is set; with
+        one that was not heard yet and for which an agent answers, `FIRST_HEARD` wall seconds until it is heard.
+        """
+        left, until, leave = await self._leave_safe(order), self._clock.now() + stay, leave or asyncio.Event()
+        hear_by = self._clock.wall() + FIRST_HEARD if self._desk.lease.answers else 0.0
+
+        def stays() -> bool:
+            if self._never_heard:
+                return self._clock.wall() < hear_by
+            return self._driver.active and not self._piloted
+
+        while stays() and self._clock.now() < until and not leave.is_set():
+            await wait_at_most(leave, AGAIN)
+            if not self._secured and self._driver.heard:
+                left = await self._leave_safe(order)
+        if stay and (self._piloted or not self._driver.active):  # nothing is ordered any more
+            left = await self._leave_safe(order)
+        if self._secured or self._piloted or not self._driver.active:
+            self._desk.stand(None)  # not before: a bridge that is killed on its way out has left nobody in charge
+        return left
+
+    @property
+    def _piloted(self) -> bool:
+        """Whether others fly the robot, and not its own way home or down: a failsafe is watched to the ground."""
+        return bool(self._driver.overridden) and self._driver.under_way not in COMING
+
+    async def _leave_safe(self, order: Order) -> str:
+        """Order what leaves the robot safe, or what is tried instead. Returns in words what was left."""
+        self.call_off()
+        self._stopping, self._desk.blocked = True, "the bridge stops"
+        self._desk.end_pause()
+        if self._desk.arming and not self._driver.active:
+            self._desk.end_all("", Outcome("failed", "the bridge stops"))
+            await asyncio.sleep(ARMING_SHOWS)
+        if not self._driver.active:
+            return self._as_last_heard("not armed" if self._driver.arms else "left as it is")
+        outcome, done = Outcome("failed", "the robot has no such order"), order
+        for attempt in (order, *self._others(order)):
+            if attempt not in self._driver.orders:
+                continue
+            if mode := self._driver.overridden:
+                under_way = self._driver.under_way
+                if under_way in COMING:
+                    self._desk.end_all("", Outcome("failed", f"the bridge stops; the vehicle comes home in {mode}"))
+                    return f"{under_way}: the vehicle is in {mode}, which others set"
+                self._desk.end_all("", Outcome("failed", f"the bridge stops; {mode} is the pilot's"))
+                return f"left to the pilot in {mode}, {self._as_last_heard('armed')}"
+            outcome, done = await self.carry_out(attempt, f"the bridge stops: {attempt}", block=True), attempt
+            if outcome.state == "succeeded":
+                self._secured = True
+                return f"{attempt}: {outcome.reason or 'the vehicle does it'}"
+            if outcome.state == "timed_out":
+                break  # it does not answer: another order would not be heard either
+        state = "armed" if self._driver.arms else "it may be moving"
+        return f"{self._as_last_heard(state)}, and it has not confirmed {done}: {outcome.reason}"
+
+    def _others(self, order: Order) -> list[Order]:
+        """What is tried when the robot does not do `order`, of what it can."""
+        return [other for other in FALLBACK if other != order and other in self._driver.orders]
+
+    def _as_last_heard(self, state: str) -> str:
+        """What is known of the vehicle, in words that do not call it known when it is not."""
+        silence = self._driver.silence
+        if self._driver.heard:
+            return state
+        return f"{state} when last heard {silence:.0f} s ago" if math.isfinite(silence) else "never heard"

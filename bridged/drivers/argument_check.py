@@ -1,0 +1,139 @@
+"""Checks the arguments of an action against its manifest, in words that help whoever wrote the plan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from bridged.paper_format.text_values import argument
+from schemas.files.findings import Finding
+from schemas.manifest.loader import ActionEntry, Argument, Manifest, Parameter, ParameterType, Values
+from schemas.wire.term_text import BadTerm, read, write
+from schemas.wire.terms import Atom, Structure, Term, to_float
+
+MAX_SHOWN = 80
+"""Characters of an argument that an error shows."""
+
+
+class BadArgument(ValueError):
+    """An argument that the action does not take; says which, what was expected and what came."""
+
+
+def signature(name: str, entry: ActionEntry) -> str:
+    """The action as its manifest declares it: `takeoff(altitude: float 1..120 m)`."""
+    return f"{name}({', '.join(map(str, entry.params))})"
+
+
+def read_arguments(
+    name: str, entry: ActionEntry, parameters: Sequence[Term], values: Values = "typed"
+) -> dict[str, Argument]:
+    """Return the arguments by name, as the robot's `values` say: lists of structures as lists of `dict`.
+
+    Raises BadArgument for the first that is wrong.
+    """
+    allowed = entry.arities
+    if len(parameters) not in ((allowed,) if isinstance(allowed, int) else allowed):
+        taken = allowed if isinstance(allowed, int) else f"{allowed.start} to {entry.arity}"
+        raise BadArgument(f"{signature(name, entry)} takes {taken} arguments, got {len(parameters)}")
+    reader = _Reader(name, values)
+    given = zip(entry.params, parameters, strict=False)  # those left out have a default
+    return {one.name: one.default for one in entry.params if one.default is not None} | {
+        parameter.name: reader.read(parameter.name, parameter, term) for parameter, term in given
+    }
+
+
+def read_call(manifest: Manifest, text: str) -> tuple[str, dict[str, Argument]]:
+    """Return the action and the arguments that a text such as `cmd_vel(0, 0, 0)` says. Raises ValueError."""
+    term = read(text)
+    name, arguments = (term.functor, term.args) if isinstance(term, Structure) else (write(term), ())
+    entry = manifest.actions.get(name)
+    if entry is None:
+        known = ", ".join(f"{one}/{action.arity}" for one, action in manifest.actions.items())
+        raise BadArgument(f"`{text}`: the manifest has no action `{name}`; it has {known or 'none'}")
+    return name, read_arguments(name, entry, arguments, manifest.robot.values)
+
+
+def order_problems(manifest: Manifest) -> Iterator[Finding]:
+    """Say which of the manifest's orders no action carries out as they say it, each at its line."""
+    for order, text in manifest.orders.items():
+        try:
+            read_call(manifest, text)
+        except BadTerm as error:
+            said = f"expected an action with its arguments, such as `cmd_vel(0, 0)`, got `{text}`: {error}"
+            yield manifest.finding(f"orders.{order}: {said}", "orders", order)
+        except BadArgument as error:
+            yield manifest.finding(f"orders.{order}: {error}", "orders", order)
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Reads the arguments of one call."""
+
+    name: str
+    values: Values
+
+    def read(self, place: str, parameter: Parameter, term: Term) -> Argument:
+        """Read one argument, or one value within it; `place` says which, such as `points[1].lat`."""
+        if self.values == "text":
+            term = argument(parameter, term)
+        for kind in parameter.types:
+            if kind == "list" and isinstance(term, list):
+                return [self.element(f"{place}[{index}]", parameter, item) for index, item in enumerate(term)]
+            value = _as(kind, term)
+            if value is None:
+                continue
+            if isinstance(value, int | float) and not isinstance(value, bool) and not _in_range(parameter, value):
+                break
+            return value
+        raise self.unfit(place, parameter.expected(), term)
+
+    def element(self, place: str, parameter: Parameter, term: Term) -> Argument | dict[str, Argument]:
+        """Read one element of a list: a structure by the names in `each`, or whatever it is."""
+        if not parameter.each:
+            return self.plain(place, term)
+        if len(parameter.each) == 1 and not isinstance(term, list):
+            term = [term]
+        if not isinstance(term, list) or len(term) != len(parameter.each):
+            raise self.unfit(place, f"[{', '.join(map(str, parameter.each))}]", term)
+        return {
+            one.name: self.read(f"{place}.{one.name}", one, item)
+            for one, item in zip(parameter.each, term, strict=True)
+        }
+
+    def plain(self, place: str, term: Term) -> Argument:
+        """Read a value of which the manifest says nothing."""
+        if isinstance(term, list):
+            return [self.plain(f"{place}[{index}]", item) for index, item in enumerate(term)]
+        if isinstance(term, bool | int | float | str):
+            return term
+        if isinstance(term, Atom):
+            return term.name.strip("'")
+        raise self.unfit(place, "a number, text, boolean or list", term)
+
+    def unfit(self, place: str, expected: str, term: Term) -> BadArgument:
+        text = write(term)
+        shown = text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
+        return BadArgument(f"{self.name}: expected {place}: {expected}, got {shown}")
+
+
+def _as(kind: ParameterType, term: Term) -> Argument | None:
+    match kind:
+        case "boolean":
+            return term if isinstance(term, bool) else None
+        case "string":
+            return term.name.strip("'") if isinstance(term, Atom) else term if isinstance(term, str) else None
+        case "list":
+            return None
+    number = to_float(term)
+    if number is None or not math.isfinite(number):
+        return None
+    if kind == "int":
+        return int(number) if number.is_integer() else None
+    return number
+
+
+def _in_range(parameter: Parameter, value: float) -> bool:
+    low = -math.inf if parameter.min is None else parameter.min
+    high = math.inf if parameter.max is None else parameter.max
+    return low <= value <= high

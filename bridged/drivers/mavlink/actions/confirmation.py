@@ -1,0 +1,294 @@
+"""The waits that procedures are made of: for an acknowledgement, for a state, for the next HEARTBEAT.
+
+Each is a part of a generator: it yields until something changes, and every wait is bounded by a patience of its own or
+by the deadline of the action.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import Outcome
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, TEXT_WINDOW, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.vehicle.commands import Command
+from bridged.drivers.mavlink.vehicle.state import Place
+from schemas.manifest.loader import Retry
+
+MODE_ATTEMPTS = 4
+"""A mode that is acknowledged but falls back is asked for again: ArduCopter does that while it boots."""
+SETTLE = (4.0, 1.5)
+"""Mission and wall seconds in which an acknowledged change must show in a HEARTBEAT."""
+ASK_REASONS_EVERY = (5.0, 1.0)
+"""Mission and wall seconds between requests for the reasons why the vehicle is not ready."""
+PRE_ARM = "PreArm: "
+"""How ArduPilot begins what a failed arming check says (AP_Arming::check_failed)."""
+LASTING = (
+    "not armable", "not calibrated", "calibration needed", "requires reboot", "reboot required", "safety switch",
+    "below minimum arming", "internal error", "fences invalid", "no sd card", "check frame", "check fs_thr_value",
+)  # fmt: skip
+"""Parts of such texts whose cause stays until somebody sees to it, in lower case (AP_Arming.cpp, AP_Arming_Copter.cpp).
+Of others (GPS, EKF, gyros that settle) it is taken that they mend themselves: they are waited for and told."""
+FAULTS = ("not healthy", "unhealthy", "not detected", "logging failed")
+"""Parts of texts that come for a moment after a start too: faults when two checks in a row say them."""
+FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
+"""m/s that nothing has which stands; mission and wall seconds around the stop of the motors in which none has it."""
+TARGET_ATTEMPTS = 5
+TARGET_WAIT = (1.5, 0.7)
+"""Mission and wall seconds for the vehicle to report the target (message 87, asked for at 2 Hz) before it is resent."""
+SLOW = 0.5
+"""m/s: arrived is near and not faster than this."""
+ABOVE_HOME = frozenset({
+    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+})  # fmt: skip
+"""Frames in which an altitude counts from home."""
+TARGET_NEAR = 1.0
+"""Metres between the target sent and the one reported; rounding and frame conversion cost centimetres."""
+
+
+def enter(flight: Flight, task: Task, call: Call, mode: int) -> Generator[None, None, Outcome | None]:
+    """Send a command that changes the mode until it sticks. Returns the failure, None if the mode is steady."""
+    vehicle, before = flight.vehicle, flight.vehicle.mode
+    asked, name = flight.now, flight.vehicle.modes.name(mode)
+
+    def shown() -> bool:
+        return vehicle.mode == mode
+
+    command = None
+    for _ in range(MODE_ATTEMPTS):
+        flight.expect_mode(mode)
+        command = flight.submit(task, call.number, call.parameters, call.retry)
+        refusal = yield from acknowledged(flight, task, command, shown)
+        if refusal is not None:
+            return refusal
+        flight.expect_mode(mode)
+        task.waits_for = f"two HEARTBEATs in {name}; the vehicle is in {vehicle.mode_name}"
+        if (yield from steady(flight, shown)):
+            return None
+        if vehicle.mode not in (before, mode):
+            break
+    said = f"{name} was acknowledged, but the vehicle is in {vehicle.mode_name}"
+    return Outcome("failed", flight.with_texts(said, asked))
+
+
+def acknowledged(
+    flight: Flight, task: Task, command: Command, effect: Callable[[], bool]
+) -> Generator[None, None, Outcome | None]:
+    """Wait until a command is accepted or its effect shows without that. Returns the refusal or the silence.
+
+    A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then.
+    """
+    asked = flight.now
+    while not effect() and not command.accepted:
+        if command.refused:
+            patience = flight.now + flight.wait(*(TEXT_WINDOW if command.sent == 1 else SETTLE))
+            while flight.now < patience and not effect():
+                yield
+            if effect():
+                return None
+            said = f"the vehicle refused {command.name} ({command.result_name})"
+            return Outcome("refused", flight.with_texts(said, asked))
+        if command.silent:
+            said = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
+            return Outcome("failed", f"{said}; {flight.state_in_words()}")
+        task.waits_for = f"the acknowledgement of {command.name}"
+        yield
+    command.may_repeat = lambda: False
+    return None
+
+
+def steady(flight: Flight, shown: Callable[[], bool]) -> Generator[None, None, bool]:
+    """Whether a state shows soon and still does at the next HEARTBEAT."""
+    vehicle, patience = flight.vehicle, flight.now + flight.wait(*SETTLE)
+    while not shown():
+        if flight.now > patience:
+            return False
+        yield
+    beats, patience = vehicle.heartbeats, flight.now + flight.wait(*SETTLE)
+    while shown() and vehicle.heartbeats == beats and flight.now <= patience:
+        yield
+    return shown() and vehicle.heartbeats > beats
+
+
+def ready(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    """Wait until the vehicle is ready to be armed, asking it for its reasons meanwhile.
+
+    Returns None when it is, and its refusal as soon as it names a reason that does not go away by waiting.
+    """
+    before = asked = ask_at = flight.now
+    named_before: set[str] = set()
+    while missing := flight.vehicle.not_ready():
+        answered = flight.now - asked > flight.wait(*TEXT_WINDOW)
+        said = sorted(flight.texts.beginning(PRE_ARM, asked if answered else before))
+        task.cause = "; ".join(said or missing)
+        task.waits_for = "readiness: " + "; ".join([*missing, *said])
+        faults = named_before.intersection(said if answered else ())
+        if lasting := [one for one in said if _names(LASTING, one) or (one in faults and _names(FAULTS, one))]:
+            return Outcome("refused", f"the vehicle refuses to arm until somebody sees to it: {'; '.join(lasting)}")
+        if flight.now >= ask_at and flight.vehicle.connected:
+            named_before = set(flight.texts.beginning(PRE_ARM, asked))
+            before, asked, ask_at = asked, flight.now, flight.now + flight.wait(*ASK_REASONS_EVERY)
+            flight.submit(task, dialect.MAV_CMD_RUN_PREARM_CHECKS, (0.0,) * 7, Retry(times=0))
+        yield
+    task.cause = ""
+    return None
+
+
+def _names(causes: tuple[str, ...], text: str) -> bool:
+    return any(cause in text.lower() for cause in causes)
+
+
+def guided_aloft(flight: Flight, what: str) -> Outcome | None:
+    """Refuse targets that the vehicle would drop in silence: it takes them in GUIDED and in flight only."""
+    vehicle = flight.vehicle
+    if vehicle.mode != vehicle.modes.guided:
+        wanted = vehicle.modes.name(vehicle.modes.guided)
+        return Outcome("refused", f"{what} are taken in {wanted} only; {flight.state_in_words()}")
+    if not vehicle.aloft:
+        when = "armed" if vehicle.modes.ground else "in flight"
+        return Outcome("refused", f"{what} are taken {when} only; {flight.state_in_words()}")
+    return None
+
+
+def target_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
+    """Send the target until the vehicle reports it as its own. Returns the refusal, None if it does."""
+    asked = flight.now
+    if call.target is None:
+        raise ValueError(f"{task.name}: a call without a target")
+    if (refusal := guided_aloft(flight, "position targets")) is not None:
+        return refusal
+    if (refusal := within_limits(flight, call)) is not None:
+        return refusal
+    for _ in range(TARGET_ATTEMPTS):
+        flight.send_target(call.target, call.frame, call.yaw)
+        task.waits_for = "the vehicle to report the target as its own"
+        if (yield from target_shown(flight, call)):
+            return None
+        if not flight.vehicle.armed:
+            return Outcome("failed", flight.with_texts("the vehicle disarmed", asked))
+    said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
+    return Outcome("refused", flight.with_texts(f"{said}, {own_target(flight, call)}", asked))
+
+
+def within_limits(flight: Flight, call: Call) -> Outcome | None:
+    """Refuse a target outside the mission's limits, or one whose altitude cannot be told yet."""
+    if flight.altitude_of_home() is None:
+        return Outcome("refused", "the vehicle's altitude is not known yet")
+    if call.limited and flight.limited and not flight.vehicle.placed:
+        return Outcome("refused", "the vehicle has not told lately where it is, so the mission's limits cannot be kept")
+    broken = flight.outside_limits(above_home(flight, call)) if call.limited else ""
+    return Outcome("refused", broken) if broken else None
+
+
+def target_shown(flight: Flight, call: Call) -> Generator[None, None, bool]:
+    """Whether the vehicle reports the target of a call as its own before long."""
+    vehicle, seen = flight.vehicle, flight.vehicle.targets
+    patience = flight.now + flight.wait(*TARGET_WAIT)
+    while vehicle.armed and flight.now <= patience:
+        yield
+        if vehicle.targets > seen and target_is(flight, call):
+            return True
+    return False
+
+
+def target_is(flight: Flight, call: Call) -> bool:
+    """Whether the target that the vehicle reported last is that of a call."""
+    own, wanted = flight.vehicle.target, call.target
+    if own is None or wanted is None:
+        return False
+    height = wanted.altitude + ((flight.altitude_of_home() or 0.0) if call.frame in ABOVE_HOME else 0.0)
+    level = flight.vehicle.modes.ground or abs(own.altitude - height) <= TARGET_NEAR
+    return own.distance(wanted) <= TARGET_NEAR and level
+
+
+def own_target(flight: Flight, call: Call) -> str:
+    """In words, what the vehicle says that it flies to instead."""
+    own = flight.vehicle.target
+    if own is None or call.target is None:
+        return "it reports no target of its own"
+    return f"its own target is {own.distance(call.target):.0f} m from there"
+
+
+def arrive(flight: Flight, task: Task, goal: Place, tolerance: float | None) -> Steps:
+    """Wait until the vehicle is within the tolerance of a point (metres above home) and, if it can stand, slow."""
+    near, asked = tolerance or 1.0, flight.now
+    while True:
+        vehicle = flight.vehicle
+        if not vehicle.armed:
+            return Outcome("failed", flight.with_texts("the vehicle disarmed on the way", asked))
+        if vehicle.position is not None:
+            distance, height = vehicle.position.distance(goal), goal.altitude - vehicle.position.altitude
+            task.feedback = {
+                "distance": round(distance, 2),
+                "altitude": round(vehicle.position.altitude, 2),
+                "speed": round(vehicle.speed, 2),
+            }
+            task.waits_for = f"arrival; {distance:.1f} m and {height:+.1f} m of height to go"
+            level = vehicle.modes.ground or abs(height) <= near
+            if distance <= near and level and (vehicle.speed <= SLOW or not vehicle.modes.stands):
+                return SUCCEEDED
+        yield
+
+
+def above_home(flight: Flight, call: Call) -> Place:
+    """The target of a call with its altitude in metres above home."""
+    target = call.target or Place(0.0, 0.0, 0.0)
+    if call.frame in ABOVE_HOME:
+        return target
+    return Place(target.latitude, target.longitude, target.altitude - (flight.altitude_of_home() or 0.0))
+
+
+def down(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    """Wait until the vehicle has landed and disarmed. Returns why its motors stopped elsewhere, None if it stands."""
+    vehicle, fast_at = flight.vehicle, -math.inf
+    while vehicle.armed or not vehicle.connected:
+        fast_at = flight.now if vehicle.speed > FALLS else fast_at
+        position, away = vehicle.position, from_home(flight)
+        if position is not None:
+            task.feedback = {"altitude": round(position.altitude, 2)}
+            if away is not None:
+                task.feedback["distance"] = round(away, 2)
+            task.waits_for = f"landing and disarming; it is at {position.altitude:.1f} m, {metres(away)} from home"
+        yield
+    return (yield from stands(flight, task, fast_at))
+
+
+def stands(flight: Flight, task: Task, fast_at: float, where: str = "") -> Generator[None, None, Outcome | None]:
+    """Whether motors that have stopped just now did so on the ground; None if they did, why not otherwise.
+
+    What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
+    itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time; `where` is for people.
+    """
+    vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
+    until = asked + flight.wait(*STANDS_FOR)
+    while flight.now <= until:
+        task.waits_for = "the vehicle to stand on the ground"
+        fast_at = flight.now if vehicle.speed > FALLS else fast_at
+        yield
+    if vehicle.armed:
+        return Outcome("failed", f"the vehicle was armed again{where}; {flight.state_in_words()}")
+    if vehicle.positions == seen:
+        said = f"the motors have stopped{where}, and the vehicle does not tell where it is"
+        return Outcome("failed", flight.with_texts(said, asked))
+    if asked - fast_at <= flight.wait(*STANDS_FOR):
+        return Outcome("failed", flight.with_texts(f"the motors stopped in the air{where}", asked))
+    return None
+
+
+def parked(flight: Flight) -> bool:
+    """Whether the vehicle stands disarmed."""
+    vehicle = flight.vehicle
+    return vehicle.connected and not vehicle.armed and vehicle.speed <= FALLS
+
+
+def from_home(flight: Flight) -> float | None:
+    """Metres over ground from home, None if nothing tells."""
+    position, home = flight.vehicle.position, flight.vehicle.home
+    return None if position is None or home is None else home.distance(position)
+
+
+def metres(distance: float | None) -> str:
+    """A distance in words."""
+    return "an unknown distance" if distance is None else f"{distance:.1f} m"

@@ -1,0 +1,315 @@
+"""What a procedure works with: the vehicle's state, the means to act on it, and the patience to wait for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import Execution, Outcome, Reading, Value
+from bridged.drivers.mavlink.actions.mission_items import Item
+from bridged.drivers.mavlink.vehicle.commands import Command, Commands, Parameters
+from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
+from bridged.drivers.mavlink.vehicle.status_texts import Texts
+from schemas.manifest.loader import Retry
+from schemas.mission.model import Failsafe, Limits
+
+Steps = Generator[None, None, Outcome]
+"""A procedure: it looks at the flight, yields until something changes, and returns how it ended."""
+
+TEXT_WINDOW = (1.0, 0.3)
+"""Mission and wall seconds around an acknowledgement in which the vehicle's texts belong to it."""
+EXPECTED_FOR = (5.0, 2.0)
+"""Mission and wall seconds for which a mode that we asked for may still appear."""
+POSITION_ONLY = 0b110111111000
+"""Type mask of a position target: velocity, acceleration, yaw and yaw rate ignored."""
+POSITION_IGNORED, VELOCITY_IGNORED, YAW_IGNORED, YAW_RATE_IGNORED = 0b111, 0b111000, 1 << 10, 1 << 11
+ALL_IGNORED = 0b110111111111
+"""Parts of a type mask (POSITION_TARGET_TYPEMASK); a force is not meant."""
+
+GUIDED_TIMEOUT = 3.0
+"""Seconds after which ArduPilot stops a vehicle that is given no new velocity (GUID_TIMEOUT)."""
+MAX_PARAMETERS = 256
+"""Parameters whose values are kept up to date; the oldest is forgotten."""
+
+Triple = tuple[float, float, float]
+SUCCEEDED = Outcome("succeeded")
+NOBODYS_FAILSAFE = Failsafe()
+
+
+@dataclass(eq=False)
+class Task(Execution):
+    """An execution that runs as a procedure."""
+
+    moves: bool = True
+    """A mode that nobody here asked for ends it."""
+    sets_mode: bool = False
+    """Changes of the mode are its own business."""
+    takes_control: bool = False
+    """Its success ends an override by others."""
+    yields: bool = False
+    """It is nobody's wish but the bridge's own: a mode that others set ends it."""
+    judges_mode: bool = False
+    """It sets the mode and knows by itself which changes end it: a mission that is over leaves AUTO."""
+    by_agent: bool = False
+    """An agent wished it: what it moves, or sets the mode of, is in the agent's control."""
+    trouble: str = ""
+    """What keeps it from its end, in words: a warning of health."""
+    leaves: str = ""
+    """What would be left half done if it ended now, in words."""
+    call: Call | None = None
+    """What it carries out."""
+    commands: list[Command] = field(default_factory=list)
+    """What it has sent: taken back when it ends early."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocalTarget:
+    """A target of SET_POSITION_TARGET_LOCAL_NED: a place or a velocity, north-east-down or forward-right-down."""
+
+    frame: int
+    position: Triple | None = None
+    """Metres from the estimator's origin."""
+    velocity: Triple | None = None
+    """m/s."""
+    yaw: float | None = None
+    """Radians from north, clockwise."""
+    yaw_rate: float | None = None
+    """rad/s, clockwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """An action of the manifest with its arguments filled in."""
+
+    number: int = 0
+    parameters: Parameters = (0.0,) * 7
+    retry: Retry = field(default_factory=Retry)
+    target: Place | None = None
+    frame: int = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+    yaw: float | None = None
+    """Radians from north, clockwise; none = as the vehicle likes."""
+    local: LocalTarget | None = None
+    channels: tuple[int, ...] = ()
+    """Values of RC_CHANNELS_OVERRIDE."""
+    by_int: bool = False
+    """The command goes as COMMAND_INT, its place in `frame`."""
+    tolerance: float | None = None
+    limited: bool = True
+    """The mission's limits hold; not for what brings a vehicle to a stop where it is."""
+    arguments: Mapping[str, Value] = field(default_factory=dict)
+    """What a `call` of the driver is given."""
+
+
+@dataclass
+class Plan:
+    """What is known of the mission that the vehicle stores."""
+
+    items: tuple[Item, ...] | None = None
+    """As it was sent or read last; none = not known. The first is home."""
+    broken: str = ""
+    """What an upload that did not end has left, in words."""
+    busy: str = ""
+    """The action that is speaking the mission protocol now: the vehicle speaks it with one at a time."""
+    flown_by: str = ""
+    """The action that is flying the mission now."""
+
+
+class Flight:
+    """One vehicle, as the procedures see it. `now` is in mission seconds and moves with each message and tick."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        commands: Commands,
+        texts: Texts,
+        send: Callable[[dialect.MAVLink_message], None],
+        speed: float,
+        limits: Limits,
+        tell: Callable[[Reading], None] = lambda reading: None,
+        failsafe: Failsafe = NOBODYS_FAILSAFE,
+    ) -> None:
+        self.vehicle = vehicle
+        self.commands = commands
+        self.texts = texts
+        self.limits = limits
+        self.failsafe = failsafe
+        self.now = 0.0
+        self.asked_last = -1
+        """The mode that we asked for last: one that it takes on while it cannot be heard is nobody else's."""
+        self.message: dialect.MAVLink_message | None = None
+        """What has just come from the vehicle; none while only time passes."""
+        self.tell = tell
+        """Takes readings of the driver's own sources."""
+        self.interrupted: list[Call] = []
+        """What the last pause has ended: a takeoff among them goes on in the air."""
+        self.plan = Plan()
+        self.parameters: dict[str, float] = {}
+        """Those that were asked for, under the name that was asked for."""
+        self.send = send
+        self._speed = speed
+        self._expected: dict[int, float] = {}
+
+    def goes_on(self, call: Call) -> bool:
+        """Whether the last pause has interrupted this call, and it is begun again for the first time."""
+        interrupted = call in self.interrupted
+        self.interrupted = []
+        return interrupted
+
+    def wait(self, mission: float, wall: float) -> float:
+        """Mission seconds that last at least `mission` on the vehicle's clock and `wall` on ours (design section 8)."""
+        return max(mission, wall * self._speed)
+
+    def to_wall(self, mission: float) -> float:
+        """Wall seconds that a span of mission seconds lasts: silence is told in the seconds that limits are set in."""
+        return mission / self._speed
+
+    def submit(
+        self,
+        task: Task,
+        number: int,
+        parameters: Parameters,
+        retry: Retry,
+        may_repeat: Callable[[], bool] = lambda: True,
+    ) -> Command:
+        """Send a command for a task."""
+        return self.submit_call(task, Call(number, parameters, retry), may_repeat)
+
+    def submit_call(self, task: Task, call: Call, may_repeat: Callable[[], bool] = lambda: True) -> Command:
+        """Send the command of a call for a task."""
+        command = Command(call.number, call.parameters, call.retry, may_repeat, call.frame if call.by_int else None)
+        task.commands.append(command)
+        return self.commands.submit(command, self.now)
+
+    def send_target(self, place: Place, frame: int, yaw: float | None = None) -> None:
+        """Send a position target; nothing acknowledges it."""
+        identity = self.commands.identity
+        latitude, longitude = round(place.latitude * 1e7), round(place.longitude * 1e7)
+        mask = POSITION_ONLY if yaw is None else POSITION_ONLY & ~YAW_IGNORED
+        self.send(
+            dialect.MAVLink_set_position_target_global_int_message(
+                0,
+                identity.vehicle,
+                identity.autopilot,
+                frame,
+                mask,
+                latitude,
+                longitude,
+                place.altitude,
+                *(0.0,) * 6,
+                yaw or 0.0,
+                0.0,
+            )
+        )
+
+    def send_local(self, target: LocalTarget) -> None:
+        """Send a target in metres or m/s; nothing acknowledges it."""
+        identity = self.commands.identity
+        mask = ALL_IGNORED
+        for said, ignored in (
+            (target.position, POSITION_IGNORED),
+            (target.velocity, VELOCITY_IGNORED),
+            (target.yaw, YAW_IGNORED),
+            (target.yaw_rate, YAW_RATE_IGNORED),
+        ):
+            if said is not None:
+                mask &= ~ignored
+        self.send(
+            dialect.MAVLink_set_position_target_local_ned_message(
+                0,
+                identity.vehicle,
+                identity.autopilot,
+                target.frame,
+                mask,
+                *(target.position or (0.0,) * 3),
+                *(target.velocity or (0.0,) * 3),
+                *(0.0,) * 3,
+                target.yaw or 0.0,
+                target.yaw_rate or 0.0,
+            )
+        )
+
+    def learn(self, asked: str, value: float) -> None:
+        """Keep a parameter's value and tell it, under the name that was asked for."""
+        if asked not in self.parameters and len(self.parameters) >= MAX_PARAMETERS:
+            self.parameters.pop(next(iter(self.parameters)))
+        self.parameters[asked] = value
+        self.tell(Reading("PARAM", {"name": asked, "value": value}))
+
+    def expect_mode(self, mode: int) -> None:
+        """Count `mode` as asked for by us for a while: a pilot's change must be told from our own."""
+        self.asked_last = mode
+        self._expected = {known: until for known, until in self._expected.items() if until >= self.now}
+        self._expected[mode] = self.now + self.wait(*EXPECTED_FOR)
+
+    def expects(self, mode: int) -> bool:
+        """Whether we asked for `mode` lately."""
+        return self._expected.get(mode, -1.0) >= self.now
+
+    @property
+    def limited(self) -> bool:
+        """Whether the mission file sets limits."""
+        return self.limits.altitude is not None or self.limits.radius is not None
+
+    def altitude_of_home(self) -> float | None:
+        """Metres AMSL of home, None if nothing tells it."""
+        vehicle = self.vehicle
+        if vehicle.position is not None:
+            return vehicle.amsl - vehicle.position.altitude
+        return vehicle.home.altitude if vehicle.home is not None else None
+
+    def outside_limits(self, place: Place) -> str:
+        """Which limit of the mission a point (metres above home) breaks, in words; empty = none."""
+        return self.too_high(place.altitude) or self.too_far(place)
+
+    def too_high(self, altitude: float) -> str:
+        """In words, whether metres above home are above the mission's limit; empty = they are not."""
+        limit = self.limits.altitude
+        if limit is None or altitude <= limit:
+            return ""
+        return f"altitude {altitude:g} m is above the mission's limit of {limit:g} m"
+
+    def too_far(self, place: Place) -> str:
+        """In words, whether a point is farther from home than the mission's limit; empty = it is not."""
+        limit, home = self.limits.radius, self.vehicle.home
+        if limit is None:
+            return ""
+        if home is None:
+            return "home is not known, so the mission's radius limit cannot be kept"
+        distance = home.distance(place)
+        return f"{distance:.0f} m from home is outside the mission's limit of {limit:g} m" if distance > limit else ""
+
+    def leads_outside(self, velocity: Triple) -> str:
+        """Which limit a velocity (m/s north, east, down) breaks before the vehicle stops by itself, in words."""
+        here = self.vehicle.position
+        if here is None:
+            return "the vehicle's position is not known yet" if self.limited else ""
+        if self.limited and not self.vehicle.placed:
+            return "the vehicle has not told lately where it is, so the mission's limits cannot be kept"
+        north, east, down = (speed * GUIDED_TIMEOUT for speed in velocity)
+        there = here.moved(north, east, -down)
+        broken = self.outside_limits(there)
+        if broken and self.outside_limits(here):  # the way back must stay open
+            home = self.vehicle.home
+            nearer = home is None or home.distance(there) <= home.distance(here)
+            if nearer and there.altitude <= here.altitude:
+                return ""
+        return f"in {GUIDED_TIMEOUT:g} s at that velocity: {broken}" if broken else ""
+
+    def with_texts(self, said: str, since: float) -> str:
+        """A reason with what the vehicle itself said since then, or with its state if it said nothing."""
+        texts = self.texts.since(since - self.wait(*TEXT_WINDOW))
+        return f"{said}: {texts}" if texts else f"{said}; {self.state_in_words()}"
+
+    def state_in_words(self) -> str:
+        """Mode, arming and where it is."""
+        vehicle = self.vehicle
+        if not vehicle.connected:
+            return "the vehicle is not connected"
+        armed = "armed" if vehicle.armed else "not armed"
+        where = "" if vehicle.modes.ground else " in flight," if vehicle.aloft else " on the ground,"
+        return f"the vehicle is {armed},{where} in {vehicle.mode_name}"
+
+
+Procedure = Callable[[Flight, Task, Call], Steps]

@@ -1,0 +1,213 @@
+"""A stored mission is flown: read and judged first, seen to its end, and never changed under way by us."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import Outcome
+from bridged.drivers.mavlink.actions.confirmation import FALLS, acknowledged, from_home, metres, stands
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.flight import change_mode, mode_call
+from bridged.drivers.mavlink.actions.mission_actions import Speaking, go_to_item, outside, tell_items
+from bridged.drivers.mavlink.actions.mission_items import Item
+from bridged.drivers.mavlink.actions.mission_transfer import TRY_EVERY, download, same_items
+from bridged.drivers.mavlink.actions.requests import Poll, asked_message
+from schemas.manifest.loader import Retry
+
+PROGRESS_EVERY = (1.0, 0.5)
+"""Mission and wall seconds between requests for MISSION_CURRENT."""
+END_SHOWS = (3.0, 2.0)
+"""Mission and wall seconds in which a vehicle that left AUTO by itself tells that its mission is over."""
+BEGINS_WITHIN = (15.0, 3.0)
+"""Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
+HOME_NEAR = 3.0
+"""Metres from home at which a vehicle has returned."""
+COMPLETE = dialect.MISSION_STATE_COMPLETE
+START = Retry(times=5)
+
+
+def enter_mode(flight: Flight, task: Task, call: Call) -> Steps:
+    """`mode`: as `change_mode`; AUTO only on a mission that may be flown."""
+    if int(call.parameters[1]) == flight.vehicle.modes.auto:
+        failure = yield from may_fly(flight, task)
+        if failure is not None:
+            return failure
+    return (yield from change_mode(flight, task, call))
+
+
+def may_fly(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    """Whatever makes the vehicle fly its mission: it must be whole, and within the limits if there are any."""
+    if flight.plan.broken:
+        return Outcome("refused", flight.plan.broken)
+    if not flight.limited:
+        return None
+    return (yield from _read_within_limits(flight, task))
+
+
+def start_mission(flight: Flight, task: Task, call: Call) -> Steps:
+    """`mission_start`: AUTO, then every item to the last; on the ground a mission begins with a takeoff.
+
+    What the vehicle stores is read first, whoever has stored it: another station may have since we did.
+    """
+    vehicle, modes = flight.vehicle, flight.vehicle.modes
+    if flight.plan.broken:
+        return Outcome("refused", flight.plan.broken)
+    if not vehicle.armed:
+        return Outcome("refused", f"a mission is started armed; {flight.state_in_words()}")
+    failure = yield from _read_within_limits(flight, task)
+    if failure is not None:
+        return failure
+    items = flight.plan.items or ()
+    last = max((seq for seq, item in enumerate(items) if seq and item.flown), default=0)
+    if not last:
+        nothing = "nothing in the vehicle's mission is flown" if len(items) > 1 else "the vehicle has no mission"
+        return Outcome("refused", f"{nothing}; upload one")
+    with _Flying(flight, task):
+        told = yield from asked_message(flight, task, "MISSION_CURRENT", TRY_EVERY)
+        if told is not None and (told.mission_state == COMPLETE or told.seq > last):
+            failure = yield from go_to_item(flight, task, 1)
+            if failure is not None:
+                return failure
+        grounded = not vehicle.aloft or modes.ground
+        if vehicle.mode != modes.auto:  # whether it stays is seen all the way
+            flight.expect_mode(modes.auto)
+            call = mode_call(modes.auto)
+            command = flight.submit(task, call.number, call.parameters, START)
+            refusal = yield from acknowledged(flight, task, command, lambda: vehicle.mode == modes.auto)
+            if refusal is not None:
+                return refusal
+            flight.expect_mode(modes.auto)
+        if grounded:
+            refusal = yield from _begin(flight, task)
+            if refusal is not None:
+                return refusal
+        stored = None if told is None else told.total
+        return (yield from _fly(flight, task, items, last, stored, grounded=grounded and not modes.ground))
+
+
+def _begin(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    command = flight.submit(task, dialect.MAV_CMD_MISSION_START, (0.0,) * 7, START)
+    return (yield from acknowledged(flight, task, command, lambda: flight.vehicle.aloft and not _ground(flight)))
+
+
+def _fly(
+    flight: Flight, task: Task, items: tuple[Item, ...], last: int, stored: int | None, *, grounded: bool
+) -> Steps:
+    """Watch the mission until it is over; the vehicle's own messages tell how far it is.
+
+    A vehicle that disarms calls its mission complete wherever it is, so the end in the air is believed at the next
+    HEARTBEAT, and the end on the ground when the motors have stopped at the last item. One that leaves AUTO at the end
+    of a mission does so at once: two HEARTBEATs later a change is somebody else's. Of a mission that jumps, reaching an
+    item proves nothing: it is over when the vehicle says so. `stored` is how many items MISSION_CURRENT told before.
+    """
+    vehicle, modes, asked = flight.vehicle, flight.vehicle.modes, flight.now
+    poll, patience = Poll(flight, task, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)
+    jumps, complete = any(item.command == dialect.MAV_CMD_DO_JUMP for item in items), False
+    reached, furthest, current, running, over_at, left_at = 0, 0, 1, False, math.inf, None
+    fast_at = -math.inf
+    while True:
+        poll()
+        fast_at = flight.now if vehicle.speed > FALLS else fast_at
+        message = flight.message
+        match message:
+            case dialect.MAVLink_mission_item_reached_message():
+                reached = message.seq if jumps else max(reached, message.seq)
+            case dialect.MAVLink_mission_current_message():
+                stored = message.total if stored is None else stored
+                if message.total != stored or message.mission_state == dialect.MISSION_STATE_NO_MISSION:
+                    said = "the vehicle's mission was changed by others while it was flown (another ground station?)"
+                    return Outcome("failed", flight.with_texts(said, asked))
+                furthest = max(furthest, message.seq)
+                current = max(1, message.seq if jumps else furthest)
+                complete = complete or (message.mission_state == COMPLETE and running and vehicle.armed)
+                running = running or message.mission_state == dialect.MISSION_STATE_ACTIVE
+        reached = last if complete else reached
+        grounded = grounded and not vehicle.aloft
+        _progress(flight, task, items, current, last, reached)
+        if items[last].ends_on_ground:
+            if not vehicle.armed and max(furthest, reached) >= last:
+                return (yield from _landed(flight, task, items[last], fast_at))
+        elif (complete or (reached >= last and not jumps)) and vehicle.armed and not grounded:
+            over_at = min(over_at, vehicle.heartbeats)
+            stays = vehicle.mode == modes.auto != modes.after_mission
+            if vehicle.mode in (modes.auto, modes.after_mission) and vehicle.heartbeats > over_at + stays:
+                return SUCCEEDED
+        over = over_at < math.inf and vehicle.mode == modes.after_mission
+        if vehicle.armed and (vehicle.mode == modes.auto or over):
+            left_at = None
+        else:
+            left_at = flight.now if left_at is None else left_at
+            if flight.now - left_at > flight.wait(*END_SHOWS):
+                return _broken_off(flight, reached, last, asked)
+        if grounded and flight.now > patience:
+            said = "the mission was started, but the vehicle did not leave the ground; does it begin with a takeoff?"
+            return Outcome("failed", flight.with_texts(said, asked))
+        yield
+
+
+def _landed(flight: Flight, task: Task, item: Item, fast_at: float) -> Steps:
+    """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so."""
+    failure = yield from stands(flight, task, fast_at, " at the last item of the mission")
+    if failure is not None:
+        return failure
+    away = from_home(flight)
+    if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH and (away is None or away > HOME_NEAR):
+        return Outcome("failed", f"the vehicle landed {metres(away)} from home")
+    return SUCCEEDED
+
+
+def _progress(flight: Flight, task: Task, items: tuple[Item, ...], current: int, last: int, reached: int) -> None:
+    task.feedback = {"item": float(current), "items": float(last), "reached": float(reached)}
+    where = flight.vehicle.position
+    if where is not None:
+        task.feedback["altitude"] = round(where.altitude, 2)
+        if current < len(items) and items[current].placed:
+            task.feedback["distance"] = round(where.distance(items[current].place), 2)
+    task.waits_for = f"the end of the mission; it is at item {current} of {last}"
+
+
+def _broken_off(flight: Flight, reached: int, last: int, asked: float) -> Outcome:
+    vehicle = flight.vehicle
+    how = (
+        f"the mode became {vehicle.mode_name}, which nobody here asked for (pilot, ground station or failsafe)"
+        if vehicle.armed
+        else "the vehicle disarmed"
+    )
+    return Outcome(
+        "failed", flight.with_texts(f"{how} before the end of the mission (item {reached} of {last})", asked)
+    )
+
+
+def _read_within_limits(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+    """Read what the vehicle stores; percepts follow. Returns why it cannot be flown, None if it can."""
+    with Speaking(flight, task) as busy:
+        if busy:
+            return Outcome("refused", busy)
+        held = yield from download(flight, task)
+    if isinstance(held, Outcome):
+        return held
+    if flight.plan.items is None or not same_items(held, flight.plan.items):
+        flight.plan.items = held
+        tell_items(flight)
+    broken = outside(flight, held[1:])
+    return Outcome("refused", broken) if broken else None
+
+
+def _ground(flight: Flight) -> bool:
+    return flight.vehicle.modes.ground
+
+
+class _Flying:
+    """The mission is started or flown for one action: it is not changed under it."""
+
+    def __init__(self, flight: Flight, task: Task) -> None:
+        self._plan, self._task = flight.plan, task
+
+    def __enter__(self) -> None:
+        self._plan.flown_by = self._task.name
+
+    def __exit__(self, *_: object) -> None:
+        self._plan.flown_by = ""

@@ -1,0 +1,188 @@
+"""The items of a mission: what a plan may say of them, and what MISSION_ITEM_INT says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import Value
+from bridged.drivers.mavlink.vehicle.state import Place
+
+MAX_ITEMS = 700
+"""Items of one mission; ArduPilot stores about as many."""
+RELATIVE, AMSL = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL
+_AMSL = frozenset({dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT})
+_RELATIVE = frozenset({dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT})
+_TERRAIN = frozenset({dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT, dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT})
+SHORT = {
+    "waypoint": dialect.MAV_CMD_NAV_WAYPOINT,
+    "takeoff": dialect.MAV_CMD_NAV_TAKEOFF,
+    "land": dialect.MAV_CMD_NAV_LAND,
+    "rtl": dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+    "loiter": dialect.MAV_CMD_NAV_LOITER_UNLIM,
+    "loiter_time": dialect.MAV_CMD_NAV_LOITER_TIME,
+    "spline": dialect.MAV_CMD_NAV_SPLINE_WAYPOINT,
+}
+"""Short names of commands in a mission; every other has its MAVLink name or number."""
+LAST_NAV = dialect.MAV_CMD_NAV_LAST
+"""Commands up to this one are flown; those above are done on the way."""
+FORMS = "[Lat, Lon, Alt] or [Command, Lat, Lon, Alt, P1, P2, P3, P4]"
+NAMES = {"x_lat": "latitude", "y_long": "longitude", "z_alt": "altitude"}
+"""Other names of what an item may say: those of mavros' Waypoint."""
+SAID = ("command", "latitude", "longitude", "altitude", "frame", "param1", "param2", "param3", "param4")
+"""What an item may say by name, when the manifest declares it with `each`."""
+NOT_NEEDED = frozenset({"is_current", "autocontinue"})
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One item: degrees as 1e-7, metres in `frame`."""
+
+    command: int = dialect.MAV_CMD_NAV_WAYPOINT
+    frame: int = RELATIVE
+    parameters: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    x: int = 0
+    y: int = 0
+    z: float = 0.0
+    autocontinue: int = 1
+
+    @property
+    def name(self) -> str:
+        """Such as `waypoint`, or the command's MAVLink name."""
+        for short, number in SHORT.items():
+            if number == self.command:
+                return short
+        entry = dialect.enums["MAV_CMD"].get(self.command)
+        return entry.name if entry else str(self.command)
+
+    @property
+    def flown(self) -> bool:
+        """Whether the vehicle flies it, rather than do it on the way."""
+        return self.command <= int(LAST_NAV)
+
+    @property
+    def ends_on_ground(self) -> bool:
+        """Whether it ends with the motors."""
+        return self.command in (dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+
+    @property
+    def above_terrain(self) -> bool:
+        """Whether its altitude counts from the ground below."""
+        return self.frame in _TERRAIN
+
+    @property
+    def placed(self) -> bool:
+        """Whether it says where; 0/0 means here."""
+        return bool(self.flown and (self.x or self.y))
+
+    @property
+    def place(self) -> Place:
+        """Degrees, and metres in the item's frame."""
+        return Place(self.x / 1e7, self.y / 1e7, self.z)
+
+    def outside(self, too_high: Callable[[float], str], too_far: Callable[[Place], str], home_amsl: float) -> str:
+        """Which limit it breaks, in words; `home_amsl` is the altitude of home."""
+        if not self.flown or self.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            return ""
+        above = self.z - home_amsl if self.frame in _AMSL else self.z
+        return too_high(above) or (too_far(self.place) if self.placed else "")
+
+    def same(self, other: Item) -> bool:
+        """Whether a vehicle that stores the one holds the other: it keeps places to 1e-7 deg and heights to cm."""
+        if self.command != other.command:
+            return False
+        if self.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            return True
+        return abs(self.x - other.x) <= 1 and abs(self.y - other.y) <= 1 and abs(self.z - other.z) <= 0.02
+
+
+def read_items(value: Value, frame: int) -> tuple[Item, ...]:
+    """Read the items of a mission without home. Raises ValueError in words for the first that is wrong."""
+    if not isinstance(value, list) or not value:
+        raise ValueError(f"a mission is a list of items, each {FORMS}")
+    if len(value) > MAX_ITEMS:
+        raise ValueError(f"a mission has {MAX_ITEMS} items at most, got {len(value)}")
+    items = []
+    for index, said in enumerate(value, 1):
+        try:
+            items.append(_read(said, frame))
+        except ValueError as error:
+            raise ValueError(f"item {index} of the mission: {error}") from None
+    return tuple(items)
+
+
+def _read(said: object, frame: int) -> Item:
+    if isinstance(said, Mapping):
+        return _named(said, frame)
+    if not isinstance(said, list | tuple) or not said:
+        raise ValueError(f"expected {FORMS}, got {said!r}")
+    command: object = "waypoint"
+    place = said
+    if isinstance(said[0], str):
+        command, place = said[0], said[1:]
+    elif len(said) != 3:
+        raise ValueError(f"expected {FORMS}, got {said!r}")
+    if len(place) > 7:
+        raise ValueError(f"expected {FORMS}, got {said!r}")
+    latitude, longitude, altitude, one, two, three, four = [*map(_number, place), *(0.0,) * (7 - len(place))]
+    return _item(_command(command), frame, (one, two, three, four), latitude, longitude, altitude)
+
+
+def _named(said: Mapping[str, object], frame: int) -> Item:
+    given = {NAMES.get(name, name): value for name, value in said.items() if name not in NOT_NEEDED}
+    for name in given:
+        if name not in SAID:
+            raise ValueError(f"no field `{name}`; there is {', '.join(SAID)}")
+    one, two, three, four, latitude, longitude, altitude = (
+        _number(given.get(name, 0.0))
+        for name in ("param1", "param2", "param3", "param4", "latitude", "longitude", "altitude")
+    )
+    own_frame = int(_number(given.get("frame", frame)))
+    command = _command(given.get("command", "waypoint"))
+    return _item(command, own_frame, (one, two, three, four), latitude, longitude, altitude)
+
+
+def _item(
+    command: int,
+    frame: int,
+    parameters: tuple[float, float, float, float],
+    latitude: float,
+    longitude: float,
+    altitude: float,
+) -> Item:
+    if frame not in _AMSL | _RELATIVE | _TERRAIN and command <= LAST_NAV:
+        raise ValueError(f"frame {frame} is neither above home, above mean sea level nor above terrain")
+    if not 0 <= command <= 65535:
+        raise ValueError(f"no command {command}")
+    if abs(latitude) > 90 or abs(longitude) > 180:
+        raise ValueError(f"no place on earth: latitude {latitude:g}, longitude {longitude:g}")
+    return Item(command, frame, parameters, round(latitude * 1e7), round(longitude * 1e7), altitude)
+
+
+def _command(said: object) -> int:
+    if isinstance(said, int | float) and not isinstance(said, bool) and float(said).is_integer():
+        return int(said)
+    name = str(said).strip()
+    if name.lower() in SHORT:
+        return int(SHORT[name.lower()])
+    number = getattr(dialect, name, None) if name.startswith("MAV_CMD_") else None
+    if isinstance(number, int):
+        return number
+    raise ValueError(f"no command {said!r}; there is {', '.join(SHORT)}, and MAVLink's MAV_CMD_...")
+
+
+def _number(said: object) -> float:
+    if isinstance(said, int | float) and math.isfinite(said) and abs(said) < 1e9:
+        return float(said)
+    raise ValueError(f"expected a number, got {said!r}")
+
+
+def item_of(message: dialect.MAVLink_message) -> Item:
+    """Read MISSION_ITEM_INT, or MISSION_ITEM with its degrees."""
+    scale = 1e7 if message.get_type() == "MISSION_ITEM" else 1
+    parameters = (message.param1, message.param2, message.param3, message.param4)
+    x, y = round(message.x * scale), round(message.y * scale)
+    return Item(message.command, message.frame, parameters, x, y, message.z, message.autocontinue)

@@ -1,0 +1,137 @@
+"""Commands that move no vehicle, or that are known by their acknowledgement alone: servo, gripper, fence, anything."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import Outcome
+from bridged.drivers.mavlink.actions.confirmation import acknowledged
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
+from bridged.drivers.mavlink.actions.mission_execution import may_fly
+from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters
+from bridged.drivers.mavlink.actions.requests import Fits, Poll
+
+SERVOS = 16
+"""Outputs that SERVO_OUTPUT_RAW tells of in one message."""
+PWM_NEAR = 1
+"""Microseconds."""
+GRIPPER_PWM = {dialect.GRIPPER_ACTION_RELEASE: "GRIP_RELEASE", dialect.GRIPPER_ACTION_GRAB: "GRIP_GRAB"}
+"""Parameters that tell the output of a gripper, by param2 of DO_GRIPPER."""
+FUNCTIONS = tuple(f"SERVO{output}_FUNCTION" for output in range(1, SERVOS + 1))
+GRIPPER = 28.0
+"""SERVOn_FUNCTION of an output that moves a gripper."""
+FENCE_ENABLE = "FENCE_ENABLE"
+SHOWS_WITHIN, FENCE_SHOWS_WITHIN = (5.0, 3.0), (2.0, 1.5)
+"""Mission and wall seconds in which an output, or the fence, must show what was acknowledged."""
+
+
+def acknowledge(flight: Flight, task: Task, call: Call) -> Steps:
+    """Any command: the vehicle said ACCEPTED. The weakest of all: it says that it will try, not that it did.
+
+    MISSION_START needs a mission that may be flown; under limits home, from where they are measured, is not moved.
+    """
+    if call.number == dialect.MAV_CMD_DO_SET_HOME and flight.limited:
+        return Outcome("refused", MOVES_HOME)
+    if call.number == dialect.MAV_CMD_MISSION_START:
+        failure = yield from may_fly(flight, task)
+        if failure is not None:
+            return failure
+        flight.expect_mode(flight.vehicle.modes.auto)
+    command = flight.submit_call(task, call)
+    refusal = yield from acknowledged(flight, task, command, lambda: False)
+    return refusal or SUCCEEDED
+
+
+def move_servo(flight: Flight, task: Task, call: Call) -> Steps:
+    """DO_SET_SERVO: SERVO_OUTPUT_RAW shows the PWM on that output."""
+    servo, wanted = int(call.parameters[0]), call.parameters[1]
+    if not 1 <= servo <= SERVOS:
+        return Outcome("refused", f"a servo is one of 1 to {SERVOS}, got {servo}")
+    return (yield from _shown(flight, task, call, f"servo {servo} at {wanted:g}", lambda m: _near(m, servo, wanted)))
+
+
+def grip(flight: Flight, task: Task, call: Call) -> Steps:
+    """DO_GRIPPER: SERVO_OUTPUT_RAW shows on the gripper's own outputs the PWM that the vehicle's parameter names."""
+    parameter = GRIPPER_PWM.get(int(call.parameters[1]))
+    if parameter is None:
+        return Outcome("refused", f"a gripper releases (0) or grabs (1), got {call.parameters[1]:g}")
+    found = yield from read_parameter(flight, task, parameter)
+    if found is None:
+        return Outcome("failed", f"the vehicle knows no parameter {parameter}; has it a gripper?")
+    functions = yield from read_parameters(flight, task, FUNCTIONS)
+    outputs = [output for output, name in enumerate(FUNCTIONS, 1) if functions.get(name) == GRIPPER]
+    if not outputs:
+        return Outcome(
+            "failed", f"none of the {len(functions)} outputs that were told is a gripper (SERVOn_FUNCTION = 28)"
+        )
+    wanted, named = found[1], " and ".join(map(str, outputs))
+    return (
+        yield from _shown(
+            flight, task, call, f"output {named} at {wanted:g} ({parameter})",
+            lambda m: all(_near(m, output, wanted) for output in outputs),
+        )
+    )  # fmt: skip
+
+
+def fence(flight: Flight, task: Task, call: Call) -> Steps:
+    """DO_FENCE_ENABLE: the fence bit of SYS_STATUS agrees, or FENCE_ENABLE read back does, acknowledged or not."""
+    wanted = call.parameters[0] >= 1.0
+    if not wanted and (guarded := guard(flight, FENCE_ENABLE, 0.0)):
+        return Outcome("refused", guarded)
+    agrees = _Seen(flight, task, "SYS_STATUS", lambda m: _fenced(m) == wanted)
+    command = flight.submit_call(task, call)
+    refusal = yield from acknowledged(flight, task, command, agrees)
+    if command.refused and refusal is not None:
+        return refusal
+    task.waits_for, until = "SYS_STATUS to show the fence", flight.now + flight.wait(*FENCE_SHOWS_WITHIN)
+    while refusal is None and flight.now <= until:
+        if agrees():
+            return SUCCEEDED
+        yield
+    found = yield from read_parameter(flight, task, FENCE_ENABLE)
+    if found is not None and (found[1] >= 1.0) == wanted:
+        return SUCCEEDED
+    said = "enabled" if wanted else "disabled"
+    return refusal or Outcome("failed", f"{command.name} was acknowledged, but the fence is not {said}")
+
+
+def _shown(flight: Flight, task: Task, call: Call, what: str, fits: Fits) -> Generator[None, None, Outcome]:
+    """Send the command; the output proves it, also when the acknowledgement is lost."""
+    asked, shown = flight.now, _Seen(flight, task, "SERVO_OUTPUT_RAW", fits)
+    command = flight.submit_call(task, call)
+    refusal = yield from acknowledged(flight, task, command, shown)
+    if refusal is not None:
+        return refusal
+    task.waits_for, until = f"SERVO_OUTPUT_RAW to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
+    while flight.now <= until:
+        if shown():
+            return SUCCEEDED
+        yield
+    said = f"{command.name} was acknowledged, but SERVO_OUTPUT_RAW does not show {what}"
+    return Outcome("failed", flight.with_texts(said, asked))
+
+
+class _Seen:
+    """Asks for a message again and again, and tells whether one has come that fits."""
+
+    def __init__(self, flight: Flight, task: Task, name: str, fits: Fits) -> None:
+        self._flight, self._name, self._fits = flight, name, fits
+        self._poll = Poll(flight, task, name)
+        self._seen = False
+
+    def __call__(self) -> bool:
+        self._poll()
+        message = self._flight.message
+        self._seen = self._seen or (message is not None and message.get_type() == self._name and self._fits(message))
+        return self._seen
+
+
+def _fenced(message: dialect.MAVLink_message) -> bool:
+    return bool(message.onboard_control_sensors_enabled & dialect.MAV_SYS_STATUS_GEOFENCE)
+
+
+def _near(message: dialect.MAVLink_message, servo: int, pwm: float) -> bool:
+    return bool(abs(getattr(message, f"servo{servo}_raw", 0) - pwm) <= PWM_NEAR)

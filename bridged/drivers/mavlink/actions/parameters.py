@@ -1,0 +1,173 @@
+"""Parameters by name: read, set, and confirmed by the value that the vehicle took (facts/arducopter.md, Params).
+
+An unknown name is answered by silence, so it is asked for again and again for three seconds. Names differ between
+versions of ArduPilot: both spellings are asked for, and the vehicle's answer tells which it has.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Generator
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import Outcome, Reading
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, Flight, Steps, Task
+
+READ_TRIES, SET_TRIES, PULL_TRIES = 6, 3, 3
+AT_ONCE = 50
+"""Parameters of a list that are asked for one by one at once, if they did not come with it."""
+READ_EVERY, PULL_EVERY = (0.5, 0.5), (1.0, 1.0)
+"""Mission and wall seconds. With every fifth packet lost each way, six tries call one known name in 500 unknown."""
+_NEW_NAMES = {"SYSID_THISMAV": "MAV_SYSID", "SYSID_MYGCS": "MAV_GCS_SYSID"}
+_OLD_NAMES = {new: old for old, new in _NEW_NAMES.items()}
+_RENAMED = (_NEW_NAMES, _OLD_NAMES)
+_FAILSAFE_SWITCHES = frozenset({"FS_GCS_ENABLE", "FS_GCS_ENABL", "FS_ACTION"})
+_FAILSAFE_SETTINGS = frozenset({"MAV_GCS_SYSID", "SYSID_MYGCS", "FS_GCS_TIMEOUT"})
+_FENCE_SWITCHES = frozenset({"FENCE_ENABLE", "FENCE_ACTION", "FENCE_TYPE"})
+"""Switches are off at 0; any other value of a setting may make the failsafe watch somebody else, or too late."""
+
+
+def spellings(name: str) -> tuple[str, ...]:
+    """The names that a parameter may have: ArduPilot 4.7 renamed SYSID_* and SRn_* to MAV_* and MAVn_*."""
+    for names in _RENAMED:
+        if name in names:
+            return (name, names[name])
+    head, _, rest = name.partition("_")
+    for old, new, shift in (("SR", "MAV", 1), ("MAV", "SR", -1)):
+        number = head.removeprefix(old)
+        if head.startswith(old) and number.isdigit() and rest and int(number) + shift >= 0:
+            return (name, f"{new}{int(number) + shift}_{rest}")
+    return (name,)
+
+
+def read_parameter(flight: Flight, task: Task, name: str) -> Generator[None, None, tuple[str, float] | None]:
+    """Ask for a parameter. Returns its name on the vehicle and its value, None if the vehicle knows none."""
+    names = spellings(name)
+    for _ in range(READ_TRIES):
+        for one in names:
+            _request(flight, one)
+        task.waits_for = f"the value of {name}"
+        until = flight.now + flight.wait(*READ_EVERY)
+        while flight.now <= until:
+            yield
+            message = flight.message
+            if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
+                return message.param_id, message.param_value
+    return None
+
+
+def read_parameters(flight: Flight, task: Task, names: tuple[str, ...]) -> Generator[None, None, dict[str, float]]:
+    """Ask for several parameters at once. Returns those that the vehicle told."""
+    told: dict[str, float] = {}
+    for _ in range(READ_TRIES):
+        for name in names:
+            if name not in told:
+                _request(flight, name)
+        until = flight.now + flight.wait(*READ_EVERY)
+        while flight.now <= until and len(told) < len(names):
+            task.waits_for = f"the values of {names[0]} to {names[-1]}; {len(told)} of {len(names)} came"
+            yield
+            message = flight.message
+            if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
+                told[message.param_id] = message.param_value
+        if len(told) == len(names):
+            break
+    return told
+
+
+def get_parameter(flight: Flight, task: Task, call: Call) -> Steps:
+    """`param_get`: the vehicle tells the value, which becomes a reading of PARAM."""
+    name = str(call.arguments["name"])
+    found = yield from read_parameter(flight, task, name)
+    if found is None:
+        return Outcome("failed", f"the vehicle knows no parameter {name}")
+    flight.learn(name, found[1])
+    return SUCCEEDED
+
+
+def pull_parameters(flight: Flight, task: Task, call: Call) -> Steps:
+    """`param_pull`: the vehicle tells every parameter, each a reading of PARAM; what was lost is asked for again."""
+    told, count, tries = set[int](), 0, 0
+    identity = flight.commands.identity
+    while tries < PULL_TRIES:
+        tries += 1
+        if not count:
+            flight.send(dialect.MAVLink_param_request_list_message(identity.vehicle, identity.autopilot))
+        for index in sorted(set(range(count)) - told)[:AT_ONCE]:
+            flight.send(dialect.MAVLink_param_request_read_message(identity.vehicle, identity.autopilot, b"", index))
+        until = flight.now + flight.wait(*PULL_EVERY)
+        while flight.now <= until:
+            yield
+            message = flight.message
+            if message is None or message.get_type() != "PARAM_VALUE" or message.param_index >= message.param_count:
+                continue
+            count = message.param_count
+            if message.param_index not in told:
+                told.add(message.param_index)
+                tries = 0
+                flight.tell(Reading("PARAM", {"name": message.param_id, "value": message.param_value}))
+                until = flight.now + flight.wait(*PULL_EVERY)
+            task.feedback = {"params": float(len(told)), "of": float(count)}
+            task.waits_for = f"the rest of {count} parameters; {len(told)} came"
+            if len(told) == count:
+                return SUCCEEDED
+    came = f"{len(told)} of {count} parameters came" if count else "the vehicle does not tell its parameters"
+    return Outcome("failed", came)
+
+
+def set_parameter(flight: Flight, task: Task, call: Call) -> Steps:
+    """`param_set`: the vehicle tells that it has the value that was asked for."""
+    name, wanted = str(call.arguments["name"]), call.arguments["value"]
+    if not isinstance(wanted, int | float):
+        return Outcome("refused", f"a parameter's value is a number, got {wanted!r}")
+    if guarded := guard(flight, name, wanted):
+        return Outcome("refused", guarded)
+    failure = yield from write_parameter(flight, task, name, wanted)
+    return failure or SUCCEEDED
+
+
+def guard(flight: Flight, name: str, value: float) -> str:
+    """In words, that the mission file relies on what a value would switch off; empty = it does not."""
+    name, off = name.upper(), abs(value) < 1
+    if flight.failsafe.watches and (name in _FAILSAFE_SETTINGS or (name in _FAILSAFE_SWITCHES and off)):
+        return f"{name} is not set to {value:g}: the mission declares `failsafe`, which relies on it"
+    if flight.limited and name in _FENCE_SWITCHES and off:
+        return f"{name} is not set to {value:g}: the mission declares `limits`, and the fence stays as it is"
+    return ""
+
+
+def write_parameter(flight: Flight, task: Task, name: str, wanted: float) -> Generator[None, None, Outcome | None]:
+    """Set a parameter. Returns the failure, None if the vehicle has taken the value."""
+    try:
+        wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will tell it
+    except OverflowError:
+        wanted = math.inf
+    if not math.isfinite(wanted):
+        return Outcome("refused", f"{name}: a parameter's value is a number of 32 bits, up to 3.4e38")
+    found = yield from read_parameter(flight, task, name)
+    if found is None:
+        return Outcome("failed", f"the vehicle knows no parameter {name}")
+    theirs, told = found[0], None
+    identity = flight.commands.identity
+    for _ in range(SET_TRIES):
+        flight.send(
+            dialect.MAVLink_param_set_message(
+                identity.vehicle, identity.autopilot, theirs.encode(), wanted, dialect.MAV_PARAM_TYPE_REAL32
+            )
+        )
+        task.waits_for = f"the vehicle to take {name} = {wanted:g}"
+        again = yield from read_parameter(flight, task, theirs)  # a late answer to the first question is older
+        told = told if again is None else again[1]
+        if told == wanted:
+            break
+    if told is None:
+        return Outcome("failed", f"{name}: {wanted:g} was asked for, and the vehicle does not tell what it has")
+    flight.learn(name, told)
+    return None if told == wanted else Outcome("failed", f"{name}: {wanted:g} was asked for, the vehicle has {told:g}")
+
+
+def _request(flight: Flight, name: str) -> None:
+    identity = flight.commands.identity
+    flight.send(dialect.MAVLink_param_request_read_message(identity.vehicle, identity.autopilot, name.encode(), -1))

@@ -1,0 +1,196 @@
+"""Targets that nothing acknowledges: places and velocities in metres and m/s, and the channels of a remote control.
+
+The vehicle's own report is the proof: POSITION_TARGET_LOCAL_NED shows the target that it flies, RC_CHANNELS what it
+takes for the sticks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import replace
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import Outcome
+from bridged.drivers.mavlink.actions.confirmation import TARGET_ATTEMPTS, TARGET_NEAR, TARGET_WAIT, arrive, guided_aloft
+from bridged.drivers.mavlink.actions.context import (
+    POSITION_IGNORED,
+    SUCCEEDED,
+    VELOCITY_IGNORED,
+    Call,
+    Flight,
+    LocalTarget,
+    Steps,
+    Task,
+    Triple,
+)
+from bridged.drivers.mavlink.actions.requests import Fits, asked_message
+
+SPEED_NEAR = 0.15
+"""m/s between the velocity sent and the one reported."""
+RC_ATTEMPTS = 4
+RC_NEAR = 3
+"""Microseconds between a channel sent and the one reported."""
+RC_IGNORE, RC_RELEASE = 65535, 0
+"""Values of RC_CHANNELS_OVERRIDE: the channel stays as it is; the remote control has it again."""
+RC_IGNORE_HIGH, RC_RELEASE_HIGH = 0, 65534
+"""The same for the channels from 9 on."""
+RC_CHANNELS = 18
+LOCAL, BODY = dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_BODY_OFFSET_NED
+
+
+def send_local_place(flight: Flight, task: Task, call: Call) -> Steps:
+    """SET_POSITION_TARGET_LOCAL_NED with a place: the vehicle's own target agrees."""
+    failure = yield from _place_taken(flight, task, call)
+    return failure or SUCCEEDED
+
+
+def go_to_local(flight: Flight, task: Task, call: Call) -> Steps:
+    """As `send_local_place`, then within the tolerance of the target and slow."""
+    failure = yield from _place_taken(flight, task, call)
+    if failure is not None:
+        return failure
+    vehicle, seen = flight.vehicle, flight.vehicle.targets
+    shown = yield from asked_message(flight, task, "POSITION_TARGET_GLOBAL_INT", (5.0, 3.0))
+    if shown is None or vehicle.target is None or vehicle.targets == seen:
+        return Outcome("failed", "the vehicle does not report where on earth its target is")
+    goal = replace(vehicle.target, altitude=vehicle.target.altitude - (flight.altitude_of_home() or 0.0))
+    return (yield from arrive(flight, task, goal, call.tolerance))
+
+
+def send_velocity(flight: Flight, task: Task, call: Call) -> Steps:
+    """SET_POSITION_TARGET_LOCAL_NED with a velocity: the vehicle's own target agrees.
+
+    ArduPilot stops the vehicle after 3 s without a new one; that is the end of the motion, not of the action.
+    """
+    target = _local(task, call)
+    if (refusal := guided_aloft(flight, "velocities")) is not None:
+        return refusal
+    if target.velocity is None:
+        raise ValueError(f"{task.name}: a velocity without one")
+    velocity = _over_ground(flight, target)
+    if velocity is None:
+        return Outcome("refused", "the vehicle's heading is not known yet")
+    if call.limited and (broken := flight.leads_outside(velocity)):
+        return Outcome("refused", broken)
+
+    def fits(message: dialect.MAVLink_message) -> bool:
+        if message.type_mask & VELOCITY_IGNORED:
+            return False
+        reported = (message.vx, message.vy, message.vz)
+        if target.frame == LOCAL:
+            return math.dist(reported, velocity) <= SPEED_NEAR
+        level = math.hypot(*reported[:2]) - math.hypot(*velocity[:2])  # the heading moves on meanwhile
+        return abs(level) <= SPEED_NEAR and abs(reported[2] - velocity[2]) <= SPEED_NEAR
+
+    if (yield from _sent_until_shown(flight, task, target, fits)):
+        return SUCCEEDED
+    return Outcome("refused", f"the vehicle did not take the velocity in {TARGET_ATTEMPTS} tries; {_state(flight)}")
+
+
+def override_channels(flight: Flight, task: Task, call: Call) -> Steps:
+    """RC_CHANNELS_OVERRIDE: RC_CHANNELS shows what was sent; of a channel that is released nothing can be shown."""
+
+    def fits(message: dialect.MAVLink_message) -> bool:
+        return all(
+            abs(getattr(message, f"chan{index}_raw") - value) <= RC_NEAR
+            for index, value in enumerate(call.channels, 1)
+            if _is_set(index, value)
+        )
+
+    for _ in range(RC_ATTEMPTS):
+        _send_channels(flight, call)
+        task.waits_for = "RC_CHANNELS to show the channels that were sent"
+        if (yield from asked_message(flight, task, "RC_CHANNELS", TARGET_WAIT, fits)) is not None:
+            return SUCCEEDED
+    said = "RC_CHANNELS does not show them: ArduPilot takes overrides from its ground station only (MAV_GCS_SYSID)"
+    return Outcome("failed", flight.with_texts(said, flight.now))
+
+
+def send_channels(flight: Flight, task: Task, call: Call) -> Steps:
+    """RC_CHANNELS_OVERRIDE, sent once to a vehicle that is heard: nothing shows that it was taken."""
+    _send_channels(flight, call)
+    return SUCCEEDED
+    yield  # a procedure is a generator, also one that waits for nothing
+
+
+def _place_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
+    """Send the place until the vehicle reports it as its own. Returns the refusal, None if it does."""
+    target = _local(task, call)
+    if (refusal := guided_aloft(flight, "position targets")) is not None:
+        return refusal
+    here = yield from asked_message(flight, task, "LOCAL_POSITION_NED", (5.0, 3.0))
+    if here is None or flight.vehicle.position is None or target.position is None:
+        return Outcome("refused", "the vehicle does not tell its local position")
+    goal = _from_origin(flight, target, here)
+    if goal is None:
+        return Outcome("refused", "the vehicle's heading is not known yet")
+    north, east, down = (there - now for there, now in zip(goal, (here.x, here.y, here.z), strict=True))
+    if call.limited and (broken := flight.outside_limits(flight.vehicle.position.moved(north, east, -down))):
+        return Outcome("refused", broken)
+
+    def fits(message: dialect.MAVLink_message) -> bool:
+        shown = not message.type_mask & POSITION_IGNORED
+        return shown and math.dist((message.x, message.y, message.z), goal) <= TARGET_NEAR
+
+    absolute = LocalTarget(LOCAL, goal, yaw=target.yaw, yaw_rate=target.yaw_rate)  # a repetition must not add up
+    if (yield from _sent_until_shown(flight, task, absolute, fits)):
+        return None
+    said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
+    return Outcome("refused", f"{said}; {_state(flight)}")
+
+
+def _sent_until_shown(flight: Flight, task: Task, target: LocalTarget, fits: Fits) -> Generator[None, None, bool]:
+    for _ in range(TARGET_ATTEMPTS):
+        flight.send_local(target)
+        task.waits_for = "the vehicle to report the target as its own"
+        if (yield from asked_message(flight, task, "POSITION_TARGET_LOCAL_NED", TARGET_WAIT, fits)) is not None:
+            return True
+    return False
+
+
+def _from_origin(flight: Flight, target: LocalTarget, here: dialect.MAVLink_message) -> Triple | None:
+    """A place in metres north, east, down of the origin; a place of the body counts from here."""
+    north, east, down = target.position or (0.0, 0.0, 0.0)
+    if target.frame == LOCAL:
+        return north, east, down
+    turned = _turned(flight.vehicle.heading, north, east)
+    return None if turned is None else (here.x + turned[0], here.y + turned[1], here.z + down)
+
+
+def _over_ground(flight: Flight, target: LocalTarget) -> Triple | None:
+    one, two, down = target.velocity or (0.0, 0.0, 0.0)
+    if target.frame == LOCAL or not (one or two):
+        return one, two, down
+    turned = _turned(flight.vehicle.heading, one, two)
+    return None if turned is None else (*turned, down)
+
+
+def _turned(heading: float | None, forward: float, right: float) -> tuple[float, float] | None:
+    if heading is None:
+        return None
+    cos, sin = math.cos(heading), math.sin(heading)
+    return forward * cos - right * sin, forward * sin + right * cos
+
+
+def _is_set(channel: int, value: int) -> bool:
+    return value not in (RC_IGNORE, RC_RELEASE) and not (channel > 8 and value == RC_RELEASE_HIGH)
+
+
+def _send_channels(flight: Flight, call: Call) -> None:
+    identity = flight.commands.identity
+    rest = [RC_IGNORE if index < 8 else RC_IGNORE_HIGH for index in range(len(call.channels), RC_CHANNELS)]
+    flight.send(
+        dialect.MAVLink_rc_channels_override_message(identity.vehicle, identity.autopilot, *call.channels, *rest)
+    )
+
+
+def _local(task: Task, call: Call) -> LocalTarget:
+    if call.local is None:
+        raise ValueError(f"{task.name}: a call without a target")
+    return call.local
+
+
+def _state(flight: Flight) -> str:
+    return flight.state_in_words()

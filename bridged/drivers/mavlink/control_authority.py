@@ -1,0 +1,148 @@
+"""Who has the vehicle: agents and the bridge, or others (a pilot, a ground station, the vehicle's failsafe).
+
+A mode that nobody here asked for is theirs. It ends what moved the vehicle, and lasts until an agent sets the mode.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from bridged.drivers.api import Outcome, Reading
+from bridged.drivers.mavlink.actions.context import TEXT_WINDOW, Flight, Task
+
+RESTARTS_WITHIN = 1.8
+"""Wall seconds without a HEARTBEAT in which a vehicle may have restarted; they come once a second."""
+DOUBT = (1.0, 0.7)
+"""Mission and wall seconds in which a vehicle tells for how long it has been on."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Override:
+    """A mode that others have set: when, and until when the vehicle's text is waited for."""
+
+    mode: str
+    at: float
+    until: float
+
+
+class Control:
+    """Judges each change of the mode. `tasks` are those under way; `end` ends one of them."""
+
+    def __init__(self, flight: Flight, tasks: Iterable[Task], end: Callable[[Task, Outcome], None]) -> None:
+        self.overridden = False
+        """Whether others set the mode that the vehicle is in, not we or an agent."""
+        self.override = ""
+        """The mode that others set while an agent was in control; empty once an agent has set the mode again."""
+        self._flight, self._tasks, self._end = flight, tasks, end
+        self._by_agent = False
+        """Whether an agent has set the mode since others did."""
+        self._pending: _Override | None = None
+        self._restarted = False
+        """The mode of the next HEARTBEAT is one that the vehicle began with."""
+        self._untold = False
+        """The agents do not perceive the override yet."""
+        self._doubt_until = -math.inf
+        """Until when a mode that the vehicle may have begun with is held against nobody."""
+
+    @property
+    def pending(self) -> bool:
+        """Whether what moved the vehicle waits only for its end."""
+        return self._pending is not None
+
+    def heard(self, mode_before: int, *, again: bool) -> None:
+        """Take in the mode of a HEARTBEAT; `again` = the vehicle could not be heard before it."""
+        vehicle = self._flight.vehicle
+        if mode_before < 0 or self._restarted:
+            self._restarted = False
+            self.overridden = vehicle.mode not in vehicle.modes.ordered
+        elif vehicle.mode != mode_before:
+            ours = again and vehicle.mode == self._flight.asked_last
+            self.overridden = not ours and not self._flight.expects(vehicle.mode)
+            if self.overridden:
+                self._set_by_others()
+
+    def doubts(self, mode_before: int, was_armed: bool, silence: float) -> bool:
+        """Whether the HEARTBEAT that has just come may be of a vehicle that was restarted, so that its clock is asked.
+
+        A pilot's switch changes the mode alone; a restart changes it after a silence, or stops the motors as well.
+        """
+        vehicle = self._flight.vehicle
+        changed = mode_before >= 0 and vehicle.mode != mode_before and not self._flight.expects(vehicle.mode)
+        doubts = changed and not self._restarted and ((was_armed and not vehicle.armed) or silence > RESTARTS_WITHIN)
+        if doubts:
+            self._doubt_until = self._flight.now + self._flight.wait(*DOUBT)
+        return doubts
+
+    def rebooted(self) -> None:
+        """The vehicle was restarted: its mode is the one that it begins with, set by nobody."""
+        self._restarted, self._by_agent, self._pending, self._doubt_until = True, False, None, -math.inf
+        self.overridden = False
+        self._end_override()
+
+    def look(self) -> None:
+        """End what was moving the vehicle when others set the mode, as soon as the vehicle has said why."""
+        pending, now = self._pending, self._flight.now
+        self._tell_override()
+        if pending is None or now < self._doubt_until:
+            return
+        said = self._flight.texts.warnings(pending.at - self._flight.wait(*TEXT_WINDOW))
+        moving = [task for task in self._tasks if task.moves]
+        if not said and now < pending.until and moving:
+            return
+        self._pending = None
+        reason = f"the mode became {pending.mode}, which nobody here asked for (pilot, ground station or failsafe)"
+        for task in moving:
+            self._end(task, Outcome("failed", f"{reason}: {said}" if said else reason))
+
+    def settle(self) -> None:
+        """Another task begins: wait for texts no longer."""
+        if self._pending is not None:
+            self._pending = replace(self._pending, until=self._flight.now)
+            self.look()
+
+    def begun(self, task: Task) -> None:
+        """Take in that a task begins: what an agent moves is in its control from then on."""
+        if task.by_agent and task.moves and not self.overridden:
+            self._by_agent = True
+
+    def ended(self, task: Task, outcome: Outcome) -> None:
+        """Take in how a task ended: one that moved the vehicle or set its mode shows that it is ours."""
+        if outcome.state == "succeeded":
+            self.overridden = self.overridden and not (task.moves or task.sets_mode)
+            if task.takes_control:
+                self._taken()
+            elif task.by_agent and task.moves:
+                self._by_agent = True
+        elif (task.judges_mode or (task.sets_mode and self._flight.vehicle.armed)) and self.overridden:
+            self._by_agent = self._by_agent or task.by_agent
+            self._set_by_others()
+
+    def _set_by_others(self) -> None:
+        """A task that sets the mode, or knows which changes end it, judges for itself, unless it yields."""
+        name, now = self._flight.vehicle.mode_name, self._flight.now
+        for task in [task for task in self._tasks if task.yields]:
+            self._end(task, Outcome("failed", f"the mode became {name}, which nobody here asked for"))
+        if any(task.sets_mode or task.judges_mode for task in self._tasks):
+            return
+        self._pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
+        if self._by_agent:
+            self._by_agent, self.override, self._untold = False, name, True
+        self._tell_override()
+
+    def _tell_override(self) -> None:
+        """Let the agents perceive that others have the vehicle, once it is not in doubt."""
+        if self._untold and self._flight.now >= self._doubt_until:
+            self._untold = False
+            self._flight.tell(Reading("OVERRIDE", {"mode": self.override}))
+
+    def _taken(self) -> None:
+        """An agent has set the mode itself: an override by others is over."""
+        self._by_agent = True
+        self._end_override()
+
+    def _end_override(self) -> None:
+        told, self.override, self._untold = self.override and not self._untold, "", False
+        if told:
+            self._flight.tell(Reading("OVERRIDE", None))

@@ -1,0 +1,77 @@
+"""The MAVLink driver as `bridged.drivers` finds it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from bridged.drivers.api import Driver, Order, Setup
+from bridged.drivers.mavlink.transport.address import FORMS, LinkAddress, LinkAddressError
+from schemas.files.findings import Finding
+from schemas.manifest.loader import Manifest
+from schemas.mission.model import Robot
+
+ORDERS: frozenset[Order] = frozenset(("hold", "land", "rtl"))
+"""What a robot of this driver can be ordered without an action of its manifest."""
+
+
+def check_manifest(manifest: Manifest) -> Iterable[Finding]:
+    """Say what the driver does not know: vehicle, sources, fields, commands, confirmations."""
+    from bridged.drivers.mavlink.manifest.validation import check_manifest as check
+
+    return check(manifest)
+
+
+def check_robot(robot: Robot) -> Iterable[tuple[str, str]]:
+    """Say what is wrong with the link to a vehicle, our ids on it, its passphrase and the links to ground stations."""
+    from bridged.drivers.mavlink.vehicle.gcs_failsafe import id_problem
+
+    link = None
+    if robot.link:
+        try:
+            link = LinkAddress.parse(robot.link)
+        except LinkAddressError as error:
+            yield "link", str(error)
+    elif robot.simulate is None or not robot.simulate.process:  # a simulated vehicle is found a free port
+        yield "link", f"needs the field `link`: {FORMS}"
+    if problem := id_problem(robot.failsafe, robot.sysid, robot.ids):
+        yield "ids", f"ids: {problem}"
+    if robot.signing is not None:
+        from bridged.drivers.mavlink.transport.signing import SigningError, read_key
+
+        try:
+            read_key(Path(robot.signing.passphrase_file))
+        except SigningError as error:
+            yield "signing", f"signing.passphrase_file: {error}"
+    yield from _forward_problems(robot, link)
+
+
+def make_driver(setup: Setup) -> Driver:
+    """Make the driver of one vehicle. Raises SigningError for a passphrase that cannot be used."""
+    from bridged.drivers.mavlink.driver import MavlinkDriver
+
+    return MavlinkDriver(setup)
+
+
+def forward_of(robot: Robot) -> tuple[LinkAddress, ...]:
+    """The links to the ground stations of a vehicle. Raises LinkAddressError."""
+    return tuple(LinkAddress.parse(text) for text in _forward(robot))
+
+
+def _forward(robot: Robot) -> tuple[str, ...]:
+    return (robot.forward,) if isinstance(robot.forward, str) else robot.forward
+
+
+def _forward_problems(robot: Robot, link: LinkAddress | None) -> Iterator[tuple[str, str]]:
+    seen = set()
+    for text in _forward(robot):
+        try:
+            address = LinkAddress.parse(text)
+        except LinkAddressError as error:
+            yield "forward", f"forward: {error}"
+            continue
+        if link is not None and (address.host, address.port) == (link.host, link.port):
+            yield "forward", f"forward: `{text}` is the vehicle's own link: packets would go round for ever"
+        if address in seen:
+            yield "forward", f"forward: `{text}` stands there twice"
+        seen.add(address)

@@ -1,0 +1,179 @@
+"""Ground stations that watch a vehicle and speak to it through the bridge: packets pass as they are, both ways.
+
+What a vehicle sends goes to its stations, whatever anybody here reads of it. What a station sends goes to the vehicles
+that it is meant for. A station that is absent or slow costs nothing but dropped packets, which are counted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import struct
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from math import inf
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.transport.address import LinkAddress
+from bridged.drivers.mavlink.transport.framing import AUTOPILOT, HEADER_1, HEADER_2, MAGIC_1, Gate, component, source
+from bridged.drivers.mavlink.transport.link import Link, LinkError, Peer, open_link
+
+TRY_AGAIN = 5.0
+"""Wall seconds between attempts to open a link to a ground station: in flight a free port is waited for, not needed."""
+LISTENS_FOR = 30.0
+"""Wall seconds for which somebody who called at a listening port is sent packets without saying anything."""
+ECHO_FOR = 10.0
+"""Wall seconds for which a part of a vehicle that spoke on its link is no part of it that speaks from a station."""
+NEVER_SENT = (255, 190)
+"""A link has ids of its own; this one never speaks for itself."""
+log = logging.getLogger("mavlink")
+
+PassOn = Callable[[bytes], bool]
+"""Sends a packet to the vehicle as it is; False if it was dropped."""
+
+
+@dataclass(slots=True)
+class ForwardCounters:
+    """What passed between vehicles and one ground station."""
+
+    to_station: int = 0
+    to_vehicle: int = 0
+    dropped: int = 0  # a full buffer or a link that was down, either way
+    astray: int = 0  # packets of the station for systems that it does not see here
+    echoes: int = 0  # packets of a vehicle that came from the station: passed on they would go round for ever
+
+
+class GroundStation:
+    """One ground station and the vehicles that it sees, by system id."""
+
+    def __init__(self, address: LinkAddress) -> None:
+        self.address = address
+        self.counters = ForwardCounters()
+        self.speaks_as: tuple[int, int] | None = None
+        """The ids of its last HEARTBEAT."""
+        self._vehicles: dict[int, PassOn] = {}
+        self._parts: dict[tuple[int, int], float] = {}
+        """Who spoke on the links of the vehicles, by system and component, and when last."""
+        self._echo: tuple[int, float] | None = None
+        """Of which vehicle a packet came from the station, as if it were its autopilot, and when last."""
+        self._link: Link | None = None
+        self._why = ""
+        self._opening: asyncio.Task[None] | None = None
+
+    @property
+    def vehicles(self) -> list[int]:
+        """The systems that it sees."""
+        return list(self._vehicles)
+
+    def attach(self, vehicle: int, pass_on: PassOn) -> None:
+        """Let the station see a vehicle; the first one opens the link. Raises LinkError for a second one of an id."""
+        if vehicle in self._vehicles:
+            raise LinkError(f"forward {self.address}: system {vehicle} of another link goes there already")
+        self._vehicles[vehicle] = pass_on
+        if self._opening is None:
+            self._opening = asyncio.create_task(self._open(), name=f"forward {self.address}")
+
+    async def detach(self, vehicle: int) -> None:
+        """The vehicle goes; the last one closes the link."""
+        self._vehicles.pop(vehicle, None)
+        if not self._vehicles and self._opening is not None:
+            opening, self._opening = self._opening, None
+            opening.cancel()
+            with suppress(asyncio.CancelledError):
+                await opening
+            link, self._link = self._link, None
+            if link is not None:
+                await link.close()
+
+    def copy(self, packet: bytes) -> None:
+        """A packet of a vehicle, for the station."""
+        if self._link is not None:
+            now = asyncio.get_running_loop().time()
+            self._parts[source(packet), component(packet)] = now
+            since = now - LISTENS_FOR
+            peers = (peer for peer in self._link.peers if not peer.heard or peer.heard_at > since)
+            sent = self._link.pass_on(peers, packet)
+            self.counters.to_station += sent
+            self.counters.dropped += not sent
+
+    def notes(self) -> list[str]:
+        """Warnings that hold now."""
+        notes = [self._why] if self._why else []
+        if self._echo is not None and asyncio.get_running_loop().time() - self._echo[1] < ECHO_FOR:
+            notes.append(
+                f"packets of {self._echo[0]}/{AUTOPILOT}, the vehicle itself, come from the ground station at "
+                f"{self.address}: they are dropped"
+            )
+        return notes
+
+    async def _open(self) -> None:
+        while self._link is None:
+            try:
+                self._link = await open_link(
+                    self.address,
+                    lambda message, peer: None,
+                    system=NEVER_SENT[0],
+                    component=NEVER_SENT[1],
+                    make_gate=lambda peer: _StationGate(self, peer),
+                )
+            except LinkError as error:
+                if not self._why:
+                    log.error("forward: %s", error)
+                self._why = f"forward: {error}"
+                await asyncio.sleep(TRY_AGAIN)
+            else:
+                self._why = ""
+                log.info("forwarding to %s", self.address)
+
+    def take(self, packet: bytes, system: int, number: int) -> None:
+        """A packet of the station, for the vehicles."""
+        part, now = component(packet), asyncio.get_running_loop().time()
+        if system in self._vehicles and (part == AUTOPILOT or now - self._parts.get((system, part), -inf) < ECHO_FOR):
+            self.counters.echoes += 1
+            if part == AUTOPILOT:
+                self._echo = (system, now)
+            return
+        if number == dialect.MAVLINK_MSG_ID_HEARTBEAT:
+            self.speaks_as = (system, part)
+        target = target_of(packet, number)
+        chosen = self._vehicles.values() if not target else [self._vehicles[target]] if target in self._vehicles else []
+        self.counters.astray += not chosen
+        for pass_on in chosen:
+            passed = pass_on(packet)
+            self.counters.to_vehicle += passed
+            self.counters.dropped += not passed
+
+
+class _StationGate(Gate):
+    """Nothing of what a station sends is read here."""
+
+    def __init__(self, station: GroundStation, peer: Peer) -> None:
+        self._station, self._peer = station, peer
+
+    def wants(self, system: int, message_id: int) -> bool:
+        return False
+
+    def copy(self, packet: bytearray, system: int, message_id: int) -> None:
+        self._peer.heard, self._peer.heard_at = True, asyncio.get_running_loop().time()
+        self._station.take(bytes(packet), system, message_id)
+
+
+def target_of(packet: bytes, number: int) -> int:
+    """The system that a packet is meant for; 0 = all of them, or the message names none."""
+    place = _target_place(number)
+    header, payload = (HEADER_1 if packet[0] == MAGIC_1 else HEADER_2), packet[1]
+    return packet[header + place] if place is not None and place < payload else 0
+
+
+@cache
+def _target_place(number: int) -> int | None:
+    """Where in its payload a kind of message says for which system it is."""
+    kind = dialect.mavlink_map.get(number)
+    if kind is None or "target_system" not in kind.ordered_fieldnames:
+        return None
+    before = kind.ordered_fieldnames.index("target_system")
+    layout = zip(kind.array_lengths[:before], kind.native_format.decode()[1:], strict=False)
+    return sum(struct.calcsize(f"<{max(1, count)}{letter}") for count, letter in layout)

@@ -1,0 +1,240 @@
+"""MAVLink packets in a stream of bytes: cutting them out, checking them, and packing our own."""
+
+import struct
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.transport.signing import SIGNATURE_BYTES, Signing
+
+MAGIC_1 = 0xFE
+MAGIC_2 = 0xFD
+AUTOPILOT = 1
+"""MAV_COMP_ID_AUTOPILOT1: the component of a system that flies it."""
+SIGNED = 0x01
+"""The only incompatibility flag of MAVLink 2 that is defined; a packet with another one must be dropped."""
+
+MAX_FALSE_STARTS = 16
+"""What may look like a packet and be none in one datagram, before its rest is passed over: each costs a checksum, and
+in a datagram of nothing else there may be 65000."""
+
+_MAGIC = (MAGIC_1, MAGIC_2)
+HEADER_1, HEADER_2 = 6, 10
+"""Bytes before the payload."""
+_CHECKSUM, _SIGNATURE = 2, SIGNATURE_BYTES
+
+
+@dataclass(slots=True)
+class WireCounters:
+    """What came in: whole packets, and everything that was not one."""
+
+    packets: int = 0
+    skipped_bytes: int = 0  # bytes that belong to no packet (console text, noise)
+    bad_checksums: int = 0  # what looked like a packet of a known type, with a wrong checksum
+    unknown_packets: int = 0  # message ids that the dialect does not know: cannot be checked
+    unreadable_packets: int = 0  # right checksum, but unknown flags or an impossible payload
+    unwanted: int = 0  # right checksum, but nobody here reads such messages
+    refused: int = 0  # right checksum, but unsigned, wrongly signed or replayed where signatures are needed
+
+
+class Gate:
+    """What a framer asks about packets before it reads them. This one lets all of them through."""
+
+    def wants(self, system: int, message_id: int) -> bool:
+        """Whether somebody reads such messages of this system."""
+        return True
+
+    def signing(self, system: int) -> Signing | None:
+        """By what the packets of this system are checked; None = they need no signature."""
+        return None
+
+    def refuse(self, system: int, objection: str) -> None:
+        """Be told of a packet that was not taken, and of the objection of `Signing`."""
+
+    def copy(self, packet: bytearray, system: int, message_id: int) -> None:
+        """Be told of every packet as it came: with a right checksum, wanted or not, or of a kind that is not known."""
+
+
+class SignedGate(Gate):
+    """Takes what is signed with one key, whoever sent it; with no key everything."""
+
+    def __init__(self, signing: Signing | None) -> None:
+        self.by = signing
+
+    def signing(self, system: int) -> Signing | None:
+        """The one key."""
+        return self.by
+
+
+class Framer:
+    """Cuts MAVLink 1 and 2 packets out of what one peer sends, whatever the bytes are.
+
+    After a wrong checksum the search goes on at the next byte, so a false start inside noise loses no packet.
+    """
+
+    def __init__(self, counters: WireCounters, signing: Signing | None = None, *, gate: Gate | None = None) -> None:
+        """Give a `gate`, or the `signing` by which all packets are checked, or neither."""
+        self.counters = counters
+        self._gate = gate or SignedGate(signing)
+        self._decoder = dialect.MAVLink(None)
+        self._pending = bytearray()
+
+    def feed(self, data: bytes) -> list[dialect.MAVLink_message]:
+        """Bytes of a stream (TCP, serial): packets may be cut anywhere."""
+        self._pending += data
+        return self._packets(ends_here=False)
+
+    def feed_datagram(self, data: bytes) -> list[dialect.MAVLink_message]:
+        """One datagram. Packets cut by a datagram's border are joined, but noise at its end never delays the next."""
+        if self._pending and _starts_whole(data):
+            self.counters.skipped_bytes += len(self._pending)
+            self._pending.clear()
+        self._pending += data
+        return self._packets(ends_here=True)
+
+    def _packets(self, *, ends_here: bool) -> list[dialect.MAVLink_message]:
+        pending, messages, at = self._pending, [], 0
+        false_starts = 0
+        while at < len(pending):
+            if ends_here and false_starts >= MAX_FALSE_STARTS:
+                self.counters.skipped_bytes += len(pending) - at
+                at = len(pending)
+                break
+            if pending[at] not in _MAGIC:
+                at += 1
+                self.counters.skipped_bytes += 1
+                continue
+            length = _packet_length(pending, at)
+            if length is None or at + length > len(pending):
+                break
+            packet = pending[at : at + length]
+            number = message_id(packet)
+            if number not in dialect.mavlink_map:
+                if at + length == len(pending) and not ends_here:
+                    break
+                skip = self._pass_over(packet, pending[at + length : at + length + 1])
+                false_starts += skip == 1
+                at += skip
+            elif not _checksum_agrees(packet, number):
+                self.counters.bad_checksums += 1
+                self.counters.skipped_bytes += 1
+                false_starts += 1
+                at += 1
+            else:
+                at += length
+                if (message := self._read(packet, number)) is not None:
+                    messages.append(message)
+        del pending[:at]
+        return messages
+
+    def _pass_over(self, packet: bytearray, following: bytearray) -> int:
+        """How much to skip of what cannot be checked: it is one packet only if another one, or nothing, follows it."""
+        if not following or following[0] in _MAGIC:
+            self.counters.unknown_packets += 1
+            self._gate.copy(packet, source(packet), message_id(packet))
+            return len(packet)
+        self.counters.skipped_bytes += 1
+        return 1
+
+    def _read(self, packet: bytearray, number: int) -> dialect.MAVLink_message | None:
+        """The message in a packet with a right checksum, None if it is not taken."""
+        system = source(packet)
+        self._gate.copy(packet, system, number)
+        if packet[0] == MAGIC_2 and packet[2] & ~SIGNED:
+            self.counters.unreadable_packets += 1
+            return None
+        if not self._gate.wants(system, number):
+            self.counters.unwanted += 1
+            return None
+        signing = self._gate.signing(system)
+        if signing is not None and (objection := signing.objection(packet)):
+            self.counters.refused += 1
+            self._gate.refuse(system, objection)
+            return None
+        try:
+            message = self._decoder.decode(packet)
+        except (dialect.MAVError, ValueError):
+            self.counters.unreadable_packets += 1
+            return None
+        self.counters.packets += 1
+        return message
+
+
+class Encoder:
+    """Packs our messages for one peer as MAVLink 2, with our ids and that peer's sequence numbers."""
+
+    def __init__(self, system: int, component: int, signing: Signing | None = None) -> None:
+        """`signing` signs everything."""
+        check_ids(system, component)
+        self._protocol = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._signing = signing
+
+    def pack(self, message: dialect.MAVLink_message, signing: Signing | None = None) -> bytes:
+        """The bytes of one packet, signed with `signing` if it is given.
+
+        Raises ValueError if a field does not fit into its type.
+        """
+        signing = signing or self._signing
+        if signing is None:
+            self._protocol.signing.sign_outgoing = False
+        else:
+            signing.sign_with(self._protocol)
+        try:
+            packet: bytes = message.pack(self._protocol)
+        except (struct.error, TypeError, OverflowError) as error:
+            raise ValueError(f"{message.get_type()} cannot be packed: {error}") from error
+        self._protocol.seq = (self._protocol.seq + 1) % 256
+        return packet
+
+
+def check_ids(system: int, component: int) -> None:
+    """Raises ValueError for MAVLink ids that nobody can have."""
+    if not (1 <= system <= 255 and 1 <= component <= 255):
+        raise ValueError(f"system and component ids lie between 1 and 255, got {system}/{component}")
+
+
+def source(packet: bytes | bytearray) -> int:
+    """The system that sent a packet."""
+    return packet[3] if packet[0] == MAGIC_1 else packet[5]
+
+
+def component(packet: bytes | bytearray) -> int:
+    """The part of the system that sent a packet."""
+    return packet[4] if packet[0] == MAGIC_1 else packet[6]
+
+
+def message_id(packet: bytes | bytearray) -> int:
+    """What kind of message a packet holds."""
+    if packet[0] == MAGIC_1:
+        return packet[5]
+    return packet[7] | packet[8] << 8 | packet[9] << 16
+
+
+def _packet_length(data: bytearray, at: int) -> int | None:
+    """Length of the packet that starts at `at`, None while its header is not there yet."""
+    if len(data) - at < 3:
+        return None
+    payload = data[at + 1]
+    if data[at] == MAGIC_1:
+        return HEADER_1 + payload + _CHECKSUM
+    return HEADER_2 + payload + _CHECKSUM + (_SIGNATURE if data[at + 2] & SIGNED else 0)
+
+
+def _checksum_agrees(packet: bytearray, number: int) -> bool:
+    signed = packet[0] == MAGIC_2 and packet[2] & SIGNED
+    end = len(packet) - _CHECKSUM - (_SIGNATURE if signed else 0)
+    covered = packet[1:end]
+    covered.append(dialect.mavlink_map[number].crc_extra)
+    return bool(dialect.x25crc(covered).crc == packet[end] | packet[end + 1] << 8)
+
+
+def _starts_whole(data: bytes) -> bool:
+    if len(data) < 3 or data[0] not in _MAGIC:
+        return False
+    packet = bytearray(data[:300])
+    length = _packet_length(packet, 0)
+    if length is None or length > len(packet):
+        return False
+    packet = packet[:length]
+    number = message_id(packet)
+    return number in dialect.mavlink_map and _checksum_agrees(packet, number)

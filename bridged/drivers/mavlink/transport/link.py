@@ -1,0 +1,253 @@
+"""A MAVLink link: packets in, packets out, over UDP, TCP or a serial line.
+
+The driver of a real vehicle and the simulated one share this transport. It owns no thread and no queue of its own on
+the way in (`on_packet` is called from the event loop); on the way out each peer has a bounded buffer, and what does
+not fit is dropped and counted: late telemetry is worth less than fresh telemetry.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterable
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.transport.address import LinkAddress
+from bridged.drivers.mavlink.transport.endpoint import MAX_QUEUED_BYTES, Endpoint, Supervised
+from bridged.drivers.mavlink.transport.framing import AUTOPILOT, Framer, Gate, check_ids
+from bridged.drivers.mavlink.transport.link_peers import Ids, LinkCounters, LinkError, Peer
+from bridged.drivers.mavlink.transport.serial_line import open_serial
+from bridged.drivers.mavlink.transport.signing import Signing
+from bridged.drivers.mavlink.transport.sockets import TcpListener, call_tcp, open_udp
+
+__all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
+
+MAX_PEERS = 512
+"""Addresses that a listening link remembers; the one silent longest goes first. A link may have 255 vehicles, each at
+an address of its own, and their cameras and ground stations."""
+STILL_THERE = 5.0
+"""Wall seconds within which a system that spoke from an address is taken to be there."""
+
+OnPacket = Callable[[dialect.MAVLink_message, Peer], None]
+"""Called with every valid packet and the peer that sent it."""
+
+OnState = Callable[[bool, str], None]
+"""Called with True when packets can pass and False when they cannot, and why in words."""
+
+MakeGate = Callable[[Peer], Gate]
+"""Makes what is asked about the packets of one peer."""
+
+
+class Link:
+    """An open link. Made by `open_link`; closed by `close`."""
+
+    def __init__(
+        self,
+        address: LinkAddress,
+        on_packet: OnPacket,
+        ids: Ids,
+        on_state: OnState | None,
+        signing: Signing | None,
+        make_gate: MakeGate | None,
+    ) -> None:
+        check_ids(*ids)
+        self.address = address
+        self.counters = LinkCounters()
+        self.up = False
+        self.why = "not open yet"
+        self.signing = signing
+        """By what packets are signed and checked; may be changed at any time."""
+        self._ids = ids
+        self._on_packet = on_packet
+        self._on_state = on_state
+        self._make_gate = make_gate or (lambda peer: _OpenGate(self))
+        self._peers: dict[object, Peer] = {}
+        self._routes: dict[int, Peer] = {}
+        self._autopilots: set[int] = set()
+        """Systems whose route is where their autopilot speaks."""
+        self._endpoint: Endpoint | None = None
+
+    @property
+    def peers(self) -> list[Peer]:
+        """The other ends that packets can be sent to now."""
+        return [peer for peer in self._peers.values() if peer.heard or not self.address.kind.endswith("in")]
+
+    def peer_of(self, sysid: int) -> Peer | None:
+        """Where the system's autopilot was heard last; if it never was, any part of the system."""
+        return self._routes.get(sysid)
+
+    def send(
+        self,
+        message: dialect.MAVLink_message,
+        sysid: int | None = None,
+        *,
+        ids: Ids | None = None,
+        signing: Signing | None = None,
+    ) -> bool:
+        """Sends to where `sysid` was heard last, or to every peer if it is None or 0.
+
+        `ids` and `signing` are the link's own if they are not given. True if the packet is on its way to at least one
+        peer. A link with one other end (udpout, tcp, serial) sends there in any case. Raises ValueError if a field of
+        the message does not fit into its type.
+        """
+        return self.send_to(self._targets(sysid), message, ids=ids, signing=signing)
+
+    def send_to(
+        self,
+        peers: Iterable[Peer],
+        message: dialect.MAVLink_message,
+        *,
+        ids: Ids | None = None,
+        signing: Signing | None = None,
+    ) -> bool:
+        """Sends to some peers, False if it was dropped for all of them."""
+        packed = [(peer, peer.encoder(ids or self._ids).pack(message, signing or self.signing)) for peer in peers]
+        return sum(self._write(peer, packet) for peer, packet in packed) > 0
+
+    def pass_on(self, peers: Iterable[Peer], packet: bytes, most: int = MAX_QUEUED_BYTES) -> bool:
+        """Sends somebody else's packet as it is to some peers, False if it was dropped for all of them.
+
+        It is dropped for a peer for which more than `most` bytes wait; that is for its sender to count.
+        """
+        sent = sum(peer.waiting() <= most and peer.write(packet) for peer in list(peers))
+        self.counters.sent += sent
+        return sent > 0
+
+    def peers_of(self, sysid: int) -> list[Peer]:
+        """Every address from which the system has spoken lately: more than one if two vehicles have one id."""
+        since = asyncio.get_running_loop().time() - STILL_THERE
+        return [peer for peer in self.peers if peer.systems.get(sysid, since) > since]
+
+    def _targets(self, sysid: int | None) -> list[Peer]:
+        targets = self.peers
+        if sysid and self.address.kind in ("udpin", "tcpin"):
+            route = self._routes.get(sysid)
+            if route is None:
+                self.counters.unroutable += 1
+                return []
+            return [route]
+        if not targets:
+            self.counters.dropped += 1
+        return targets
+
+    def _write(self, peer: Peer, packet: bytes) -> bool:
+        if peer.write(packet):
+            self.counters.sent += 1
+            return True
+        self.counters.dropped += 1
+        return False
+
+    async def open(self) -> None:
+        """For `open_link` and for links that do more: begin to carry bytes. Raises LinkError."""
+        self._endpoint = await _open_endpoint(self)
+
+    async def close(self) -> None:
+        """Leaves at once; packets still waiting to be written are lost. May be called twice."""
+        endpoint, self._endpoint = self._endpoint, None
+        if endpoint is not None:
+            await endpoint.close()
+            self.set_state(False, "closed")
+        self._peers.clear()
+        self._routes.clear()
+        self._autopilots.clear()
+
+    def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer:
+        """For endpoints: another end came up, or its first bytes came in."""
+        while len(self._peers) >= MAX_PEERS:
+            self.drop_peer(min(self._peers, key=lambda other: self._peers[other].heard_at))
+        peer = Peer(label, write)
+        peer.framer = Framer(self.counters, gate=self._make_gate(peer))
+        self._peers[key] = peer
+        return peer
+
+    def find_peer(self, key: object) -> Peer | None:
+        """For endpoints: the peer that `add_peer` made under this key."""
+        return self._peers.get(key)
+
+    def drop_peer(self, key: object) -> None:
+        """For endpoints: another end went away."""
+        peer = self._peers.pop(key, None)
+        if peer is not None:
+            self._routes = {sysid: route for sysid, route in self._routes.items() if route is not peer}
+            self._autopilots &= self._routes.keys()
+
+    def received(self, peer: Peer, data: bytes, *, datagram: bool) -> None:
+        """For endpoints: bytes came in. An error of the callback is reported to the event loop; the link goes on."""
+        loop = asyncio.get_running_loop()
+        for message in peer.framer.feed_datagram(data) if datagram else peer.framer.feed(data):
+            sysid = message.get_srcSystem()
+            peer.heard, peer.heard_at = True, loop.time()
+            peer.systems[sysid] = peer.heard_at
+            self._route(sysid, message.get_srcComponent(), peer)
+            try:
+                self._on_packet(message, peer)
+            except Exception as error:
+                loop.call_exception_handler(
+                    {"message": f"{self.address}: handling {message.get_type()} failed", "exception": error}
+                )
+
+    def _route(self, sysid: int, component: int, peer: Peer) -> None:
+        """A camera or companion of the same id may speak from elsewhere: what is sent goes to the autopilot."""
+        if component == AUTOPILOT:
+            known = sysid in self._autopilots
+            self._autopilots.add(sysid)
+        elif sysid in self._autopilots:
+            return
+        else:
+            known = True
+        route = self._routes.get(sysid)
+        if route is not peer:
+            if route is not None and known:
+                self.counters.moves += 1
+            self._routes[sysid] = peer
+
+    def set_state(self, up: bool, why: str) -> None:
+        """For endpoints: packets can pass, or they cannot."""
+        self.why = why
+        if up != self.up:
+            self.up = up
+            if self._on_state is not None:
+                self._on_state(up, why)
+
+
+class _OpenGate(Gate):
+    """Everything is wanted; what is not signed as the link needs it is not taken."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+
+    def signing(self, system: int) -> Signing | None:
+        return self._link.signing
+
+
+async def open_link(
+    address: LinkAddress,
+    on_packet: OnPacket,
+    *,
+    system: int,
+    component: int,
+    on_state: OnState | None = None,
+    signing: Signing | None = None,
+    make_gate: MakeGate | None = None,
+) -> Link:
+    """Opens a link and keeps it open.
+
+    `system` and `component` are our own MAVLink ids. `signing` signs what is sent and checks what comes; `make_gate`
+    chooses and checks what comes instead. Raises LinkError if a port cannot be bound or a device cannot be opened. A
+    TCP peer that does not answer yet, and a link that is lost later, are tried again with backoff until `close`;
+    `on_state` tells.
+    """
+    link = Link(address, on_packet, Ids(system, component), on_state, signing, make_gate)
+    await link.open()
+    return link
+
+
+async def _open_endpoint(link: Link) -> Endpoint:
+    match link.address.kind:
+        case "udpin" | "udpout":
+            return Supervised(link, lambda: open_udp(link), opened=await open_udp(link))
+        case "tcpin":
+            return await TcpListener.open(link)
+        case "tcp":
+            return Supervised(link, lambda: call_tcp(link))
+        case "serial":
+            # A device that is missing now is an error now; one that is lost later is waited for.
+            return Supervised(link, lambda: open_serial(link), opened=await open_serial(link))

@@ -1,0 +1,177 @@
+"""MAVLink 2 signing: a key from a passphrase, timestamps that only rise, and what a signature must be to be taken.
+
+MAVLink devguide, message_signing.md: the key is the SHA-256 of the passphrase; a signature is 6 bytes of the SHA-256 of
+key and packet; the timestamp counts 10 us since 2015-01-01 and rises with each packet of a stream, a stream being link
+id, system and component of the sender. A packet that is not newer than the last one of its stream is a replay.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import stat
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.transport.signed_streams import LATEST, MINUTE, PER_SECOND, SignedStreams
+from commd.process.state_dir import make_private_file, make_private_folder
+
+BEGAN = 1_420_070_400
+"""Unix seconds of 2015-01-01 00:00 UTC, from which timestamps count."""
+FAR_AHEAD = 30 * 365 * 24 * 60 * MINUTE
+"""No clock that a vehicle or a computer starts from is so far from ours; a timestamp that is would use up those that
+are left until 2104, after which nothing can be signed."""
+RESERVE = MINUTE
+"""How far ahead timestamps are written down: the file is written once in so long, and no life of the bridge begins
+below what an earlier one may have used."""
+SIGNATURE_BYTES = 13
+
+
+class SigningError(ValueError):
+    """A passphrase that cannot be used; says why in words, never what it is."""
+
+
+def read_key(path: Path) -> bytes:
+    """The key made of the first line of a passphrase file. Raises SigningError.
+
+    A file that others than its owner may read is refused: what it holds is no secret.
+    """
+    try:
+        with path.open("rb") as file:
+            mode = os.fstat(file.fileno()).st_mode
+            passphrase = file.readline(4096).rstrip(b"\r\n")
+    except OSError as error:
+        raise SigningError(f"{path}: {(os.strerror(error.errno) if error.errno else str(error)).lower()}") from None
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise SigningError(f"{path}: others than its owner may use this file: do `chmod 600 {path}`")
+    if not passphrase:
+        raise SigningError(f"{path}: expected the passphrase in the first line, it is empty")
+    return key_of(passphrase)
+
+
+def key_of(passphrase: bytes) -> bytes:
+    """The 32 bytes that sign, as MAVProxy and Mission Planner make them."""
+    return hashlib.sha256(passphrase).digest()
+
+
+def now_10us() -> int:
+    """The timestamp that the clock of this machine gives."""
+    return max(1, int((time.time() - BEGAN) * PER_SECOND))
+
+
+class Timestamps:
+    """Our timestamps on one link: each one above all before, also after a restart and if the clock goes back."""
+
+    def __init__(self, file: Path | None = None, clock: Callable[[], int] = now_10us) -> None:
+        """`file` holds the bound below which any may have been used; without it they rise in this life only.
+
+        Raises OSError if the file cannot be read or written, SigningError if something else stands in it.
+        """
+        self._file = file
+        self._clock = clock
+        self.problem = ""
+        """Why the file could not be written the last time, in words. A vehicle in flight is not left alone for that."""
+        self._last = self._reserved = self._read()
+        if file is not None:
+            make_private_folder(file.parent)
+            self._write(self._reserved)
+
+    @property
+    def last_credible(self) -> int:
+        """What is later than this is not taken over from anybody."""
+        return self._clock() + FAR_AHEAD
+
+    @property
+    def present(self) -> int:
+        """The last one, or what the clock says if it is later."""
+        return max(self._last, self._clock())
+
+    def next(self) -> int:
+        """The next one to sign with, written down first."""
+        following = max(self._last + 1, self._clock())
+        if following >= self._reserved:
+            self._reserve(following + RESERVE)
+        self._last = following
+        return following
+
+    def heard(self, timestamp: int) -> None:
+        """Another holder of the key is ahead: go on from there (devguide), so that clocks need not agree."""
+        self._last = max(self._last, timestamp)
+
+    def close(self) -> None:
+        """Give back what was reserved and not used."""
+        if self._last < self._reserved:
+            self._reserve(self._last + 1)
+
+    def _read(self) -> int:
+        if self._file is None or not self._file.exists():
+            return 0
+        said = self._file.read_text(encoding="ascii", errors="replace").strip()
+        if not (said.isascii() and said.isdigit() and int(said) <= LATEST):
+            raise SigningError(f"{self._file}: expected one number, the last timestamp, got {said[:40]!r}")
+        return int(said)
+
+    def _reserve(self, bound: int) -> None:
+        try:
+            self._write(bound)
+            self.problem = ""
+        except OSError as error:
+            self.problem = f"{self._file}: {(os.strerror(error.errno) if error.errno else str(error)).lower()}"
+        self._reserved = bound
+
+    def _write(self, bound: int) -> None:
+        if self._file is None:
+            return
+        fresh = self._file.with_name(self._file.name + ".new")
+        make_private_file(fresh)
+        with fresh.open("w", encoding="ascii") as file:
+            file.write(f"{bound}\n")
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(self._file)
+
+
+class Signing:
+    """What one holder of a key signs and checks on one link."""
+
+    def __init__(
+        self, key: bytes, timestamps: Timestamps | None = None, link_id: int = 0, streams: SignedStreams | None = None
+    ) -> None:
+        """`link_id` tells apart several links of one sender to one vehicle; `streams` are those of all keys."""
+        self._key = key
+        self._link_id = link_id
+        self.timestamps = timestamps or Timestamps()
+        self._streams = streams or SignedStreams()
+        self._key_name = hashlib.sha256(b"argosy: name of a key" + key).digest()[:8]
+        """Tells keys apart in a file, and nothing of them."""
+        if 0 < self._streams.latest <= self.timestamps.last_credible:
+            self.timestamps.heard(self._streams.latest)
+
+    def sign_with(self, protocol: dialect.MAVLink) -> None:
+        """Let what `protocol` packs next be signed."""
+        signing = protocol.signing
+        signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
+        signing.timestamp = self.timestamps.next()
+
+    def objection(self, packet: bytes | bytearray) -> str:
+        """Why a packet with a right checksum is not taken, empty if it is.
+
+        It is `unsigned`, `wrongly signed`, `replayed`, `outdated` or `impossibly new`.
+        """
+        if packet[0] != dialect.PROTOCOL_MARKER_V2 or not packet[2] & dialect.MAVLINK_IFLAG_SIGNED:
+            return "unsigned"
+        ours = hashlib.sha256(self._key + packet[:-6]).digest()[:6]
+        if not hmac.compare_digest(ours, packet[-6:]):
+            return "wrongly signed"
+        stream = self._key_name + bytes((packet[-SIGNATURE_BYTES], packet[5], packet[6]))
+        timestamp = int.from_bytes(packet[-12:-6], "little")
+        if timestamp > self.timestamps.last_credible:
+            return "impossibly new"
+        if objection := self._streams.objection(stream, timestamp, self.timestamps.present):
+            return objection
+        self.timestamps.heard(timestamp)
+        return ""

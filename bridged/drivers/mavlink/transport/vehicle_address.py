@@ -1,0 +1,122 @@
+"""Where one vehicle is: a vehicle is a system id *and* the address that its HEARTBEATs come from.
+
+The one judgement of whose packets count as the vehicle's, where ours go, and whether two vehicles have one system id.
+Pure: packets' senders and the time in wall seconds go in.
+
+The address that is known keeps counting while HEARTBEATs come from there. Another one takes its place once the known
+one has been silent for the time of a link loss: the vehicle was restarted, or has a new address. An address that was
+left because its connection was closed is replaced by the next one at once.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bridged.drivers.mavlink.transport.link_peers import Peer
+from schemas.wire.records import Note
+
+BACK_WITHIN = 5.0
+"""Seconds within which an address that was left speaks again if there are two vehicles, of 1 Hz each."""
+HEARD_FOR = 0.5
+"""Seconds for which a new address must be heard alone. After this process stood still, packets of before are read in a
+row: the known address then has its turn before a new one counts."""
+NOTED_FOR = 10.0
+"""Seconds for which a packet that did not count, or a change of address, is a warning."""
+MAX_ADDRESSES = 8
+"""Addresses that are remembered; the one silent longest goes first."""
+log = logging.getLogger("mavlink")
+
+
+@dataclass(slots=True)
+class _Heard:
+    """HEARTBEATs of one address."""
+
+    first: float
+    """The first since the known address was heard."""
+    last: float
+
+
+class VehicleAddress:
+    """Where one vehicle's autopilot speaks."""
+
+    def __init__(self, system: int, link_loss: float = 5.0) -> None:
+        self.link_loss = link_loss
+        """Seconds of silence after which another address may take the place of the known one."""
+        self.peer: Peer | None = None
+        """The known address; None before the first HEARTBEAT."""
+        self.foreign = 0
+        """Packets so far that came in the vehicle's name from elsewhere, and did not count."""
+        self._system = system
+        self._heard: dict[str, _Heard] = {}
+        self._last = ""
+        self._two, self._two_until = "", -math.inf
+        self._foreign, self._foreign_until = "", -math.inf
+        self._moved, self._moved_until = "", -math.inf
+
+    def counts(self, peer: Peer, now: float, *, heartbeat: bool) -> bool:
+        """Whether a packet of the autopilot is the vehicle's own word: it came from the vehicle's address."""
+        if heartbeat:
+            self._heartbeat(peer, now)
+        if self.peer is not None and str(peer) == str(self.peer):
+            self.peer = peer
+            return True
+        self.foreign += 1
+        known = "no HEARTBEAT was heard yet" if self.peer is None else f"its HEARTBEATs come from {self.peer}"
+        said = f"packets of system {self._system} from {peer} are not taken: {known}"
+        if now >= self._foreign_until:  # whoever speaks from ever new ports does not fill the log
+            log.warning("%s", said)
+        self._foreign, self._foreign_until = said, now + NOTED_FOR
+        return False
+
+    def two_vehicles(self, now: float) -> str:
+        """The warning that two vehicles have this system id, while both speak; empty if there is one."""
+        return self._two if now < self._two_until else ""
+
+    def notes(self, now: float) -> Sequence[Note]:
+        """Warnings that hold now."""
+        two = self.two_vehicles(now)
+        all_of_them = (
+            ("two_vehicles", two, None),
+            ("foreign_packets", self._foreign if now < self._foreign_until else "", float(self.foreign)),
+            ("vehicle_moved", self._moved if now < self._moved_until else "", None),
+        )
+        return [Note(code=code, text=text, value=value) for code, text, value in all_of_them if text]
+
+    def _heartbeat(self, peer: Peer, now: float) -> None:
+        address = str(peer)
+        before = self._heard.pop(address, None)
+        came_back = address != self._last and before is not None and now - before.last < BACK_WITHIN
+        if came_back:
+            if not self.two_vehicles(now):
+                both = " and ".join(sorted((address, self._last)))
+                self._two = f"two vehicles are system {self._system}, at {both}: give each its own MAV_SYSID"
+                log.warning("%s", self._two)
+            self._two_until = now + BACK_WITHIN
+        self._last = address
+        self._heard[address] = heard = _Heard(now if before is None else before.first, now)
+        if len(self._heard) > MAX_ADDRESSES:
+            del self._heard[next(one for one in self._heard if self.peer is None or one != str(self.peer))]
+        if self.peer is None:
+            self.peer = peer
+        elif address == str(self.peer):
+            for other in self._heard.values():
+                other.first = math.inf
+        else:
+            heard.first = min(heard.first, now)
+            self._consider(peer, heard, now)
+
+    def _consider(self, peer: Peer, heard: _Heard, now: float) -> None:
+        """Let another address take the place of the known one if that one is silent, or closed."""
+        assert self.peer is not None
+        known = self._heard.get(str(self.peer))
+        silence = math.inf if known is None else now - known.last
+        if self.peer.closed or (silence > self.link_loss and now - heard.first >= HEARD_FOR):
+            why = "its connection ended" if self.peer.closed else f"no HEARTBEAT came from there for {silence:.1f} s"
+            self._moved = f"system {self._system} is at {peer} now, no longer at {self.peer}: {why}"
+            self._moved_until = now + NOTED_FOR
+            log.warning("%s", self._moved)
+            self.peer = peer
+            self._foreign_until = -math.inf

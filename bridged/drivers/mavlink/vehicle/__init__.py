@@ -1,0 +1,1 @@
+"""bridged.drivers.mavlink.vehicle."""

@@ -1,0 +1,163 @@
+"""Commands on their way to a vehicle: sent, sent again, acknowledged. Pure: messages and time go in and out.
+
+MAVLink devguide, command.md: the same command is sent again with `confirmation` counted up; IN_PROGRESS lengthens the
+wait; one instance of a command at a time. An acknowledgement proves little (facts/arducopter.md), so nothing here says
+that a command has worked.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from schemas.manifest.loader import Retry
+
+IN_PROGRESS_WAIT = 3.0
+"""Wall seconds of patience after an acknowledgement that says IN_PROGRESS."""
+MAX_WAITING = 64
+"""Commands that may wait for their turn; more is a mistake of ours."""
+
+Parameters = tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """The MAVLink ids under which we speak, and to whom."""
+
+    system: int
+    component: int
+    vehicle: int
+    autopilot: int = dialect.MAV_COMP_ID_AUTOPILOT1
+
+
+@dataclass(eq=False)
+class Command:
+    """One command and what came of it."""
+
+    number: int
+    parameters: Parameters
+    retry: Retry
+    may_repeat: Callable[[], bool] = lambda: True
+    """Asked before each repetition: a takeoff that has begun must not be sent again."""
+    frame: int | None = None
+    """The frame of its place if it goes as COMMAND_INT; none = COMMAND_LONG."""
+    sent: int = 0
+    next_at: float = 0.0
+    result: int | None = None
+    """MAV_RESULT of the acknowledgement."""
+    silent: bool = False
+    """Sent as often as allowed, and nothing answered."""
+    abandoned: bool = False
+
+    @property
+    def name(self) -> str:
+        """Such as `MAV_CMD_NAV_TAKEOFF`."""
+        entry = dialect.enums["MAV_CMD"].get(self.number)
+        return entry.name if entry else f"command {self.number}"
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the vehicle said ACCEPTED."""
+        return bool(self.result == dialect.MAV_RESULT_ACCEPTED)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the vehicle said no."""
+        return self.result is not None and not self.accepted
+
+    @property
+    def result_name(self) -> str:
+        """Such as `FAILED`."""
+        entry = dialect.enums["MAV_RESULT"].get(self.result)
+        return entry.name.removeprefix("MAV_RESULT_") if entry else f"result {self.result}"
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more is expected of the vehicle."""
+        return self.result is not None or self.silent or self.abandoned
+
+
+class Commands:
+    """The commands that are under way to one vehicle; of each kind one at a time, the others wait for their turn."""
+
+    def __init__(self, identity: Identity, speed: float, send: Callable[[dialect.MAVLink_message], None]) -> None:
+        self.identity = identity
+        self.repeated = 0
+        """Commands sent again so far."""
+        self.unmatched = 0
+        """Acknowledgements so far that were for somebody else, or for nothing that is under way."""
+        self._patience = max(1.0, speed)
+        self._send = send
+        self._queues: dict[int, deque[Command]] = {}
+
+    def submit(self, command: Command, now: float) -> Command:
+        """Send a command, now or after those of the same kind."""
+        queue = self._queues.setdefault(command.number, deque())
+        if len(queue) >= MAX_WAITING:
+            command.silent = True
+            return command
+        queue.append(command)
+        self.tick(now)
+        return command
+
+    def abandon(self, command: Command) -> None:
+        """Send it no more; its late acknowledgement is nobody's."""
+        command.abandoned = True
+
+    def clear(self) -> None:
+        """Give all of them up, as when the link is lost."""
+        for queue in self._queues.values():
+            for command in queue:
+                command.silent = True
+        self._queues.clear()
+
+    def acknowledge(self, ack: dialect.MAVLink_message, now: float) -> None:
+        """Take in a COMMAND_ACK of the vehicle. Target 0/0 means anybody (autopilots before MAVLink 2)."""
+        queue = self._queues.get(ack.command)
+        ours = (ack.target_system, ack.target_component) in (
+            (self.identity.system, self.identity.component),
+            (self.identity.system, 0),
+            (0, 0),
+        )
+        if not ours or not queue or not queue[0].sent:
+            self.unmatched += 1
+            return
+        if ack.result == dialect.MAV_RESULT_IN_PROGRESS:
+            queue[0].next_at = now + IN_PROGRESS_WAIT * self._patience
+            return
+        queue[0].result = ack.result
+        self.tick(now)
+
+    def tick(self, now: float) -> None:
+        """Send what is due."""
+        for number, queue in list(self._queues.items()):
+            while queue and self._advance(queue[0], now):
+                queue.popleft()
+            if not queue:
+                self._queues.pop(number, None)
+
+    def _advance(self, command: Command, now: float) -> bool:
+        """Move one command on; True if it is over."""
+        if command.over or now < command.next_at:
+            return command.over
+        if command.sent > command.retry.times or (command.sent and not command.may_repeat()):
+            command.silent = True
+            return True
+        self.repeated += command.sent > 0
+        self._send(self._packed(command))
+        command.sent += 1
+        command.next_at = now + float(command.retry.every) * self._patience
+        return False
+
+    def _packed(self, command: Command) -> dialect.MAVLink_message:
+        to = (self.identity.vehicle, self.identity.autopilot)
+        if command.frame is None:
+            return dialect.MAVLink_command_long_message(
+                *to, command.number, min(command.sent, 255), *command.parameters
+            )
+        *first, latitude, longitude, altitude = command.parameters
+        place = (round(latitude * 1e7), round(longitude * 1e7), altitude)
+        return dialect.MAVLink_command_int_message(*to, command.frame, command.number, 0, 0, *first, *place)

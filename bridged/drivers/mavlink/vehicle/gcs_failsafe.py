@@ -1,0 +1,102 @@
+"""Whose heartbeats the vehicle's ground-station failsafe watches, and whether it is on (design section 9)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.vehicle.commands import Identity
+from schemas.mission.model import Failsafe, Ids
+
+PARAMETER = "FS_GCS_ENABLE"
+"""ArduCopter: 0 = the failsafe is off."""
+TRIES = 4
+TRY_EVERY = 1.0
+"""Mission and wall seconds; an unknown parameter is answered by silence."""
+GROUND_STATION = (255, 190)
+"""The ids that ArduPilot takes for its ground station (MAV_GCS_SYSID), and a companion's usual component."""
+COMPANION = dialect.MAV_COMP_ID_ONBOARD_COMPUTER
+
+BY_FAILSAFE = Ids()
+
+
+def our_ids(failsafe: Failsafe, vehicle: int, ids: Ids = BY_FAILSAFE) -> Identity:
+    """The ids under which we speak: the ground station's for `gcs: bridge`, the vehicle's companion otherwise.
+
+    `ids` of the mission stand above both.
+    """
+    system, component = GROUND_STATION if failsafe.gcs == "bridge" else (vehicle, COMPANION)
+    return Identity(ids.system or system, ids.component or component, vehicle)
+
+
+def id_problem(failsafe: Failsafe, vehicle: int, ids: Ids) -> str:
+    """Why the `ids` of a mission undo its `failsafe`, or cannot be ours; empty if they are good."""
+    us, station = our_ids(failsafe, vehicle, ids), GROUND_STATION[0]
+    if (us.system, us.component) == (us.vehicle, us.autopilot):
+        return f"{us.system}/{us.component} are the ids of the vehicle's own autopilot: choose another component"
+    if failsafe.gcs == "bridge" and us.system != station:
+        return (
+            f"`failsafe: {{gcs: bridge}}` has no effect with system {us.system}: the vehicle watches the heartbeats of "
+            f"its ground station, system {station} (MAV_GCS_SYSID); leave `system` out"
+        )
+    if failsafe.gcs == "human" and us.system == station:
+        return (
+            f"`failsafe: {{gcs: human}}` has no effect with system {station}: the heartbeats of this bridge would hide "
+            "that the human's ground station is lost; leave `system` out"
+        )
+    return ""
+
+
+class FailsafeCheck:
+    """Reads the failsafe parameter back at each connect, and says what is wrong."""
+
+    def __init__(
+        self, failsafe: Failsafe, identity: Identity, send: Callable[[dialect.MAVLink_message], None], speed: float
+    ) -> None:
+        self.claims_ground_station = failsafe.gcs == "bridge"
+        """Our heartbeats keep the vehicle's failsafe quiet, so they stop when no agent is there."""
+        self.value: float | None = None
+        self._failsafe = failsafe
+        self._identity = identity
+        self._send = send
+        self._every = TRY_EVERY * max(1.0, speed)
+        self._tries = 0
+        self._next_at = math.inf
+
+    def begin(self, now: float) -> None:
+        """The vehicle is there (again): read the parameter unless nobody relies on it."""
+        if self._failsafe.watches:
+            self.value, self._tries, self._next_at = None, 0, now
+
+    def tick(self, now: float) -> None:
+        """Ask, and ask again while nothing answers."""
+        if now < self._next_at:
+            return
+        if self.value is not None or self._tries >= TRIES:
+            self._next_at = math.inf
+            return
+        self._tries += 1
+        self._next_at = now + self._every
+        self._send(
+            dialect.MAVLink_param_request_read_message(
+                self._identity.vehicle, self._identity.autopilot, PARAMETER.encode(), -1
+            )
+        )
+
+    def receive(self, message: dialect.MAVLink_message) -> None:
+        """Take in a PARAM_VALUE; its name tells whether it is ours."""
+        if message.param_id == PARAMETER:
+            self.value = message.param_value
+
+    def notes(self) -> list[str]:
+        """Warnings that hold now."""
+        match self._failsafe.gcs, self.value:
+            case "none", _:
+                return ["failsafe: none: if this bridge dies, nothing brings the vehicle home"]
+            case _, None if self._tries >= TRIES and self._next_at == math.inf:
+                return [f"failsafe: the vehicle does not tell {PARAMETER}"]
+            case _, value if value is not None and value == 0:
+                return [f"failsafe: {PARAMETER} is 0 on the vehicle: its ground-station failsafe is off"]
+        return []

@@ -1,0 +1,245 @@
+"""What a vehicle has told of itself so far. Pure: decoded messages go in, with the time in mission seconds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable, contradiction, nameless, table_of
+from schemas import geo
+
+_ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
+_PREARM_CHECK = dialect.MAV_SYS_STATUS_PREARM_CHECK
+_POS_HORIZ_ABS = dialect.EKF_POS_HORIZ_ABS
+ON_GROUND = dialect.MAV_LANDED_STATE_ON_GROUND
+ALOFT = frozenset({
+    dialect.MAV_LANDED_STATE_IN_AIR, dialect.MAV_LANDED_STATE_TAKEOFF, dialect.MAV_LANDED_STATE_LANDING,
+})  # fmt: skip
+OFF_GROUND = 0.5
+"""Metres above home that are no estimation error."""
+UNKNOWN_HEADING = 65535
+REBOOT_MS = 3000
+"""`time_boot_ms` that goes back by more than this is a reboot; less is datagrams out of order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point over the earth: degrees, and metres in the frame that its owner says."""
+
+    latitude: float
+    longitude: float
+    altitude: float
+
+    def distance(self, other: Place) -> float:
+        """Return the horizontal distance in metres."""
+        return geo.distance((self.latitude, self.longitude), (other.latitude, other.longitude))
+
+    def moved(self, north: float, east: float, up: float) -> Place:
+        """The point so many metres away."""
+        latitude = self.latitude + math.degrees(north / geo.EARTH_RADIUS)
+        turn = east / (geo.EARTH_RADIUS * max(1e-6, math.cos(math.radians(self.latitude))))
+        return Place(latitude, self.longitude + math.degrees(turn), self.altitude + up)
+
+
+class Vehicle:
+    """The state of one vehicle as its messages show it."""
+
+    def __init__(self, modes: ModeTable) -> None:
+        self.modes = modes
+        """Of what the vehicle says that it is, once it has said so."""
+        self.declared = modes
+        """Of what the manifest says that it is."""
+        self.type = dialect.MAV_TYPE_GENERIC
+        """MAV_TYPE of its HEARTBEAT."""
+        self.autopilot: int | None = None
+        """MAV_AUTOPILOT of its HEARTBEAT; None before the first."""
+        self.connected = False
+        """Heard within the link-loss time; kept by the conversation."""
+        self.heartbeats = 0
+        """How many came so far: "still at the next HEARTBEAT" is told by this count."""
+        self.heard_at = -math.inf
+        """Time of the last HEARTBEAT."""
+        self.mode = -1
+        self.armed = False
+        self.base_mode = 0
+        """MAV_MODE_FLAG bits of its HEARTBEAT."""
+        self.system_status = 0
+        """MAV_STATE of its HEARTBEAT."""
+        self.landed_state = 0
+        self.landed_at = -math.inf
+        """When it was told last."""
+        self.now = 0.0
+        """When its last message came."""
+        self.stale_after = 5.0
+        """Mission seconds after which what it told of where it is proves nothing; set by the conversation."""
+        self.prearm_ok = False
+        self._unhealthy = 0
+        self.ekf_flags = 0
+        self.gps_fix = 0
+        self.home: Place | None = None
+        """AMSL."""
+        self.position: Place | None = None
+        """Metres above home."""
+        self.positions = 0
+        """How many position messages came so far."""
+        self.position_at = -math.inf
+        """When the last one came."""
+        self.amsl = 0.0
+        self.heading: float | None = None
+        """Radians from north, clockwise."""
+        self.sensors_enabled = 0
+        """MAV_SYS_STATUS_SENSOR bits; the fence is one of them."""
+        self.speed = 0.0
+        """m/s, over all three axes."""
+        self.target: Place | None = None
+        """What the vehicle itself says it flies to (message 87), AMSL."""
+        self.targets = 0
+        """How many such messages came so far."""
+        self.reboots = 0
+        self._boot_ms = 0
+
+    @property
+    def mode_name(self) -> str:
+        """Name of the mode; empty before the first HEARTBEAT."""
+        return self.modes.name(self.mode) if self.mode >= 0 else ""
+
+    @property
+    def aloft(self) -> bool:
+        """Whether it is off the ground: as it says (EXTENDED_SYS_STATE), or by its height if it says nothing.
+
+        A vehicle that never leaves the ground counts as aloft while it is armed: it may be moving.
+        """
+        if self.modes.ground:
+            return self.armed
+        if self.landed_state == dialect.MAV_LANDED_STATE_UNDEFINED or self._stale(self.landed_at):
+            return self.armed and self.position is not None and self.position.altitude > OFF_GROUND
+        return self.armed and self.landed_state in ALOFT
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether it says now that it stands on the ground; what it said long ago proves nothing."""
+        return self.landed_state == ON_GROUND and not self._stale(self.landed_at)
+
+    @property
+    def placed(self) -> bool:
+        """Whether it has told lately where it is."""
+        return self.position is not None and not self._stale(self.position_at)
+
+    def _stale(self, at: float) -> bool:
+        return self.now - at > self.stale_after
+
+    def receive(self, message: dialect.MAVLink_message, now: float) -> None:
+        """Take in one message of this vehicle's autopilot."""
+        self.now = now
+        if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
+            self._clock(boot_ms)
+        match message.get_type():
+            case "HEARTBEAT":
+                self.heartbeats += 1
+                self.heard_at = now
+                self.mode = message.custom_mode
+                if (message.type, message.autopilot) != (self.type, self.autopilot):
+                    self.type, self.autopilot = message.type, message.autopilot
+                    known = not self.unknown_autopilot
+                    self.modes = table_of(self.declared, message.type) if known else nameless(self.declared)
+                if message.system_status == dialect.MAV_STATE_BOOT and self.system_status > dialect.MAV_STATE_BOOT:
+                    self._rebooted()
+                self.base_mode, self.system_status = message.base_mode, message.system_status
+                self.armed = bool(message.base_mode & _ARMED)
+            case "GLOBAL_POSITION_INT":
+                self.position = Place(message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3)
+                self.amsl = message.alt / 1e3
+                self.heading = None if message.hdg == UNKNOWN_HEADING else math.radians(message.hdg / 100)
+                self.speed = math.hypot(message.vx, message.vy, message.vz) / 100
+                self.positions += 1
+                self.position_at = now
+            case "POSITION_TARGET_GLOBAL_INT":
+                self.target = Place(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
+                self.targets += 1
+            case "SYS_STATUS":
+                self.sensors_enabled = message.onboard_control_sensors_enabled
+                self.prearm_ok = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
+                there = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
+                self._unhealthy = there & ~message.onboard_control_sensors_health
+            case "EKF_STATUS_REPORT":
+                self.ekf_flags = message.flags
+            case "GPS_RAW_INT":
+                self.gps_fix = message.fix_type
+            case "EXTENDED_SYS_STATE":
+                self.landed_state, self.landed_at = message.landed_state, now
+            case "HOME_POSITION":
+                self.home = Place(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
+
+    @property
+    def unhealthy(self) -> list[str]:
+        """The sensors that are enabled and not healthy (SYS_STATUS), such as `3D_MAG`."""
+        sensors = dialect.enums["MAV_SYS_STATUS_SENSOR"].items()
+        names = {bit: entry.name.removeprefix("MAV_SYS_STATUS_").removeprefix("SENSOR_") for bit, entry in sensors}
+        return [name for bit, name in names.items() if bit & self._unhealthy and bit != _PREARM_CHECK]
+
+    @property
+    def contradiction(self) -> str:
+        """In words, that the vehicle is another kind than the manifest says; empty if it is not."""
+        return "" if self.unknown_autopilot else contradiction(self.declared, self.type)
+
+    @property
+    def unknown_autopilot(self) -> str:
+        """The name of an autopilot whose modes and commands this driver does not know; empty for ArduPilot.
+
+        Mode numbers, the frames of altitudes and what an acknowledgement means differ: ArduCopter's GUIDED (4) is
+        PX4's AUTO.MISSION, and an altitude above home is taken as one above the sea.
+        """
+        if self.autopilot in (None, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA):
+            return ""
+        entry = dialect.enums["MAV_AUTOPILOT"].get(self.autopilot)
+        return entry.name.removeprefix("MAV_AUTOPILOT_") if entry else f"MAV_AUTOPILOT {self.autopilot}"
+
+    @property
+    def not_commanded(self) -> str:
+        """Why nothing may be sent to it that commands or configures it; empty if it may."""
+        if not (name := self.unknown_autopilot):
+            return ""
+        return f"the autopilot of the vehicle is {name}, and only ArduPilot is commanded: it is listened to only"
+
+    def state(self) -> dict[str, object]:
+        """What its last HEARTBEAT says; nothing of it while it is not heard."""
+        heard = self.connected
+        return {
+            "mode": self.mode_name if heard else "",
+            "connected": heard,
+            "armed": self.armed and heard,
+            "guided": heard and bool(self.base_mode & dialect.MAV_MODE_FLAG_GUIDED_ENABLED),
+            "manual_input": heard and bool(self.base_mode & dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
+            "system_status": self.system_status if heard else 0,
+        }
+
+    def not_ready(self) -> list[str]:
+        """Why arming would be refused or flying in this mode would not work, in words; empty = ready."""
+        missing = []
+        if not self.connected:
+            missing.append("no heartbeat from the vehicle")
+        if not self.prearm_ok:
+            sensors = ", ".join(self.unhealthy)
+            missing.append(f"pre-arm checks have not passed (SYS_STATUS{sensors and f': not healthy: {sensors}'})")
+        if self.mode not in self.modes.without_position:
+            if self.gps_fix < dialect.GPS_FIX_TYPE_3D_FIX:
+                missing.append(f"no GPS position (fix type {self.gps_fix})")
+            if not self.ekf_flags & _POS_HORIZ_ABS:
+                missing.append(f"the estimator has no position yet (EKF flags {self.ekf_flags})")
+            if self.home is None:
+                missing.append("home is not known")
+        return missing
+
+    def _clock(self, boot_ms: int) -> None:
+        if boot_ms + REBOOT_MS < self._boot_ms:
+            self._rebooted()
+        self._boot_ms = max(boot_ms, self._boot_ms)
+
+    def _rebooted(self) -> None:
+        """It says so itself (MAV_STATE_BOOT), or its clock went back: what it told before is over."""
+        self.reboots += 1
+        self._boot_ms = 0
+        self.landed_state, self.prearm_ok, self.ekf_flags, self.gps_fix = 0, False, 0, 0
+        self.home = self.target = None

@@ -1,0 +1,184 @@
+"""Which messages a vehicle is asked to send, and asking again when they stop (facts/arducopter.md, Streams).
+
+An autopilot sends little unasked, forgets what it was asked when it reboots, and other ground stations on the link
+change its rates. Pure: it counts messages and says what to ask for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.vehicle.commands import Command, Commands
+from schemas.manifest.loader import Manifest, Retry
+
+OWN_NEEDS = {
+    "GLOBAL_POSITION_INT": 5.0,
+    "SYS_STATUS": 1.0,
+    "GPS_RAW_INT": 2.0,
+    "EKF_STATUS_REPORT": 2.0,
+    "EXTENDED_SYS_STATE": 2.0,
+    "POSITION_TARGET_GLOBAL_INT": 2.0,
+}
+"""Hz at least of what readiness and the confirmations look at."""
+UNASKED = frozenset({
+    "HEARTBEAT", "STATUSTEXT", "HOME_POSITION", "COMMAND_ACK", "OVERRIDE", "LINK", "PARAM", "VEHICLE_TEXT", "MISSION",
+    "MISSION_LIST",
+    "PARAM_VALUE", "MISSION_ITEM_REACHED", "MISSION_ACK", "MISSION_COUNT",
+})  # fmt: skip
+"""Come by themselves, on request, or are the driver's own."""
+SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT", "POSITION_TARGET_LOCAL_NED", "FENCE_STATUS"})
+"""Sent only in some states of the vehicle: their silence proves nothing."""
+DEFAULT_RATE = 2.0
+"""Hz for a percept whose manifest names no rate."""
+IDLE_RATE = 0.5
+"""Hz of wall time at most while the vehicle stands disarmed and nothing is asked of it: whatever the speed, a parked
+robot costs next to nothing."""
+WINDOW = 4.0
+"""Mission and wall seconds over which the rate is judged."""
+HOME_EVERY = 5.0
+"""Mission and wall seconds between requests for a home that is not known yet."""
+ASK = Retry(times=3)
+
+
+@dataclass
+class _Stream:
+    number: int
+    name: str
+    rate: float
+    """Hz while the vehicle is at work."""
+    asked: float = 0.0
+    """Hz asked for last."""
+    denied: bool = False
+    received: int = 0
+    pending: Command | None = None
+
+    def starved(self, window: float) -> bool:
+        """Whether fewer than half of the messages came in the `window` seconds that end now."""
+        return not self.denied and self.name not in SPORADIC and self.received < self.asked * window / 2
+
+
+class Streams:
+    """The messages that one vehicle is asked for."""
+
+    def __init__(self, manifest: Manifest, commands: Commands, speed: float) -> None:
+        self.requested = 0
+        """Intervals asked for so far."""
+        self._commands = commands
+        self._window = WINDOW * max(1.0, speed)
+        self._scale = max(1.0, speed)
+        self._streams = {stream.name: stream for stream in _wanted(manifest)}
+        self._judge_at = math.inf
+        self._home_at = math.inf
+        self.at_work = False
+        """Whether the full rates are asked for."""
+        self._starved: list[str] = []
+
+    def adopt(self, manifest: Manifest, now: float) -> None:
+        """Want what another manifest needs, and ask for what has changed."""
+        old = self._streams
+        self._streams = {}
+        for stream in _wanted(manifest):
+            known = old.get(stream.name, stream)
+            known.rate = stream.rate
+            self._streams[stream.name] = known
+            if self._judge_at < math.inf and known.asked != self._rate(known):
+                self._ask(known, now)
+        if self._judge_at < math.inf:
+            self._open_window(now)
+
+    def count(self, name: str) -> None:
+        """A message of this name came."""
+        if stream := self._streams.get(name):
+            stream.received += 1
+
+    def request(self, now: float) -> None:
+        """Ask for everything, as after a connect or a reboot."""
+        for stream in self._streams.values():
+            self._ask(stream, now)
+        self._open_window(now)
+        self._home_at = now
+
+    def pace(self, at_work: bool, now: float) -> None:
+        """Ask for the full rates, or for what is enough while nothing happens."""
+        if at_work == self.at_work:
+            return
+        self.at_work = at_work
+        if self._judge_at < math.inf:
+            for stream in self._streams.values():
+                if stream.asked != self._rate(stream):
+                    self._ask(stream, now)
+            self._open_window(now)
+
+    def stop(self) -> None:
+        """Judge nothing while the link is lost."""
+        self._judge_at = self._home_at = math.inf
+        self._starved = []
+
+    def tick(self, now: float, home_known: Callable[[], bool]) -> None:
+        """Note denials, ask again for what falls under half of its rate, and ask for home until it is known."""
+        for stream in self._streams.values():
+            if stream.pending is not None and stream.pending.over:
+                stream.denied = stream.pending.result in (
+                    dialect.MAV_RESULT_DENIED,
+                    dialect.MAV_RESULT_UNSUPPORTED,
+                )
+                unheard = stream.pending.silent and stream.name in SPORADIC  # of the others, what came is judged
+                stream.pending = None
+                if (unheard or stream.asked != self._rate(stream)) and self._judge_at < math.inf:
+                    self._ask(stream, now)
+        if now >= self._judge_at:
+            starved = [stream for stream in self._streams.values() if stream.starved(self._window)]
+            self._starved = [stream.name for stream in starved]
+            for stream in starved:
+                self._ask(stream, now)
+            self._open_window(now)
+        if now >= self._home_at:
+            self._home_at = math.inf if home_known() else now + HOME_EVERY * self._scale
+            if not home_known():
+                self._submit(dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_HOME_POSITION, 0.0, now)
+
+    def notes(self) -> list[str]:
+        """What the vehicle was asked for and does not send."""
+        notes = [f"the vehicle does not know {stream.name}" for stream in self._streams.values() if stream.denied]
+        return notes + [f"{name} comes too seldom; asked again" for name in self._starved]
+
+    def _rate(self, stream: _Stream) -> float:
+        return stream.rate if self.at_work else min(stream.rate, IDLE_RATE / self._scale)
+
+    def _ask(self, stream: _Stream, now: float) -> None:
+        if stream.pending is not None:
+            return  # its acknowledgement must not be taken for that of another; `tick` asks again if need be
+        rate = self._rate(stream)
+        self.requested += 1
+        stream.asked = rate
+        stream.pending = self._submit(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, round(1e6 / rate), now)
+
+    def _submit(self, command: int, number: int, interval: float, now: float) -> Command:
+        parameters = (float(number), float(interval), 0.0, 0.0, 0.0, 0.0, 0.0)
+        return self._commands.submit(Command(command, parameters, ASK), now)
+
+    def _open_window(self, now: float) -> None:
+        for stream in self._streams.values():
+            stream.received = 0
+        self._judge_at = now + self._window
+
+
+def _wanted(manifest: Manifest) -> Iterable[_Stream]:
+    rates = dict(OWN_NEEDS)
+    for percept in manifest.percepts.values():
+        if percept.source not in UNASKED:
+            rates[percept.source] = max(rates.get(percept.source, 0.0), percept.rate or DEFAULT_RATE)
+    for name, rate in rates.items():
+        yield _Stream(message_number(name), name, rate)
+
+
+def message_number(name: str) -> int:
+    """The id of a message of the dialect. Raises ValueError for a name that it does not have."""
+    try:
+        return int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
+    except AttributeError:
+        raise ValueError(f"MAVLink has no message {name}") from None

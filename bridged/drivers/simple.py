@@ -1,0 +1,98 @@
+"""What a driver of a simple robot need not write: one without modes, without a pilot, and with no way down to order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from bridged.drivers.api import Execution, Order, Outcome, Reading, Setup, Value
+from schemas.manifest.loader import ActionEntry, Manifest
+
+
+class PlainDriver:
+    """A `bridged.drivers.api.Driver` but for `run` and `perform`; the manifest's `orders` are actions."""
+
+    orders: frozenset[Order] = frozenset()
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.manifest = setup.manifest
+        self._heard_at = -math.inf
+
+    def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
+        """Begin an action whose arguments have been checked."""
+        raise NotImplementedError
+
+    async def run(self) -> None:
+        """Carry the robot's traffic until cancelled."""
+        raise NotImplementedError
+
+    def tell(self, source: str, fields: Mapping[str, object] | None) -> None:
+        """Pass on what the robot said of a source of the manifest; no fields = it holds no longer."""
+        self._heard_at = self.setup.clock.wall()
+        self.setup.on_reading(Reading(source, fields))
+        self.setup.on_step()
+
+    def finish(self, execution: Execution, outcome: Outcome) -> None:
+        """End an execution and let the bridge tell of it."""
+        execution.end(outcome)
+        self.setup.on_step()
+
+    def refuses(self, entry: ActionEntry) -> str:
+        """Nothing: nobody else has the robot."""
+        return ""
+
+    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
+        """Fail: the robot knows no order."""
+        execution = Execution(order)
+        execution.end(Outcome("failed", f"the driver has no order `{order}`"))
+        return execution
+
+    def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
+        """End an execution; what the robot was told is not taken back."""
+        execution.end(outcome)
+
+    @property
+    def active(self) -> bool:
+        """Never: leaving it needs no order. Who began a motion knows that better."""
+        return False
+
+    @property
+    def heard(self) -> bool:
+        """Whether it said something within `link_loss`."""
+        return self.silence <= self.manifest.robot.link_loss
+
+    @property
+    def silence(self) -> float:
+        """Wall seconds since it said something; infinite if it never did."""
+        return self.setup.clock.wall() - self._heard_at
+
+    @property
+    def airborne(self) -> bool:
+        """Never."""
+        return False
+
+    @property
+    def under_way(self) -> Order | None:
+        """Nothing: the robot shows no modes."""
+        return None
+
+    @property
+    def overridden(self) -> str:
+        """Nobody else has it."""
+        return ""
+
+    def speak_for_agent(self, present: bool) -> None:
+        """Nothing is said to the robot on behalf of its agent."""
+
+    def adopt(self, manifest: Manifest) -> None:
+        """Go on by another manifest."""
+        self.manifest = manifest
+
+    def counters(self) -> dict[str, float]:
+        """No figures."""
+        return {}
+
+    def notes(self) -> list[str]:
+        """No warnings."""
+        return []

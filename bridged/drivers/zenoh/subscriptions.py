@@ -1,0 +1,136 @@
+"""What a robot publishes: one subscription for each key that a percept names, and what can be said against it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+from bridged.drivers.api import OnReading, Reading
+from bridged.drivers.zenoh.payload_codecs import DEFAULT, BadPayload, codec_for
+from commd.bus.raw import LARGEST, RawBus, Sample, Subscription
+from commd.common.clock import Clock
+from schemas.manifest.loader import Manifest
+
+PATIENCE = 5.0
+"""Wall seconds after which it is told that nothing has come on a key."""
+
+
+@dataclass
+class Source:
+    """One key that is listened to."""
+
+    key: str
+    """With the robot's prefix."""
+    since: float
+    """When it was subscribed to; wall seconds."""
+    ttl: float | None
+    """Wall seconds of silence after which its percepts go; none = it may be silent."""
+    heard: float = -math.inf
+    """When the last sample came; wall seconds."""
+    samples: int = 0
+    unreadable: int = 0
+    problem: str = ""
+    """What was wrong with the first that could not be read."""
+    subscription: Subscription | None = field(default=None, repr=False)
+
+    def note(self, now: float) -> str:
+        """What people should know of it now; empty if all is well."""
+        if self.unreadable:
+            many = f"{self.unreadable} of {self.samples} samples cannot be read"
+            return f"{self.key}: {many}, the first: {self.problem}"
+        too_large = 0 if self.subscription is None else self.subscription.too_large
+        if too_large:
+            return f"{self.key}: {too_large} samples have more than {LARGEST} bytes and are not read"
+        if not self.samples:
+            waited = now - self.since
+            return f"nothing has come on {self.key} for {waited:.0f} s since the start" if waited > PATIENCE else ""
+        silence = now - self.heard
+        if self.ttl is not None and silence > max(self.ttl, PATIENCE):
+            return f"{self.key} has been silent for {silence:.0f} s"
+        return ""
+
+
+class Sources:
+    """All keys that a robot is heard on."""
+
+    def __init__(
+        self,
+        raw: RawBus,
+        clock: Clock,
+        on_reading: OnReading,
+        on_step: Callable[[], None],
+        key_of: Callable[[str], str],
+    ) -> None:
+        """`key_of` puts the robot's prefix before a key of the manifest."""
+        self._raw, self._clock, self._key_of = raw, clock, key_of
+        self._on_reading, self._on_step = on_reading, on_step
+        self._payload = DEFAULT
+        self.by_name: dict[str, Source] = {}
+        """By the key as the manifest names it."""
+        self._past_drops = 0
+
+    def adopt(self, manifest: Manifest) -> None:
+        """Listen to what a manifest names, and to nothing else; what is named again is not interrupted."""
+        self._payload = manifest.robot.payload or DEFAULT
+        wanted: dict[str, float | None] = {}
+        for percept in manifest.percepts.values():
+            shortest = [float(one) for one in (percept.ttl, wanted.get(percept.source)) if one is not None]
+            wanted[percept.source] = min(shortest) if shortest else None
+        for name in self.by_name.keys() - wanted.keys():
+            self._drop(name)
+        for name, ttl in wanted.items():
+            if name not in self.by_name:
+                source = Source(self._key_of(name), self._clock.wall(), ttl)
+                self.by_name[name] = source
+                source.subscription = self._raw.subscribe(source.key, partial(self._take, name))
+            self.by_name[name].ttl = ttl
+
+    def close(self) -> None:
+        """Listen to nothing any more."""
+        for name in list(self.by_name):
+            self._drop(name)
+
+    def answered(self, name: str, fields: Mapping[str, object]) -> None:
+        """A service answered: the robot is heard, and percepts whose source is its key are made from the reply."""
+        if source := self.by_name.get(name):
+            source.samples += 1
+            source.heard = self._clock.wall()
+            if fields:
+                self._on_reading(Reading(name, fields))
+
+    @property
+    def heard_at(self) -> float:
+        """When anything came last, in wall seconds; minus infinity if nothing ever did."""
+        return max((source.heard for source in self.by_name.values()), default=-math.inf)
+
+    @property
+    def dropped(self) -> int:
+        """Samples so far that the bridge was too slow for."""
+        present = (source.subscription.dropped for source in self.by_name.values() if source.subscription)
+        return self._past_drops + sum(present)
+
+    def _take(self, name: str, sample: Sample) -> None:
+        source = self.by_name.get(name)
+        if source is None:
+            return
+        source.samples += 1
+        source.heard = self._clock.wall()
+        if sample.deleted:
+            self._on_reading(Reading(name, None))
+        else:
+            try:
+                fields = codec_for(sample.encoding, self._payload).decode(sample.payload)
+            except BadPayload as bad:
+                source.unreadable += 1
+                source.problem = source.problem or str(bad)
+                return
+            self._on_reading(Reading(name, fields))
+        self._on_step()
+
+    def _drop(self, name: str) -> None:
+        subscription = self.by_name.pop(name).subscription
+        if subscription is not None:
+            self._past_drops += subscription.dropped
+            subscription.close()

@@ -1,0 +1,1 @@
+"""bridged.paper_format."""

@@ -1,0 +1,74 @@
+"""A simulated camera under a copter: it tells the victims that it sees, by where the copter truly is.
+
+A victim is seen within the camera's range over ground, and from then on for `MEMORY` more: the tracker behind a real
+camera keeps what it has found for a while too, and a router that restarts just then does not hide anybody. Nothing is
+told of a victim that was never in range.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Sequence
+
+import msgspec
+
+from bridged.simulation.copter.geodesy import Place
+from bridged.simulation.copter.world import Victim
+from commd.bus.bus import open_bus
+from schemas.geo import distance
+
+LOOK_S = 0.1
+"""Vehicle seconds between two looks."""
+MEMORY = 30.0
+"""Wall seconds for which a victim that is out of sight is still told."""
+PERIOD = 0.2
+"""Wall seconds between two tellings."""
+JSON = "application/json"
+
+
+class Sighting(msgspec.Struct, frozen=True):
+    """A victim as the camera tells it."""
+
+    id: int
+    lat: float
+    """degrees"""
+    lon: float
+
+
+class Camera:
+    """What one copter sees of the world's victims."""
+
+    def __init__(self, victims: Sequence[Victim], reach: float) -> None:
+        """`reach`: metres over ground."""
+        self._victims, self._reach = victims, reach
+        self._seen: dict[Victim, float] = {}
+        self._looked = float("-inf")
+
+    def look(self, at: Place, age: float, wall: float) -> None:
+        """Look down from a place at a vehicle time; `wall`: wall seconds."""
+        if age - self._looked < LOOK_S:
+            return
+        self._looked = age
+        for victim in self._victims:
+            if distance((at.lat, at.lon), (victim.lat, victim.lon)) <= self._reach:
+                self._seen[victim] = wall
+
+    def sightings(self, wall: float) -> list[Sighting]:
+        """Return what is to be told now."""
+        return [
+            Sighting(victim.number, victim.lat, victim.lon)
+            for victim, seen in self._seen.items()
+            if wall - seen <= MEMORY
+        ]
+
+
+async def tell_sightings(camera: Camera, router: str, key: str, stop: asyncio.Event) -> None:
+    """Put each sighting on `key` until `stop`. Raises BusClosed if the router does not come before the stop."""
+    name = key.replace("/", ".")
+    async with open_bus(router, fleet="simulation", name=name, daemon="camera", stamp=time.time_ns, stop=stop) as bus:
+        publisher = bus.raw.publisher(key)
+        while not stop.is_set():
+            for sighting in camera.sightings(time.monotonic()):
+                publisher.put(msgspec.json.encode(sighting), JSON)
+            await asyncio.sleep(PERIOD)

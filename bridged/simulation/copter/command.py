@@ -1,0 +1,247 @@
+"""The command `bridged simulate copter`."""
+
+import argparse
+import asyncio
+import math
+import sys
+import time
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bridged.simulation.copter.battery import CHARGE_S
+from bridged.simulation.copter.geodesy import Place
+from schemas.files.endpoints import check_endpoint
+from schemas.mission.model import DEFAULT_ROUTER
+
+if TYPE_CHECKING:
+    from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+    from bridged.simulation.copter.world import Victim
+
+HOME = "-27.604033,-48.518363,21"
+"""Where a simulated copter stands if nothing else is said: the field of the paper's experiments."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares what `bridged simulate copter` understands."""
+    parser.add_argument(
+        "--link",
+        required=True,
+        action="append",
+        metavar="LINK",
+        help="where it speaks MAVLink 2: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or "
+        "serial:DEVICE:BAUD; once more for each further link, such as the one of a pilot's ground station",
+    )
+    parser.add_argument(
+        "--home",
+        default=HOME,
+        type=_place,
+        metavar="LAT,LON,ALT",
+        help=f"where it stands: degrees, degrees, metres above mean sea level (default {HOME})",
+    )
+    parser.add_argument(
+        "--heading", default=0.0, type=_heading, metavar="DEG", help="where its nose points (default 0)"
+    )
+    parser.add_argument("--sysid", default=1, type=_sysid, metavar="N", help="its MAVLink system id (default 1)")
+    parser.add_argument("--speed", default=1.0, type=_speed, metavar="X", help="times real time (default 1)")
+    parser.add_argument(
+        "--boot",
+        default="quick",
+        choices=["quick", "real"],
+        help="quick: ready to fly after 3 s; real: after 41 s, as a real ArduCopter (default quick)",
+    )
+    parser.add_argument(
+        "--param",
+        default=[],
+        action="append",
+        type=_parameter,
+        metavar="NAME=VALUE",
+        help="a parameter of the autopilot, such as FS_GCS_ENABLE=1; may be given more than once",
+    )
+    parser.add_argument(
+        "--battery-minutes",
+        type=_minutes,
+        metavar="M",
+        help="a full battery lasts so long in the air, and its voltage falls; else it stays at 12.6 V, as recorded",
+    )
+    parser.add_argument(
+        "--recharge-seconds",
+        default=CHARGE_S,
+        type=_seconds,
+        metavar="S",
+        help=f"an empty battery is full after so long at home with the motors off (default {CHARGE_S:g})",
+    )
+    parser.add_argument(
+        "--servo-log", type=Path, metavar="FILE", help="write what its servo outputs do, where and when: JSON lines"
+    )
+    parser.add_argument(
+        "--victims", type=_victims, metavar="N,SEED,SOUTH,WEST,NORTH,EAST", help="who is in the water below its camera"
+    )
+    parser.add_argument("--camera", type=_metres, metavar="M", help="its camera sees victims so far away over ground")
+    parser.add_argument(
+        "--camera-key", default="camera/victim", metavar="KEY", help="where its camera tells them (camera/victim)"
+    )
+    parser.add_argument(
+        "--router", default=DEFAULT_ROUTER, type=_endpoint, metavar="ENDPOINT", help="the router that its camera is on"
+    )
+    parser.add_argument(
+        "--signing-passphrase-file",
+        type=Path,
+        metavar="FILE",
+        help="it signs what it sends, and takes only what is signed with the passphrase in the first line of FILE",
+    )
+    parser.add_argument(
+        "--fault",
+        default=[],
+        action="append",
+        metavar="FAULT[,...]",
+        help="what is wrong with it and its links: loss=SHARE, duplicate=SHARE, reorder=SHARE, garbage=SHARE, "
+        "mute-acks, lie, cut=AT+SECONDS, reboot=AT, seed=N; may be given more than once",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulates until SIGTERM or SIGINT: exit code 0, or 2 if a link cannot be opened or an argument is wrong."""
+    from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
+    from bridged.drivers.mavlink.transport.link import LinkError
+    from bridged.drivers.mavlink.transport.signing import SigningError, read_key
+    from bridged.simulation.copter.battery import battery_parameters
+    from bridged.simulation.copter.fault_injection import Faults
+    from bridged.simulation.copter.process import simulate
+    from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+    from bridged.simulation.copter.servo_log import ServoLog
+
+    if (args.camera is None) != (args.victims is None):
+        print("bridged simulate: error: a camera needs --victims, and victims need a --camera", file=sys.stderr)
+        return 2
+    home: Place = args.home
+    try:
+        addresses = [LinkAddress.parse(link) for link in args.link]
+        faults = Faults.parse(args.fault)
+        vehicle = Vehicle(
+            home,
+            system=args.sysid,
+            heading=math.radians(args.heading),
+            boot=args.boot,
+            channels=len(addresses),
+            faults=faults,
+            key=read_key(args.signing_passphrase_file) if args.signing_passphrase_file else None,
+            parameters=(battery_parameters(args.battery_minutes) if args.battery_minutes else []) + args.param,
+            charge_time=args.recharge_seconds,
+        )
+        if args.servo_log is not None:
+            log = ServoLog(args.servo_log)
+            vehicle.on_servo = lambda output, pulse: log.moved(
+                vehicle.copter, vehicle.system, vehicle.age, output, pulse
+            )
+        beside = _camera(args, vehicle) if args.camera is not None else None
+    except OSError as error:
+        print(f"bridged simulate: error: --servo-log {args.servo_log}: {error.strerror}", file=sys.stderr)
+        return 2
+    except (LinkAddressError, SigningError, ValueError) as error:
+        print(f"bridged simulate: error: {error}", file=sys.stderr)
+        return 2
+    started = (
+        f"simulated copter {args.sysid} on {' and '.join(map(str, addresses))}, "
+        f"home {home.lat:.6f} {home.lon:.6f} {home.alt:g} m, speed {args.speed:g}"
+    )
+
+    def announce() -> None:
+        print(started, file=sys.stderr, flush=True)
+
+    try:
+        asyncio.run(simulate(vehicle, addresses, args.speed, announce, faults, beside))
+    except LinkError as error:
+        print(f"bridged simulate: error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _camera(args: argparse.Namespace, vehicle: "Vehicle") -> "Callable[[asyncio.Event], Coroutine[Any, Any, None]]":
+    """Let the vehicle see the victims; returns what tells them on the bus."""
+    from bridged.simulation.copter.camera import Camera, tell_sightings
+    from commd.bus.errors import BusClosed
+
+    camera = Camera(args.victims, args.camera)
+    vehicle.on_step = lambda place: camera.look(place, vehicle.age, time.monotonic())
+
+    async def tell(stop: asyncio.Event) -> None:
+        with suppress(BusClosed):  # it was told to end before the router was there
+            await tell_sightings(camera, args.router, args.camera_key, stop)
+
+    return tell
+
+
+def _victims(text: str) -> "list[Victim]":
+    from bridged.simulation.copter.world import Area, victims_of
+
+    try:
+        count, seed, *borders = text.split(",")
+        return victims_of(int(seed), int(count), Area(*map(float, borders)))
+    except (ValueError, TypeError) as error:
+        raise argparse.ArgumentTypeError(f"expected N,SEED,SOUTH,WEST,NORTH,EAST: {error}") from None
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not name or not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"expected NAME=VALUE such as FS_GCS_ENABLE=1, got {text!r}")
+    return name, number
+
+
+def _place(text: str) -> Place:
+    try:
+        lat, lon, alt = (float(part) for part in text.split(","))
+        return Place(lat, lon, alt)
+    except ValueError:
+        problem = f"expected LAT,LON,ALT such as {HOME}, got {text!r}"
+        raise argparse.ArgumentTypeError(problem) from None
+
+
+def _within(text: str, low: float, high: float, what: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"expected {what} between {low:g} and {high:g}, got {text!r}")
+    return value
+
+
+def _speed(text: str) -> float:
+    return _within(text, 0.1, 100, "a factor")
+
+
+def _minutes(text: str) -> float:
+    return _within(text, 0.1, 10_000, "minutes")
+
+
+def _endpoint(text: str) -> str:
+    try:
+        return check_endpoint(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _seconds(text: str) -> float:
+    return _within(text, 1, 100_000, "seconds")
+
+
+def _metres(text: str) -> float:
+    return _within(text, 0.1, 10_000, "metres")
+
+
+def _heading(text: str) -> float:
+    return _within(text, 0, 360, "degrees")
+
+
+def _sysid(text: str) -> int:
+    value = _within(text, 1, 255, "a system id")
+    if value != int(value):
+        raise argparse.ArgumentTypeError(f"expected a whole number, got {text!r}")
+    return int(value)

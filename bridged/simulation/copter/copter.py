@@ -1,0 +1,313 @@
+"""The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
+
+from bridged.simulation.copter.arming_checks import arming_problems
+from bridged.simulation.copter.battery import CHARGE_S, Battery
+from bridged.simulation.copter.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
+from bridged.simulation.copter.dynamics import Axis, Motion, Vector
+from bridged.simulation.copter.failsafe_conditions import Fence, StationWatch
+from bridged.simulation.copter.failsafes import watch_over
+from bridged.simulation.copter.flight_control import TOUCHDOWN_TO_DISARM_S, Flight
+from bridged.simulation.copter.flight_modes import Mode
+from bridged.simulation.copter.flight_tasks import Drift, GoTo, Land, Landed, Return, Stop, TakeOff, Task
+from bridged.simulation.copter.geodesy import FlatMap, Place
+from bridged.simulation.copter.mission import CONDITION_DELAY, DEEDS, NAMES, Item, Mission, task_of
+from bridged.simulation.copter.protocol.command_results import Result
+from bridged.simulation.copter.protocol.do_commands import do
+from bridged.simulation.copter.protocol.notifications import (
+    Event,
+    HomeChanged,
+    ItemReached,
+    ModeChanged,
+    ParameterChanged,
+    Severity,
+    Text,
+)
+from bridged.simulation.copter.protocol.parameters import Parameters
+from bridged.simulation.copter.rc_input import Transmitter
+from bridged.simulation.copter.servo_outputs import Outputs
+
+GUARD_PERIOD_S = 0.2
+"""Vehicle seconds between two looks at what can go wrong."""
+_YAW_ALIGNMENT_HEIGHT = 1.9
+"""m above the ground at which the compass is checked in flight (recorded text)."""
+
+
+class Copter:
+    """One vehicle from power on. Time passes only in `step`; what it wants to tell gathers in `events`."""
+
+    def __init__(
+        self,
+        start: Place,
+        *,
+        heading: float = 0.0,
+        boot: BootKind = "quick",
+        parameters: Parameters | None = None,
+        stored: Mission | None = None,
+        charge_time: float = CHARGE_S,
+    ) -> None:
+        """`parameters` and the `stored` mission are what an earlier life left in the vehicle's memory; at home an
+        empty battery is full after `charge_time` seconds."""
+        self.now = FIRST_HEARTBEAT_S
+        self.chart = FlatMap(start)
+        self.parameters = parameters or Parameters()
+        self.boot = Boot(boot, start.alt)
+        self.motion = Motion(heading)
+        self.flight = Flight(self.motion, self.parameters)
+        self.battery = Battery(self.parameters, charge_time)
+        self.fence = Fence(self.parameters)
+        self.station = StationWatch(self.parameters)
+        self.outputs = Outputs(self.parameters)
+        self.transmitter = Transmitter(self.parameters)
+        self.mission = stored or Mission()
+        self.mode = Mode.STABILIZE
+        self.hindrance = ""
+        """An arming check that fails by a fault, in the vehicle's words."""
+        self.home: Place | None = None
+        self.events: list[Event] = []
+        self._next_guard = 0.0
+        self._compass_checked = False
+        self._deeds: list[Item] = []  # mission items to be done on the way
+        self._deeds_wait_until = 0.0
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors turn."""
+        return self.flight.armed
+
+    @property
+    def place(self) -> Place:
+        """Where the copter is."""
+        return self.chart.place(self.motion.position)
+
+    @property
+    def home_on_chart(self) -> Vector:
+        """Home on the map; the place of power on before home is set."""
+        return self.chart.vector(self.home) if self.home is not None else Vector()
+
+    def passed(self, milestone: Milestone) -> bool:
+        """Whether the start of the vehicle has come so far."""
+        return self.boot.passed(milestone, self.now)
+
+    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """A line for people."""
+        self.events.append(Text(severity, text))
+
+    def set_mode(self, number: int) -> Result:
+        """Changes the flight mode; texts tell why not. Position is needed only with motors on, as in ArduCopter."""
+        try:
+            mode = Mode(number)
+        except ValueError:
+            self.say(f"No such mode {number}", Severity.WARNING)
+            return Result.FAILED
+        if mode is self.mode:
+            return Result.ACCEPTED
+        problem = self._problem_with(mode)
+        if problem is not None:
+            self.say(f"Mode change to {mode.name} failed: {problem}", Severity.WARNING)
+            return Result.FAILED
+        self.mode = mode
+        self.flight.cruise_speed = None
+        self.events.append(ModeChanged())
+        match mode:
+            case Mode.RTL:
+                self.flight.begin(Return(self.home_on_chart))
+            case Mode.LAND:
+                self.flight.begin(Land())
+            case Mode.AUTO:
+                self._fly_from(max(1, self.mission.current))
+            case _:
+                self.flight.begin(Stop(hard=mode is Mode.BRAKE))
+        return Result.ACCEPTED
+
+    def _problem_with(self, mode: Mode) -> str | None:
+        if not mode.simulated:
+            return "not simulated"
+        if self.armed and mode.needs_position and not self.passed(Milestone.POSITION):
+            return "requires position"
+        if mode is Mode.AUTO and not self.mission.flyable:
+            return "init failed"
+        return None
+
+    def arm(self, *, force: bool = False) -> Result:
+        """Starts the motors and sets home here."""
+        if self.armed:
+            return Result.ACCEPTED
+        problems = arming_problems(self)
+        if problems and not (force and self.passed(Milestone.READY)):
+            for problem in problems:
+                self.say(f"Arm: {problem}", Severity.CRITICAL)
+            return Result.FAILED
+        self.flight.arm()
+        if self.passed(Milestone.HOME):
+            self.set_home(self.place)
+        self.say("Arming motors")
+        return Result.ACCEPTED
+
+    def disarm(self, *, force: bool = False) -> Result:
+        """Stops the motors; refused in the air unless forced."""
+        if not self.armed:
+            return Result.ACCEPTED
+        if self.flight.airborne and not force:
+            return Result.FAILED
+        self.flight.disarm()
+        if self.mode is Mode.AUTO and self.mission.current:
+            self.events.append(ItemReached(self.mission.current))
+            self.mission.current, self.mission.complete = 0, True
+        self.say("Disarming motors")
+        self.events.append(ParameterChanged("MOT_THST_HOVER"))
+        return Result.ACCEPTED
+
+    def set_home(self, place: Place) -> None:
+        """Home is here from now on."""
+        self.home = place
+        self.events.append(HomeChanged())
+        if isinstance(self.flight.task, Return):
+            self.flight.begin(Return(self.home_on_chart))
+
+    def take_off(self, altitude: float) -> Result:
+        """Goes straight up to `altitude` metres above home; only in GUIDED, armed and on the ground."""
+        if self.mode is not Mode.GUIDED or not self.armed or self.flight.airborne or not 0 < altitude <= 10_000:
+            return Result.FAILED
+        self.flight.begin(TakeOff(self.home_on_chart.up + altitude))
+        return Result.ACCEPTED
+
+    def allows(self, goal: Vector) -> bool:
+        """Whether the fence allows a goal."""
+        return self.fence.breach(goal, self.home_on_chart) is None
+
+    def guide(self, task: GoTo | Drift) -> bool:
+        """A goal or a velocity from outside; False if it is dropped: not in GUIDED, or outside the fence."""
+        if self.mode is not Mode.GUIDED or (isinstance(task, GoTo) and not self.allows(task.goal)):
+            return False
+        if isinstance(task, GoTo) and isinstance(self.flight.task, GoTo):
+            self.flight.task, self.flight.reached = task, False
+        else:
+            self.flight.begin(task)
+        return True
+
+    def fall_from(self, up: Axis) -> None:
+        """The autopilot was switched on in the air: the motors are off."""
+        self.motion.up, self.flight.airborne, self.flight.landed = up, True, Landed.IN_AIR
+
+    def step(self, dt: float) -> None:
+        """Lets `dt` seconds pass (0.05 at most for exact motion)."""
+        self.now += dt
+        self.flight.now = self.now
+        for milestone, texts in self.boot.advance(self.now):
+            self._reach(milestone, texts)
+        if self.armed or self.flight.airborne or self.flight.touchdown_at is not None:
+            self._fly(dt)
+        if self.now >= self._next_guard:
+            self._next_guard = self.now + GUARD_PERIOD_S
+            watch_over(self, GUARD_PERIOD_S)
+
+    def _reach(self, milestone: Milestone, texts: tuple[str, ...]) -> None:
+        if milestone is Milestone.HOME:
+            self.set_home(self.place)
+            self.count_mission(len(self.mission.items) + 1)
+        for text in texts:
+            self.say(text)
+        if milestone is Milestone.MODE_SWITCH and self.mode is not Mode.STABILIZE and not self.armed:
+            self.set_mode(Mode.STABILIZE)
+
+    def _fly(self, dt: float) -> None:
+        flight = self.flight
+        was_airborne = flight.airborne
+        flight.step(dt)
+        self.battery.step(dt, flying=flight.airborne and flight.armed)
+        if flight.armed and self.battery.empty:
+            flight.disarm()
+            self.say("SIM battery is empty", Severity.CRITICAL)
+        if was_airborne and not flight.airborne:
+            self.say(f"SIM Hit ground at {flight.touchdown_speed:f} m/s")
+        if flight.airborne and not self._compass_checked and flight.height > _YAW_ALIGNMENT_HEIGHT:
+            self._compass_checked = True
+            for unit in (0, 1):
+                self.say(f"EKF3 IMU{unit} MAG0 in-flight yaw alignment complete")
+        elif not flight.airborne:
+            self._compass_checked = False
+        if self.mode is Mode.AUTO and flight.armed:
+            self._follow_mission()
+        self._disarm_when_idle()
+
+    def _disarm_when_idle(self) -> None:
+        flight, idle_since = self.flight, self.flight.idle_since
+        if idle_since is None:
+            return
+        landing = flight.touchdown_at is not None and isinstance(flight.task, Land | Return)
+        delay = TOUCHDOWN_TO_DISARM_S if landing else self.parameters["DISARM_DELAY"]
+        if delay > 0 and self.now - idle_since >= delay:
+            self.disarm()
+
+    def bring_home(self) -> None:
+        """RTL, or LAND where that is refused."""
+        if self.mode not in (Mode.RTL, Mode.LAND) and self.set_mode(Mode.RTL) is not Result.ACCEPTED:
+            self.set_mode(Mode.LAND)
+
+    def count_mission(self, total: int) -> None:
+        """Tells the number of stored items, home included, as the parameter MIS_TOTAL."""
+        if self.parameters["MIS_TOTAL"] != total:
+            self.parameters.set("MIS_TOTAL", total)
+            self.events.append(ParameterChanged("MIS_TOTAL"))
+
+    def start_mission(self) -> Result:
+        """MAV_CMD_MISSION_START: AUTO from its first item."""
+        if not self.mission.flyable:
+            return Result.FAILED
+        if self.mode is not Mode.AUTO:
+            return self.set_mode(Mode.AUTO)
+        if self.armed and not self.flight.airborne:
+            self._begin_item(self.mission.item(self.mission.current))
+        return Result.ACCEPTED
+
+    def jump_to(self, seq: int) -> bool:
+        """MISSION_SET_CURRENT: AUTO goes on, or will begin, with this item; False if there is none."""
+        if self.mission.item(seq) is None:
+            return False
+        self.mission.complete = False
+        if self.mode is Mode.AUTO:
+            self._fly_from(seq)
+        else:
+            self.mission.current = seq
+        return True
+
+    def _fly_from(self, seq: int) -> None:
+        """Goes to the next place of the mission; what is to be done before is done on the way there."""
+        self._deeds, item = self.mission.next_place(seq)
+        self._deeds_wait_until = self.now
+        if item is None:
+            self.mission.complete = True
+            self.flight.begin(Stop())  # AUTO hovers where the mission ends (ArduCopter)
+            return
+        self.mission.start(item, self.now)
+        self.say(f"Mission: {item.seq} {NAMES[item.command]}")
+        if self.flight.airborne:
+            self._begin_item(item)
+        else:
+            self.flight.begin(Stop())  # on the ground AUTO waits for MISSION_START
+
+    def _begin_item(self, item: Item | None) -> None:
+        task: Task = Stop()
+        if item is not None:
+            task = task_of(item, self.flight, self.chart, self.home or self.chart.origin)
+        self.flight.begin(task)
+
+    def _follow_mission(self) -> None:
+        if self._deeds and self.now >= self._deeds_wait_until:
+            self._do(self._deeds.pop(0))
+        item = self.mission.item(self.mission.current)
+        if item is None or self.mission.complete or not self.flight.airborne:
+            return
+        if self.mission.done(item, self.flight, self.now):
+            self.events.append(ItemReached(item.seq))
+            if NAMES[item.command] == "WP":
+                self.say(f"Reached command #{item.seq}")
+            self._fly_from(item.seq + 1)
+
+    def _do(self, item: Item) -> None:
+        self.say(f"Mission: {item.seq} {DEEDS[item.command]}")
+        if item.command == CONDITION_DELAY:
+            self._deeds_wait_until = self.now + item.params[0]
+        else:
+            do(self, item.command, item.params)
+        self.events.append(ItemReached(item.seq))

@@ -1,0 +1,151 @@
+"""A simulated vehicle as a process: its links, its clock, its end."""
+
+import asyncio
+import signal
+import sys
+from collections.abc import Callable, Coroutine, Sequence
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.transport.link import Ids, LinkAddress, Peer
+from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.copter.protocol.faulty_link import FaultyLink
+from bridged.simulation.copter.protocol.mavlink_interface import COMPONENT, Vehicle
+from bridged.simulation.copter.realtime_monitor import Pace
+
+TICK_S = 0.02
+"""Shortest pause between two rounds, in wall seconds: at most 50 rounds a second at any speed."""
+
+LONGEST_PAUSE_S = 0.25
+"""Longest pause in wall seconds; what happens in flight without a message that is due is told no later."""
+
+MOST_CATCH_UP_S = 1.0
+"""Wall seconds that are made up for at once after a stop of the process; the rest never happened."""
+
+LEAVE_S = 1.0
+"""Wall seconds that what runs beside a vehicle has to end."""
+
+
+class Simulation:
+    """One vehicle on its links, at `speed` times real time."""
+
+    def __init__(self, vehicle: Vehicle, speed: float, addresses: Sequence[LinkAddress], faults: Faults) -> None:
+        """One address for each channel of the vehicle."""
+        self.vehicle = vehicle
+        self.speed = speed
+        self.addresses = addresses
+        self.faults = faults
+        self._wake = asyncio.Event()
+        self._links: list[FaultyLink] = []
+        self._seen = 0.0
+        self.pace = Pace(lambda words: print(f"simulated copter {vehicle.system} {words}", file=sys.stderr, flush=True))
+
+    async def run(self, stop: asyncio.Event, started: Callable[[], None]) -> None:
+        """Flies until `stop` is set; `started` is called once. Raises LinkError if a link cannot be opened."""
+        self._seen = asyncio.get_running_loop().time()
+        waiting = asyncio.create_task(stop.wait())
+        waiting.add_done_callback(lambda _: self._wake.set())
+        try:
+            await self._switch_on()
+            started()
+            reboots = self.vehicle.reboots
+            while not stop.is_set():
+                self._wake.clear()
+                self._catch_up()
+                if self.vehicle.reboots != reboots:
+                    reboots = self.vehicle.reboots
+                    await self._switch_on()  # another socket: the vehicle speaks from another port (recorded)
+                await self._pause()
+        finally:
+            waiting.cancel()
+            self.pace.report()
+            await self._switch_off()
+
+    async def _switch_on(self) -> None:
+        await self._switch_off()
+        for channel, address in enumerate(self.addresses):
+            link = FaultyLink(
+                address,
+                partial(self._receive, channel),
+                Ids(self.vehicle.system, COMPONENT),
+                lambda _, channel=channel: self.vehicle.seal.gate(channel),  # type: ignore[misc]
+                self.faults,
+                lambda: self.vehicle.age,
+            )
+            await link.open()
+            self._links.append(link)
+
+    async def _switch_off(self) -> None:
+        links, self._links = self._links, []
+        for link in links:
+            report = link.report()
+            if report:
+                print(f"{link.address}: packets {report}", file=sys.stderr, flush=True)
+            await link.close()
+
+    async def _pause(self) -> None:
+        loop = asyncio.get_running_loop()
+        begun = loop.time()
+        await asyncio.sleep(TICK_S)
+        late = loop.time() - begun - TICK_S
+        due = self.vehicle.seconds_until_due() / self.speed - TICK_S
+        if due > 0:
+            begun, pause = loop.time(), min(due, LONGEST_PAUSE_S)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(pause):
+                    await self._wake.wait()
+            late = max(late, loop.time() - begun - pause)
+        self.pace.round(late, loop.time())
+
+    def _catch_up(self) -> None:
+        now = asyncio.get_running_loop().time()
+        passed, self._seen = now - self._seen, now
+        self.pace.lost += max(0.0, passed - MOST_CATCH_UP_S)
+        self._send(0, self.vehicle.advance(min(passed, MOST_CATCH_UP_S) * self.speed))
+        self._send_waiting()
+        for link in self._links:
+            link.deliver_late()
+
+    def _receive(self, channel: int, message: dialect.MAVLink_message, peer: Peer) -> None:
+        del peer
+        self._catch_up()
+        self._send(channel, self.vehicle.receive(message, channel))
+        self._send_waiting()
+        self._wake.set()
+
+    def _send_waiting(self) -> None:
+        for channel in range(len(self._links)):
+            self._send(channel, self.vehicle.waiting(channel))
+
+    def _send(self, channel: int, messages: list[dialect.MAVLink_message]) -> None:
+        if channel < len(self._links):
+            for message in messages:
+                self._links[channel].send(message, signing=self.vehicle.seal.signing)
+
+
+async def simulate(
+    vehicle: Vehicle,
+    addresses: Sequence[LinkAddress],
+    speed: float,
+    started: Callable[[], None] = lambda: None,
+    faults: Faults | None = None,
+    beside: Callable[[asyncio.Event], Coroutine[Any, Any, None]] | None = None,
+) -> None:
+    """Runs the vehicle until SIGTERM or SIGINT; `started` is called when the links are open. Raises LinkError.
+
+    `beside` is what else the process does, until the event is set; the vehicle flies on if it ends.
+    """
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    other = asyncio.create_task(beside(stop)) if beside is not None else None
+    try:
+        await Simulation(vehicle, speed, addresses, faults or Faults()).run(stop, started)
+    finally:
+        stop.set()
+        if other is not None:
+            await asyncio.wait([other], timeout=LEAVE_S)

@@ -1,0 +1,331 @@
+"""The simulated copter as others see it: MAVLink messages in, MAVLink messages out, and time that passes by steps.
+
+It does no input or output and knows no clock, so a test flies it in milliseconds: `receive` a message, `advance` the
+time, look at what comes back.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.copter.battery import CHARGE_S
+from bridged.simulation.copter.boot import BootKind, Milestone
+from bridged.simulation.copter.copter import Copter
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.fault_injection import Character, Faults
+from bridged.simulation.copter.geodesy import Place
+from bridged.simulation.copter.mission import Mission
+from bridged.simulation.copter.protocol import setpoints, telemetry
+from bridged.simulation.copter.protocol.commands import Command, Desk
+from bridged.simulation.copter.protocol.mission_protocol import MissionProtocol
+from bridged.simulation.copter.protocol.notifications import (
+    Event,
+    HomeChanged,
+    ItemReached,
+    ModeChanged,
+    ParameterChanged,
+    Text,
+)
+from bridged.simulation.copter.protocol.parameters import Parameter, Parameters
+from bridged.simulation.copter.protocol.signing import Seal
+from bridged.simulation.copter.protocol.streams import Streams
+
+COMPONENT = 1
+"""Component id of the autopilot (MAV_COMP_ID_AUTOPILOT1)."""
+
+STEP_S = 0.02
+"""Vehicle seconds per step of the simulation."""
+
+REBOOT_SILENCE_S = 1.2
+"""Recorded; what comes in meanwhile is not heard."""
+
+TIMESYNC_PERIOD_S = 10.0
+
+PARAMETERS_PER_STEP = 5
+"""How many parameters of a requested list go out per step."""
+
+HEARTBEAT = 0
+
+_NO_INDEX = 65535
+_MISSION_MESSAGES = frozenset(
+    (
+        "MISSION_REQUEST_LIST",
+        "MISSION_REQUEST",
+        "MISSION_REQUEST_INT",
+        "MISSION_COUNT",
+        "MISSION_ITEM",
+        "MISSION_ITEM_INT",
+        "MISSION_CLEAR_ALL",
+        "MISSION_SET_CURRENT",
+    )
+)
+
+Messages = list[dialect.MAVLink_message]
+
+
+@dataclass(slots=True)
+class Channel:
+    """One link of the vehicle: what was asked for on it, and what waits to be sent there."""
+
+    streams: Streams = field(default_factory=Streams)
+    heard: bool = False
+    list_at: int | None = None  # the parameter that comes next in a list that was asked for
+    outbox: Messages = field(default_factory=list)
+
+    def take(self) -> Messages:
+        """What waits."""
+        waiting, self.outbox = self.outbox, []
+        return waiting
+
+
+class Vehicle:
+    """One simulated ArduCopter on one link or several."""
+
+    def __init__(
+        self,
+        start: Place,
+        *,
+        system: int = 1,
+        heading: float = 0.0,
+        boot: BootKind = "quick",
+        channels: int = 1,
+        faults: Faults | None = None,
+        key: bytes | None = None,
+        parameters: Iterable[tuple[str, float]] = (),
+        charge_time: float = CHARGE_S,
+    ) -> None:
+        """`start` is where it is switched on, `heading` in radians; `boot` how long it takes until it can fly.
+
+        With a `key` it signs what it sends and takes only what is signed. `parameters` are set before it is switched
+        on; raises ValueError for a name that it does not have. At home an empty battery is full after `charge_time`
+        vehicle seconds.
+        """
+        if not 1 <= system <= 255:
+            raise ValueError(f"a system id lies between 1 and 255, got {system}")
+        self.system = system
+        self.seal = Seal(key)
+        self.age = 0.0
+        """Vehicle seconds since it was switched on the first time."""
+        self.reboots = 0
+        self.on_servo: Callable[[int, int], None] = lambda output, pulse: None
+        """Told of each output that gets another pulse (microseconds)."""
+        self.on_step: Callable[[Place], None] | None = None
+        """Told after each step where the copter is."""
+        self._boot: BootKind = boot
+        self._character = Character(faults or Faults())
+        self._channel_count = channels
+        self._charge_time = charge_time
+        stored = Parameters(system)
+        for name, value in parameters:
+            if stored.set(name, value) is None:
+                raise ValueError(f"the simulated copter has no parameter {name!r}")
+        self._power_on(start, heading, stored, Mission())
+
+    def _power_on(self, place: Place, heading: float, parameters: Parameters, mission: Mission) -> None:
+        self.copter = Copter(
+            place,
+            heading=heading,
+            boot=self._boot,
+            parameters=parameters,
+            stored=mission,
+            charge_time=self._charge_time,
+        )
+        self.copter.outputs.on_move = lambda output, pulse: self.on_servo(output, pulse)
+        self.channels = [Channel() for _ in range(self._channel_count)]
+        self._mission = MissionProtocol(self.copter)
+        self._next_timesync = TIMESYNC_PERIOD_S
+        self._reboot_in: float | None = None
+        self._lag = 0.0
+
+    def receive(self, message: dialect.MAVLink_message, channel: int = 0) -> Messages:
+        """Takes in one message of another system; returns what the vehicle sends at once on the same channel."""
+        if self._reboot_in is not None or not self._is_for_us(message):
+            return []
+        here = self.channels[channel]
+        here.heard = True
+        replies = self._character.pretends(message)
+        here.outbox += self._answer(message, here) if replies is None else replies
+        self._tell()
+        return self._character.says(here.take())
+
+    def advance(self, seconds: float) -> Messages:
+        """Lets vehicle time pass; returns what the vehicle sends meanwhile on its first channel."""
+        self._lag += seconds
+        while self._lag >= STEP_S - 1e-9:
+            self._lag -= STEP_S
+            self.age += STEP_S
+            self._step()
+        return self.waiting()
+
+    def waiting(self, channel: int = 0) -> Messages:
+        """What the vehicle has to send on a channel since it was asked last."""
+        return self._character.says(self.channels[channel].take())
+
+    def seconds_until_due(self) -> float:
+        """How much vehicle time may pass before there is something to send for sure; motion may bring more."""
+        if self._reboot_in is not None:
+            return self._reboot_in
+        if any(channel.list_at is not None for channel in self.channels):
+            return STEP_S
+        return max(0.0, min(channel.streams.next_due() for channel in self.channels) - self.copter.now)
+
+    def _is_for_us(self, message: dialect.MAVLink_message) -> bool:
+        target = getattr(message, "target_system", 0)
+        return target in (0, self.system)
+
+    def _step(self) -> None:
+        copter = self.copter
+        if self._reboot_in is not None:
+            self._wait_for_power()
+            return
+        if self._character.restarts(self.age):
+            self._reboot_in = REBOOT_SILENCE_S
+            copter.flight.disarm()
+            return
+        copter.hindrance = self._character.hinders(self.age)
+        copter.step(STEP_S)
+        if self.on_step is not None:
+            self.on_step(copter.place)
+        self._tell()
+        for message in self._mission.advance():
+            for channel in self.channels:
+                channel.outbox.append(message)
+        self._tell()
+        timesync = copter.now >= self._next_timesync
+        if timesync:
+            self._next_timesync += TIMESYNC_PERIOD_S
+        for channel in self.channels:
+            self._stream(channel)
+            if timesync:
+                channel.outbox.append(dialect.MAVLink_timesync_message(0, self._nanoseconds()))
+            if channel.list_at is not None:
+                self._list(channel)
+
+    def _wait_for_power(self) -> None:
+        """The autopilot restarts; a copter that was in the air falls meanwhile and goes on falling."""
+        assert self._reboot_in is not None
+        copter = self.copter
+        if copter.flight.airborne:
+            copter.flight.step(STEP_S)
+        self._reboot_in -= STEP_S
+        if self._reboot_in > 0:
+            return
+        copter.mission.rewind()
+        self.reboots += 1
+        at, up = copter.motion.position, copter.motion.up
+        lag = self._lag
+        ground = copter.chart.place(Vector(at.north, at.east, 0.0))
+        self._power_on(ground, copter.motion.heading, copter.parameters, copter.mission)
+        self._lag = lag
+        if copter.flight.airborne:
+            self.copter.fall_from(up)
+
+    def _stream(self, channel: Channel) -> None:
+        for message in channel.streams.due(self.copter.now):
+            if message != HEARTBEAT and not self.copter.passed(Milestone.READY):
+                continue
+            built = telemetry.BUILDERS[message](self.copter)
+            if built is not None:
+                channel.outbox.append(built)
+
+    def _nanoseconds(self) -> int:
+        return round(self.copter.now * 1e9)
+
+    def _list(self, channel: Channel) -> None:
+        for _ in range(PARAMETERS_PER_STEP):
+            parameter = self.copter.parameters.at(channel.list_at or 0)
+            if parameter is None:
+                channel.list_at = None
+                return
+            channel.outbox.append(self._value_of(parameter, parameter.index))
+            channel.list_at = parameter.index + 1
+
+    def _value_of(self, parameter: Parameter, index: int = _NO_INDEX) -> dialect.MAVLink_message:
+        return dialect.MAVLink_param_value_message(
+            parameter.name.encode(), parameter.value, parameter.kind, len(self.copter.parameters), index
+        )
+
+    def _tell(self) -> None:
+        """What happened is told on every channel; texts for people only where somebody listens (recorded)."""
+        events, self.copter.events = self.copter.events, []
+        for event in events:
+            messages = self._messages_of(event)
+            for channel in self.channels:
+                if channel.heard or not isinstance(event, Text):
+                    channel.outbox += messages
+
+    def _messages_of(self, event: Event) -> Messages:
+        match event:
+            case Text(severity, text):
+                return [dialect.MAVLink_statustext_message(severity, text.encode()[:50])]
+            case ModeChanged():
+                return [telemetry.heartbeat(self.copter)]
+            case HomeChanged():
+                both = (telemetry.gps_global_origin(self.copter), telemetry.home_position(self.copter))
+                return [message for message in both if message is not None]
+            case ParameterChanged(name):
+                parameter = self.copter.parameters.find(name)
+                return [self._value_of(parameter)] if parameter is not None else []
+            case ItemReached(seq):
+                return [dialect.MAVLink_mission_item_reached_message(seq)]
+
+    def _answer(self, message: dialect.MAVLink_message, channel: Channel) -> Messages:
+        kind = message.get_type()
+        match kind:
+            case "HEARTBEAT":
+                self.copter.station.heartbeat(message.get_srcSystem(), self.copter.now)
+            case "COMMAND_LONG":
+                return self._command(message, Command.of_long(message), channel)
+            case "COMMAND_INT":
+                return self._command(message, Command.of_int(message), channel)
+            case "SET_MODE":
+                if message.base_mode & 1:  # never acknowledged (recorded)
+                    self.copter.set_mode(message.custom_mode)
+            case "SET_POSITION_TARGET_GLOBAL_INT":
+                setpoints.global_setpoint(self.copter, message)
+            case "SET_POSITION_TARGET_LOCAL_NED":
+                setpoints.local_setpoint(self.copter, message)
+            case "RC_CHANNELS_OVERRIDE":
+                self.copter.transmitter.override(message, self.copter.now)
+            case "REQUEST_DATA_STREAM":
+                channel.streams.request(
+                    message.req_stream_id, message.req_message_rate, self.copter.now, on=bool(message.start_stop)
+                )
+            case "TIMESYNC" if message.tc1 == 0:
+                return [dialect.MAVLink_timesync_message(self._nanoseconds(), message.ts1)]
+            case "PARAM_REQUEST_READ" | "PARAM_REQUEST_LIST" | "PARAM_SET":
+                return self._parameter(message, kind, channel)
+            case "SETUP_SIGNING":
+                self.seal.set_up(message, self.copter)
+            case _ if kind in _MISSION_MESSAGES:
+                return self._mission.receive(message)
+        return []
+
+    def _command(self, message: dialect.MAVLink_message, command: Command, channel: Channel) -> Messages:
+        desk = Desk(self.copter, channel.streams)
+        result = desk.carry_out(command)
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        ack = dialect.MAVLink_command_ack_message(command.number, int(result), 0, 0, *sender)
+        if desk.reboot_wanted:
+            self._reboot_in = REBOOT_SILENCE_S
+        return [*desk.ahead, ack, *desk.after]
+
+    def _parameter(self, message: dialect.MAVLink_message, kind: str, channel: Channel) -> Messages:
+        parameters = self.copter.parameters
+        if kind == "PARAM_REQUEST_LIST":
+            channel.list_at = 0
+            return []
+        if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
+            found, index = parameters.at(message.param_index), message.param_index
+        else:
+            name = _name_of(message)
+            value = message.param_value if kind == "PARAM_SET" else math.nan
+            found, index = parameters.set(name, value) if name else None, _NO_INDEX
+        return [self._value_of(found, index)] if found is not None else []
+
+
+def _name_of(message: dialect.MAVLink_message) -> str:
+    name = message.param_id
+    return name.decode(errors="replace") if isinstance(name, bytes) else str(name)

@@ -1,0 +1,111 @@
+"""The pilot's sticks and switches as the autopilot reads them, and those that a ground station moves instead."""
+
+import math
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_tasks import Drift
+from bridged.simulation.copter.protocol.parameters import Parameters
+
+CHANNELS = 16
+RESTING = (1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800, *([0] * (CHANNELS - 8)))
+"""Microseconds of the transmitter that lies on the table: sticks in the middle, throttle down."""
+
+DEAD_ZONE = 30
+"""Microseconds around the middle in which a stick counts as centred."""
+
+STICK_LASTS_S = 0.5
+"""Sticks are read more often than this."""
+
+FASTEST = 35.0
+"""m/s; LOIT_SPEED can say no more."""
+
+FASTEST_TURN = math.radians(60.0)
+"""rad/s of a yaw stick at its end."""
+
+_KEEP, _RELEASE = 65535, 65534
+_FIRST_EXTENDED = 9
+"""RC_CHANNELS_OVERRIDE: 65535 leaves a channel as it is; 0 gives channels 1 to 8 back, 65534 those from 9 on."""
+
+_MODE_SWITCH_STEPS = (1230, 1360, 1490, 1620, 1749)
+"""Microseconds between the six positions of the flight mode switch."""
+
+
+@dataclass(slots=True)
+class Transmitter:
+    """RC_CHANNELS. What was overridden falls back RC_OVERRIDE_TIME seconds after the last override."""
+
+    parameters: Parameters
+    _overrides: dict[int, tuple[int, float]] = field(default_factory=dict)  # pulse, when it was said
+    _switch: int | None = None
+    _pushed: bool = False
+
+    def override(self, message: dialect.MAVLink_message, now: float) -> None:
+        """RC_CHANNELS_OVERRIDE; taken from system MAV_GCS_SYSID only, others are ignored in silence (ArduPilot)."""
+        if message.get_srcSystem() != int(self.parameters["MAV_GCS_SYSID"]):
+            return
+        for channel in range(1, CHANNELS + 1):
+            pulse = getattr(message, f"chan{channel}_raw")
+            if channel >= _FIRST_EXTENDED:
+                pulse = {0: _KEEP, _RELEASE: 0}.get(pulse, pulse)
+            if pulse == 0:
+                self._overrides.pop(channel, None)
+            elif pulse != _KEEP:
+                self._overrides[channel] = (pulse, now)
+
+    def pulse(self, channel: int, now: float) -> int:
+        """Microseconds of a channel."""
+        moved = self._moved(channel, now)
+        return RESTING[channel - 1] if moved is None else moved
+
+    def pulses(self, now: float) -> list[int]:
+        """Microseconds of all channels."""
+        return [self.pulse(channel, now) for channel in range(1, CHANNELS + 1)]
+
+    def stick(self, name: str, now: float) -> float:
+        """Where an overridden stick is, from -1 to 1; 0 for one that nobody moves. `name` as in RCMAP_ROLL."""
+        pulse = self._moved(int(self.parameters[f"RCMAP_{name}"]), now)
+        if pulse is None or abs(pulse - 1500) <= DEAD_ZONE:
+            return 0.0
+        return max(-1.0, min(1.0, (pulse - 1500) / 500))
+
+    @property
+    def touched(self) -> bool:
+        """Whether anything was overridden and not given back."""
+        return bool(self._overrides)
+
+    def switched_mode(self, now: float) -> int | None:
+        """The mode that the flight mode switch says, at the moment when an override moves it."""
+        pulse = self._moved(int(self.parameters["FLTMODE_CH"]), now)
+        position = None if pulse is None else sum(pulse > step for step in _MODE_SWITCH_STEPS)
+        if position == self._switch:
+            return None
+        self._switch = position
+        return None if position is None else int(self.parameters[f"FLTMODE{position + 1}"])
+
+    def drift(self, heading: float, now: float) -> Drift | None:
+        """Where overridden sticks push a copter whose nose points to `heading` (radians); None if nothing moves.
+
+        All modes that obey sticks do as LOITER does: a stick is a speed.
+        """
+        right, back, up, turn = (self.stick(name, now) for name in ("ROLL", "PITCH", "THROTTLE", "YAW"))
+        pushes = bool(right or back or up or turn)
+        if not pushes and not self._pushed:
+            return None
+        self._pushed = pushes
+        speed, climb = min(FASTEST, abs(self.parameters["LOIT_SPEED"]) / 100), self.parameters["PILOT_SPEED_UP"] / 100
+        cos, sin = math.cos(heading), math.sin(heading)
+        velocity = Vector((-back * cos - right * sin) * speed, (-back * sin + right * cos) * speed, up * climb)
+        return Drift(velocity, now + STICK_LASTS_S, turn_rate=turn * FASTEST_TURN if turn else None)
+
+    def _moved(self, channel: int, now: float) -> int | None:
+        if channel not in self._overrides:
+            return None
+        pulse, since = self._overrides[channel]
+        lasts = self.parameters["RC_OVERRIDE_TIME"]
+        if lasts == 0 or (lasts > 0 and now - since > lasts):
+            del self._overrides[channel]
+            return None
+        return pulse

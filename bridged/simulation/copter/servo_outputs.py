@@ -1,0 +1,123 @@
+"""What a simulated copter moves besides itself: servo outputs, and a gripper on one of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from bridged.simulation.copter.protocol.parameters import SERVOS, Parameters
+
+NOT_DRIVEN, MANUAL, GRIPPER = 0, 1, 28
+"""Values of SERVOn_FUNCTION; 33 to 36 are the motors."""
+
+_FREE_FUNCTIONS = frozenset((NOT_DRIVEN, MANUAL, GRIPPER, *range(51, 67), *range(94, 110)))
+"""Functions of outputs that DO_SET_SERVO may move (ArduPilot): none, manual, gripper, RC inputs, scripts."""
+
+GRIPPER_TIME_S = 3.0
+"""From the order until the gripper holds or lets go (ArduPilot's servo gripper)."""
+
+OFF, HIGHEST = 1000, 65535
+"""Microseconds."""
+
+_MOTOR_IDLE, _MOTOR_HOVER = 1150, 1520
+
+
+class Grip(IntEnum):
+    """Parameter 2 of MAV_CMD_DO_GRIPPER (GRIPPER_ACTIONS)."""
+
+    RELEASE = 0
+    GRAB = 1
+
+
+_SAID = {
+    Grip.RELEASE: ("Gripper load releasing", "Gripper load released"),
+    Grip.GRAB: ("Gripper load grabbing", "Gripper load grabbed"),
+}
+
+
+@dataclass(slots=True)
+class _Repeat:
+    """MAV_CMD_DO_REPEAT_SERVO: to and fro between a position and the trim of the output."""
+
+    channel: int
+    positions: list[int]
+    period: float
+    next_at: float
+
+
+class Outputs:
+    """The outputs by their numbers from 1. What nobody has moved yet gives no pulse (0)."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self._pulses: dict[int, int] = {}
+        self._repeat: _Repeat | None = None
+        self._gripping: tuple[Grip, float] | None = None
+        self.on_move: Callable[[int, int], None] = lambda channel, pulse: None
+        """Told of each output that gets another pulse (microseconds)."""
+
+    def function(self, channel: int) -> int:
+        """SERVOn_FUNCTION; -1 for an output that is not there."""
+        return int(self._parameters[f"SERVO{channel}_FUNCTION"]) if 1 <= channel <= SERVOS else -1
+
+    def pulses(self, *, armed: bool, airborne: bool) -> list[int]:
+        """Microseconds of all outputs, as SERVO_OUTPUT_RAW tells them."""
+        motor = OFF if not armed else _MOTOR_HOVER if airborne else _MOTOR_IDLE
+        motors = range(33, 37)
+        numbers = range(1, SERVOS + 1)
+        return [motor if self.function(one) in motors else _possible(self._pulses.get(one, 0)) for one in numbers]
+
+    def set(self, channel: int, pulse: int) -> str | None:
+        """MAV_CMD_DO_SET_SERVO; returns why not, in the vehicle's words."""
+        problem = self._problem_with(channel)
+        if problem is None:
+            self._repeat = None if self._repeat is not None and self._repeat.channel == channel else self._repeat
+            self._move(channel, pulse)
+        return problem
+
+    def repeat(self, channel: int, pulse: int, times: int, period: float, now: float) -> str | None:
+        """MAV_CMD_DO_REPEAT_SERVO: `times` to the position and back, `period` seconds each; returns why not."""
+        problem = self._problem_with(channel)
+        if problem is None:
+            trim = int(self._parameters[f"SERVO{channel}_TRIM"])
+            self._repeat = _Repeat(channel, [pulse, trim] * max(0, min(times, 1000)), max(0.1, period / 2), now)
+        return problem
+
+    def grip(self, action: Grip, now: float) -> str:
+        """MAV_CMD_DO_GRIPPER; returns what the vehicle says."""
+        self._gripping = (action, now + GRIPPER_TIME_S)
+        pulse = int(self._parameters["GRIP_GRAB" if action is Grip.GRAB else "GRIP_RELEASE"])
+        for channel in range(1, SERVOS + 1):
+            if self.function(channel) == GRIPPER:
+                self._move(channel, pulse)
+        return _SAID[action][0]
+
+    def step(self, now: float) -> str | None:
+        """Goes on with what takes time; returns what the vehicle says, if it says something."""
+        repeat = self._repeat
+        if repeat is not None and now >= repeat.next_at:
+            if repeat.positions:
+                self._move(repeat.channel, repeat.positions.pop(0))
+                repeat.next_at = now + repeat.period
+            else:
+                self._repeat = None
+        if self._gripping is not None and now >= self._gripping[1]:
+            (action, _), self._gripping = self._gripping, None
+            return _SAID[action][1]
+        return None
+
+    def _move(self, channel: int, pulse: int) -> None:
+        if self._pulses.get(channel) != pulse:
+            self._pulses[channel] = pulse
+            self.on_move(channel, _possible(pulse))
+
+    def _problem_with(self, channel: int) -> str | None:
+        function = self.function(channel)
+        if function in _FREE_FUNCTIONS:
+            return None
+        return (
+            f"ServoRelayEvent: Channel {channel} is already in use" if function >= 0 else f"No servo output {channel}"
+        )
+
+
+def _possible(pulse: int) -> int:
+    return max(0, min(HIGHEST, pulse))

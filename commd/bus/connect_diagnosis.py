@@ -1,0 +1,187 @@
+"""Why nobody is reached at an endpoint, in words: of a failed connection Zenoh says only that it failed.
+
+What is asked here is asked again, apart from Zenoh, by the standard library's sockets and TLS.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import socket
+import ssl
+import time
+from concurrent.futures import Future
+from contextlib import closing
+from threading import Lock, Thread
+
+from commd.bus.tls import Identity, Tls, day, identity_of, shown_by
+from schemas.files.findings import Findings
+
+PATIENCE = 2.0
+"""Wall seconds that each step of an attempt may take: reaching the machine, and the handshake."""
+VERDICT = 0.5
+"""Wall seconds in which the other side says that it does not accept our certificate; it says nothing if it does."""
+HANGS_UP = "it hangs up before it says who it is: overloaded, or a router without keys"
+_PLACE = re.compile(r"(tcp|tls)/(?:\[([^\]]+)\]|([^:/?#]+)):(\d+)")
+_UNIX = "unixsock-stream/"
+_attempts: dict[tuple[str, Tls | None], Future[str]] = {}
+"""Those that are under way."""
+_lock = Lock()
+_OUR_DATES = {"SSLV3_ALERT_CERTIFICATE_EXPIRED"}
+_TRY_LATER = "TLSV1_ALERT_INTERNAL_ERROR"
+"""What `commd.router.admission` says to whom it lets begin no handshake for now."""
+_OUR_NAME = {
+    "TLSV1_ALERT_UNKNOWN_CA",
+    "SSLV3_ALERT_BAD_CERTIFICATE",
+    "SSLV3_ALERT_CERTIFICATE_UNKNOWN",
+    "TLSV1_ALERT_DECRYPT_ERROR",
+    "TLSV1_ALERT_ACCESS_DENIED",
+}
+
+
+async def why_not(endpoint: str, tls: Tls | None) -> str:
+    """Return in words why no router is reached at an endpoint, or nothing if nothing speaks against it."""
+    try:
+        return await asyncio.wait_for(asyncio.wrap_future(_asked(endpoint, tls)), 3 * PATIENCE)
+    except TimeoutError:
+        return "the name service does not answer"
+
+
+def _asked(endpoint: str, tls: Tls | None) -> Future[str]:
+    """Begin an attempt in a thread of its own, or join the one that is under way.
+
+    A name service may keep a thread for long, and nobody can end it: so there is one for each endpoint at most, and
+    it is none of those that the rest of the process waits for.
+    """
+    with _lock:
+        if (under_way := _attempts.get((endpoint, tls))) is not None:
+            return under_way
+        asked = _attempts[endpoint, tls] = Future[str]()
+        asked.set_running_or_notify_cancel()  # from now on whoever waits no longer leaves it to the others
+
+    def try_it() -> None:
+        try:
+            found, error = attempt(endpoint, tls), None
+        except BaseException as defect:
+            found, error = "", defect
+        with _lock:
+            del _attempts[endpoint, tls]
+        if error is not None:
+            asked.set_exception(error)
+        else:
+            asked.set_result(found)
+
+    Thread(target=try_it, name="reaching", daemon=True).start()
+    return asked
+
+
+def attempt(endpoint: str, tls: Tls | None) -> str:
+    """Reach for an endpoint, and tell what went wrong; blocks for as long as `PATIENCE` and the name service take."""
+    if endpoint.startswith(_UNIX):
+        return _attempt_socket(endpoint.removeprefix(_UNIX))
+    found = _PLACE.match(endpoint)
+    if found is None:
+        return ""
+    protocol, host, port = found[1], found[2] or found[3], int(found[4])
+    if protocol == "tls" and tls is None:
+        return "it is reached with keys alone: say where they are by --keys FOLDER"
+    try:
+        with socket.create_connection((host, port), PATIENCE) as connection:
+            if protocol == "tcp" or tls is None:
+                return "it speaks TLS: say `tls/...`, and --keys FOLDER" if _speaks_tls(connection) else ""
+            return _attempt_tls(connection, host, tls)
+    except socket.gaierror:
+        return f"there is no host `{host}` by what the name service says"
+    except ConnectionRefusedError:
+        return "is commd running? Nobody listens there"
+    except TimeoutError:
+        return f"{host} does not answer: is it on, and in this network?"
+    except OSError as error:
+        return f"{host} is not reached: {error.strerror or error}"
+
+
+def _attempt_socket(path: str) -> str:
+    try:
+        with closing(socket.socket(socket.AF_UNIX)) as connection:
+            connection.settimeout(PATIENCE)
+            connection.connect(path)
+    except FileNotFoundError:
+        return "is commd running? There is no such socket"
+    except PermissionError:
+        return "this user may not use the socket: it is for the members of its group (`ls -ld` of it and its folder)"
+    except OSError as error:
+        return f"is commd running? {error.strerror or error}"
+    return ""
+
+
+def _speaks_tls(connection: socket.socket) -> bool:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    connection.settimeout(VERDICT)
+    try:
+        with context.wrap_socket(connection):
+            return True
+    except OSError:
+        return False
+
+
+def _attempt_tls(connection: socket.socket, host: str, tls: Tls) -> str:
+    try:
+        ours = identity_of(tls, time.time())
+    except Findings as findings:
+        return f"our own keys: {findings}"
+    try:
+        with shown_by(connection, tls) as (theirs, session):
+            return _judged(theirs, host) or _verdict(session, ours)
+    except Findings as findings:  # the files were replaced this moment
+        return f"our own keys: {findings}"
+    except ssl.SSLCertVerificationError as error:
+        text = "who is there has a certificate that our ca.pem does not believe: another fleet's, or a revoked one"
+        text += ", or ours is older than it: `argosy keys` makes a new ca.pem when somebody is added"
+        return f"{text} ({error.verify_message})"
+    except TimeoutError:
+        return f"it connects and says nothing within {PATIENCE:g} s: overloaded, hung, or a router without keys"
+    except ssl.SSLError as error:
+        if error.reason == _TRY_LATER:
+            text = "it takes no more handshakes from this address for some seconds: too many failed or are under way"
+            return f"{text}; its log says from whom"
+        if not isinstance(error, ssl.SSLEOFError):
+            return "what listens there speaks no TLS: a router without keys?"
+        return HANGS_UP
+    except ConnectionError:
+        return HANGS_UP
+
+
+def _judged(theirs: Identity, host: str) -> str:
+    """Say what is wrong with the certificate that the other side shows at `host`."""
+    now = time.time()
+    if now >= theirs.ends:
+        return f"its certificate, `{theirs.name}`, expired on {day(theirs.ends)}: `argosy keys renew` makes another"
+    if now < theirs.begins:
+        text = f"its certificate, `{theirs.name}`, is valid from {day(theirs.begins)} on"
+        return f"{text}, and the clock here says {day(now)}: set it"
+    if not theirs.is_at(host):
+        places = ", ".join(theirs.addresses) or "no address"
+        text = f"who is there is `{theirs.name}`, with a certificate for {places} and not for {host}"
+        return f"{text}: is that board at this address? then `argosy keys renew` makes it another"
+    return ""
+
+
+def _verdict(session: ssl.SSLSocket, ours: Identity) -> str:
+    """Wait for the other side's word on our certificate."""
+    session.settimeout(VERDICT)
+    try:
+        session.recv(1)
+    except ssl.SSLError as error:
+        if error.reason in _OUR_DATES:
+            span = f"it is valid from {day(ours.begins)} to {day(ours.ends)}"
+            return (
+                f"it says that the certificate of `{ours.name}` is expired or not valid yet ({span}): is its clock set?"
+            )
+        if error.reason in _OUR_NAME:
+            text = f"it does not believe the certificate of `{ours.name}`: another fleet's, or a revoked one"
+            return f"{text}, or its ca.pem is older than that"
+        return f"it refuses the certificate of `{ours.name}` ({error.reason})"
+    except OSError:
+        return ""
+    return ""

@@ -1,0 +1,46 @@
+"""Programs in Python that join a team: `join` makes a member with a mailbox, percepts and, with a robot, actions.
+
+`blocking` is the same without an event loop. The modules below are the parts of a member that agentd uses as well:
+`actions` (the action client), `percept_sync` and `percept_stream`, `receive_mail`, `send_mail`, `manual_percepts`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from commd.client.client import (
+        Client,
+        MailboxFull,
+        NotJoined,
+        NotSent,
+        SendTimeout,
+        TooLarge,
+        Unanswered,
+        UnknownReceiver,
+        join,
+        parse,
+        write,
+    )
+
+__all__ = [
+    "Client",
+    "MailboxFull",
+    "NotJoined",
+    "NotSent",
+    "SendTimeout",
+    "TooLarge",
+    "Unanswered",
+    "UnknownReceiver",
+    "join",
+    "parse",
+    "write",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the public names when they are first used: agentd needs only some of the parts."""
+    if name in __all__:
+        return getattr(import_module("commd.client.client"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,202 @@
+"""An action as the agent sees it: asked for once, followed to its one final status (design section 5)."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from contextlib import aclosing, suppress
+
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed, BusError
+from commd.client.percept_sync import Perceiving
+from commd.liveness.bridge_presence import BridgeWatch
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord
+from schemas.wire.records import Action, ActionStatus, Cancel, State
+from schemas.wire.terms import Term
+
+log = logging.getLogger("actions")
+
+BUS_GRACE = 5.0
+"""Wall seconds without a word from the bridge before an action is given up, counted from the last word or from the last
+loss or return of the router: a router restart must not fail a flight."""
+SILENCE = 3 * keys.STATUS_EVERY
+"""Wall seconds without a status after which an action is asked for again: its query may be broken and never end."""
+ACCEPT_PATIENCE = 15.0
+"""Wall seconds until a bridge has taken an action or refused it; only then its deadline is known."""
+ASKERS_MARGIN = 5.0
+"""Wall seconds beyond the deadline that an outcome is waited for: the bridge ends the action, not we."""
+QUERY_TIMEOUT = 3600.0
+"""Wall seconds after which the query of an action that still runs is asked again, with the same id."""
+AFTER_PATIENCE = 2.0
+"""Wall seconds that a status waits for the percepts which it follows: one that was lost with the router is repaired by
+an answer of the bridge, at the latest after its next health."""
+RETRY = 0.2
+_HANGS = "bridge_lost: the bridge is there and says nothing: it hangs"
+
+
+class Acting:
+    """The actions of one agent on the bus."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        agent: str,
+        perceiving: Perceiving,
+        bridge: BridgeWatch,
+        to_wall: Callable[[float], float] = float,
+    ) -> None:
+        """`to_wall` gives the wall seconds of a time in mission seconds."""
+        self._to_wall = to_wall
+        self.counters: Counter[str] = Counter()
+        self._bus, self._agent, self._perceiving, self._bridge = bus, agent, perceiving, bridge
+        self._wanted: dict[str, bool] = {}
+        """The actions that are under way, and whether the agent still wants them."""
+        self._timers: set[asyncio.Timeout] = set()
+        """Those of the questions whose answers are waited for."""
+        bridge.fell_silent.append(self._give_up)
+
+    async def perform(
+        self,
+        identity: str,
+        name: str,
+        parameters: tuple[Term, ...],
+        patience: float = ACCEPT_PATIENCE,
+        on_status: Callable[[ActionStatus], None] | None = None,
+        attempt: int = 1,
+        kept: asyncio.Future[None] | None = None,
+    ) -> ActionStatus:
+        """Ask for an action and return its final status; the bridge has `patience` wall seconds to take it.
+
+        Asks again by the same id when nothing is heard for `SILENCE`, when the router is lost and when it is back; the
+        bridge joins the query to what runs, or answers how it ended. Never raises and never waits for ever: without a
+        word from the bridge for `BUS_GRACE` it has failed, and when the deadline that the bridge has told is over.
+        `on_status` hears of each status before the final one. `attempt` above 1 follows what a former life has asked
+        for: the bridge begins nothing, and refuses what it does not know. `kept` is waited for when all is prepared:
+        before it has ended nobody is asked.
+        """
+        self._wanted[identity] = True
+
+        async def ready() -> bool:
+            if kept is not None:
+                await kept
+            return self._wanted[identity]  # it may have been dropped meanwhile
+
+        try:
+            status = await self._follow(identity, name, parameters, patience, on_status, attempt, ready)
+        finally:
+            del self._wanted[identity]
+        if status.after is not None:
+            await self._perceiving.seen(status.header.boot, status.after, AFTER_PATIENCE)
+        self.counters[status.state] += 1
+        return status
+
+    async def _follow(
+        self,
+        identity: str,
+        name: str,
+        parameters: tuple[Term, ...],
+        patience: float,
+        on_status: Callable[[ActionStatus], None] | None,
+        attempt: int,
+        ready: Callable[[], Awaitable[bool]],
+    ) -> ActionStatus:
+        loop, reason = asyncio.get_running_loop(), "bridge_lost: nobody serves this action"
+        heard = loop.time()
+        until, late = heard + patience, f"the bridge has not taken it within {patience:g} s"
+
+        def ended(state: State, why: str) -> ActionStatus:
+            return ActionStatus(id=identity, state=state, result=False, reason=why, name=name)
+
+        def failed(why: str) -> ActionStatus:
+            return ended("failed", why)
+
+        async def asked() -> bool:
+            wanted = await ready()
+            timer.reschedule(min(until, loop.time() + SILENCE))
+            return wanted
+
+        while True:
+            taken = silent = False
+            if not self._wanted[identity]:  # asked for again now, it could begin after its cancellation
+                return ended("cancelled", "the agent has dropped it")
+            if self._bridge.hangs:
+                return failed(_HANGS)
+            action = Action(
+                header=self._bus.header("action", self._agent),
+                id=identity,
+                agent=self._agent,
+                name=name,
+                parameters=parameters,
+                attempt=attempt,
+            )
+            try:
+                key = keys.action(self._bus.fleet, self._agent, name)
+                async with (
+                    asyncio.timeout_at(until) as timer,
+                    aclosing(self._bus.query(key, action, ActionStatus, QUERY_TIMEOUT, ready=asked)) as replies,
+                ):
+                    self._timers.add(timer)
+                    async for reply in replies:
+                        if reply.record is None:
+                            reason = reply.error
+                            continue
+                        if reply.record.final:
+                            return reply.record
+                        heard, taken = loop.time(), True
+                        if on_status is not None:
+                            on_status(reply.record)
+                        if reply.record.deadline is not None:
+                            until = heard + self._to_wall(reply.record.deadline) + ASKERS_MARGIN
+                            late = "no outcome within its deadline"
+                        timer.reschedule(min(until, heard + SILENCE))
+                        reason = "bridge_lost: its answers ended without an outcome"
+                    if not taken and not self._wanted[identity]:
+                        return ended("cancelled", "the agent has dropped it")
+            except BadRecord as bad:
+                return failed(f"cannot be sent: {bad}")
+            except BusClosed as closed:
+                reason = f"bridge_lost: {closed}"
+            except TimeoutError:
+                if self._bridge.hangs:
+                    return failed(_HANGS)
+                silent = True  # the query is broken, or the bridge is busy: whether it hangs, its health tells
+            finally:
+                self._timers.discard(timer)
+            if self._bridge.gone:
+                return failed("bridge_lost: the bridge of this robot is not running")
+            if loop.time() >= until:
+                return failed(late)
+            if not silent and loop.time() - max(heard, self._bridge.router_since) > BUS_GRACE:
+                return failed(reason if self._bus.router_up else "bridge_lost: no router")
+            attempt += taken  # what was never answered may have reached nobody: it is still to begin
+            self.counters["asked_again"] += 1
+            await asyncio.sleep(RETRY)
+
+    def _give_up(self) -> None:
+        """The bridge hangs: no answer will come."""
+        for timer in [timer for timer in self._timers if not timer.expired()]:
+            timer.reschedule(asyncio.get_running_loop().time())
+
+    async def cancel(self, identity: str) -> None:
+        """Ask the bridge to end an action that the agent has dropped; it is not asked for again."""
+        if identity in self._wanted:
+            self._wanted[identity] = False
+        key = keys.cancel(self._bus.fleet, self._agent)
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        while loop.time() < min(max(began, self._bridge.router_since) + BUS_GRACE, began + ACCEPT_PATIENCE):
+            with suppress(BusError):
+                request = Cancel(header=self._bus.header("cancel", self._agent), id=identity)
+                await self._bus.ask_one(key, request, ActionStatus, SILENCE)
+                return
+            await asyncio.sleep(RETRY)
+        self.counters["cancels_unanswered"] += 1
+        log.warning("cancel_unanswered id=%s", identity)
+
+
+def describe(status: ActionStatus) -> str:
+    """Return what became of an action in one line, for logs."""
+    return f"action={status.name} id={status.id} state={status.state} {status.reason}".rstrip()

@@ -1,0 +1,323 @@
+"""Any Python program as a member of the team: it has a mailbox and a name, perceives, and acts if it has a robot.
+
+    async with join("planner", mission="survey.yaml") as me:
+        await me.send("scout", "achieve", parse("survey(north)"))
+        async for message in me.messages():
+            print(message.sender, write(message.content))
+
+Mail is as durable as that of agents: `send` returns when the message is on disk, and a message that came is kept there
+until the program is done with it. To do what it says exactly once is up to the program (docs/mail.md).
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from commd.bus.bus import Bus, open_bus
+from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, BusError
+from commd.client.actions import Acting
+from commd.client.percept_stream import Percepts
+from commd.client.receive_mail import QUESTION, Inbox, Messages, Seen
+from commd.client.send_mail import MailboxFull, NotSent, Sending, SendTimeout, TooLarge, UnknownReceiver
+from commd.common.clock import Clock
+from commd.process.local_runs import router_of
+from schemas.files.yaml_positions import did_you_mean
+from schemas.mission.access_rules import made_on
+from schemas.mission.model import DEFAULT_ROUTER, THIS_MACHINE, Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.codec import Wire
+from schemas.wire.names import check_name
+from schemas.wire.python_values import term_of
+from schemas.wire.records import ActionStatus, BoardServices, Message, ServiceRequest
+from schemas.wire.term_text import read as parse
+from schemas.wire.term_text import write
+from schemas.wire.terms import Term
+
+__all__ = [
+    "Client",
+    "MailboxFull",
+    "NotJoined",
+    "NotSent",
+    "SendTimeout",
+    "TooLarge",
+    "Unanswered",
+    "UnknownReceiver",
+    "join",
+    "parse",
+    "write",
+]
+
+PATIENCE = 10.0
+"""Wall seconds for the router, for `commd` and for each of its answers, if nobody says otherwise."""
+RETRY = 0.2
+ACCEPT_PATIENCE = 15.0
+"""Wall seconds that a bridge has to take an action."""
+
+
+class NotJoined(ConnectionError):
+    """The program is no member of the team, and why."""
+
+
+class Unanswered(TimeoutError):
+    """A question that nobody has answered in time."""
+
+
+class Client:
+    """A member of the team. Made by `join`."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        name: str,
+        board: str,
+        robots: dict[str, str],
+        clock: Clock,
+        seen: Seen,
+        patience: float,
+        inject: bool = False,
+    ) -> None:
+        self.name, self.board = name, board
+        self._bus, self._robots, self._clock, self._patience, self._inject = bus, robots, clock, patience, inject
+        self._sending = Sending(bus, name)
+        self._inbox = Inbox(bus, name, seen)
+        self._percepts: dict[str, Percepts] = {}
+        self._acting: Acting | None = None
+        self._actions = self._questions = 0
+
+    @property
+    def speed(self) -> float:
+        """Mission seconds that pass in one wall second."""
+        return self._clock.speed
+
+    def wall(self, mission_seconds: float) -> float:
+        """Return the wall seconds that a span of the mission takes: all that a client is told to wait is in these."""
+        return self._clock.to_wall(mission_seconds)
+
+    async def sleep(self, mission_seconds: float) -> None:
+        """Sleep for a span of the mission."""
+        await self._clock.sleep(mission_seconds)
+
+    async def send(
+        self,
+        receiver: str,
+        performative: str,
+        content: Any,
+        *,
+        ttl: float | None = None,
+        in_reply_to: str = "",
+        patience: float | None = None,
+    ) -> Message:
+        """Send a message; it is on the board's disk when this returns. `content` is a Python value or a term.
+
+        After `ttl` wall seconds it is not to be delivered any more. Raises UnknownReceiver, TooLarge, MailboxFull or
+        SendTimeout (after `patience` wall seconds), which are all NotSent, and TypeError for what cannot be a term.
+        """
+        waits = self._patience if patience is None else patience
+        return await self._sending.send(receiver, performative, term_of(content), ttl, in_reply_to, waits)
+
+    async def send_again(self, error: SendTimeout) -> None:
+        """Send the message that had no answer under its own number: it is delivered once, taken before or not."""
+        await self._sending.send_again(error.message, self._patience)
+
+    async def ask(self, receiver: str, content: Any, *, patience: float | None = None) -> Term:
+        """Ask somebody something, as `.send(Receiver, askOne, Content, Answer)` does, and return the answer.
+
+        No loop of `messages` is handed the answer. Of an agent it is what it believes or what a plan of it finds, and
+        False if that is nothing. Raises Unanswered after `patience` wall seconds, and what `send` raises. An answer
+        that comes later is dropped.
+        """
+        waits = self._patience if patience is None else patience
+        until = asyncio.get_running_loop().time() + waits
+        self._questions += 1
+        question = f"{QUESTION}{self._questions}.{self.name}.{self._bus.boot}"
+        with self._inbox.answer_to(question) as answer:
+            try:
+                await self._sending.send(receiver, "askOne", term_of(content), None, "", waits, question, until)
+            except SendTimeout:
+                if not answer.done():  # else it was taken
+                    raise
+            try:
+                async with asyncio.timeout_at(until):
+                    return (await answer).content
+            except TimeoutError:
+                undone = self._inbox.undone
+                behind = f"; it may stand behind {undone} messages that are not done with" if undone else ""
+                asked = f"{write(term_of(content))} to {receiver}"
+                raise Unanswered(f"{asked}: no answer within {waits:g} s{behind}") from None
+
+    def messages(self) -> Messages:
+        """The messages that the program is not done with, oldest first, then those that come: for `async for`.
+
+        To ask for the next message says that the program is done with the one before; so does `done`. A message that
+        a loop was left with comes again, in the next loop or the next life.
+        """
+        return self._inbox.read()
+
+    def done(self, message: Message) -> None:
+        """Say that the program is done with the message that it has in hand: it will not come again."""
+        self._inbox.done(message)
+
+    def percepts(self, agent: str | None = None, robot: str | None = None) -> Percepts:
+        """What an agent perceives (this client by default), from now on. Without a mission say of which robot."""
+        agent = self.name if agent is None else agent
+        robot = self._robots.get(agent) if robot is None else robot
+        if robot is None:
+            raise ValueError(f"`{agent}` has no robot that the mission tells of: percepts(agent, robot=...)")
+        if agent not in self._percepts:
+            self._percepts[agent] = Percepts(self._bus, agent, robot, self._inject)
+        return self._percepts[agent]
+
+    async def perform(
+        self, action: str, *parameters: Any, on_status: Callable[[ActionStatus], None] | None = None
+    ) -> ActionStatus:
+        """Let this client's robot act. Returns the final status, `succeeded` or not; never raises for a failure.
+
+        `on_status` hears of each status on the way, with its feedback. Cancelled, this cancels the action.
+        """
+        percepts = self.percepts()
+        if self._acting is None:
+            self._acting = Acting(self._bus, self.name, percepts.perceiving, percepts.bridge, self._clock.to_wall)
+        self._actions += 1
+        identity = f"{self.name}:{self._bus.boot}:{self._actions}"
+        try:
+            return await self._acting.perform(
+                identity, action, tuple(map(term_of, parameters)), ACCEPT_PATIENCE, on_status
+            )
+        except asyncio.CancelledError:
+            await asyncio.shield(self._acting.cancel(identity))
+            raise
+
+    async def there(self, name: str) -> bool:
+        """Return whether an agent, a program or a daemon of that name is running now and within reach.
+
+        False also while the own router is not. Raises ValueError for what is no name.
+        """
+        check_name(name)
+        return bool(await self._bus.tokens(keys.alive(self._bus.fleet, name, "*", "*")))
+
+    async def register(self, service: str) -> None:
+        """Offer a service: the other agents find it by `.df_search`."""
+        await self.ask_directory("register", service)
+
+    async def deregister(self, service: str) -> None:
+        """Offer a service no longer."""
+        await self.ask_directory("deregister", service)
+
+    async def search(self, service: str) -> tuple[str, ...]:
+        """Return who offers a service, on any board."""
+        return (await self.ask_directory("search", service)).found
+
+    async def subscribe(self, service: str) -> tuple[str, ...]:
+        """As `search`; whoever offers it later is told by mail from `df`: `provider(Agent, Service)`."""
+        return (await self.ask_directory("subscribe", service)).found
+
+    async def ask_directory(self, do: Any, service: str = "", stays: bool = False) -> BoardServices:
+        """Ask the board's directory. Raises NotJoined if it does not answer in time, or says no."""
+        key, request = (
+            keys.service_requests(self._bus.fleet, self.board, self.name),
+            ServiceRequest(agent=self.name, do=do, service=service, stays=stays),
+        )
+        until = asyncio.get_running_loop().time() + self._patience
+        while True:
+            try:
+                answer = await self._bus.ask_one(key, request, BoardServices, self._patience)
+            except BusError as error:
+                reason = f"commd of board `{self.board}`, fleet `{self._bus.fleet}`: {error}"
+            else:
+                if answer.problem:
+                    raise NotJoined(f"{do} {service or self.name}: {answer.problem}")
+                return answer
+            if asyncio.get_running_loop().time() + RETRY >= until:
+                raise NotJoined(f"{do}: {reason} ({self._patience:g} s)")
+            await asyncio.sleep(RETRY)
+
+    async def close(self) -> None:
+        """Say how far the program has come with its mail, and perceive no more."""
+        for percepts in self._percepts.values():
+            percepts.close()
+        await self._inbox.close()
+
+
+@asynccontextmanager
+async def join(
+    name: str,
+    *,
+    mission: str | Path | Mission | None = None,
+    fleet: str = "",
+    board: str = "",
+    router: str = "",
+    wire: Wire = "json",
+    robot: str | None = None,
+    numbers: str | Path | None = None,
+    stays: bool = False,
+    speed: float | None = None,
+    patience: float = PATIENCE,
+) -> AsyncIterator[Client]:
+    """Be a member of the team while the block runs, by a mission file or by fleet, board and router.
+
+    A name that the mission does not know joins for as long as the block runs; with `stays`, or if the block fails, its
+    mailbox remains, and mail waits for its return. `numbers` is a file in which the numbers of the messages that are
+    done with are kept across lives. `speed` is that of the run (to 100), if it is not the mission's. Raises NotJoined,
+    AlreadyRunning if somebody has the name, and Findings for a bad mission.
+    """
+    check_name(name)
+    if speed is not None and not 0 < speed <= 100:
+        raise NotJoined(f"speed: expected more than 0 and at most 100, got {speed:g}")
+    declared = load_mission(mission) if isinstance(mission, str | Path) else mission
+    robots, known = dict[str, str](), False
+    if declared is not None:
+        if name in declared.agents:
+            raise NotJoined(f"`{name}` is an agent of the mission: a client needs a name of its own")
+        known = name in declared.clients
+        robots = {agent: robot for robot in declared.robots for agent in declared.agents_of(robot)}
+        fleet, wire, speed = fleet or declared.fleet, declared.wire, declared.speed if speed is None else speed
+        board = board or declared.mailboxes.get(name) or next(iter(declared.boards), THIS_MACHINE)
+        if board not in (declared.boards or {THIS_MACHINE}):
+            raise NotJoined(f"no board `{board}`{did_you_mean(board, declared.boards)}")
+    if robot is not None:
+        robots[name] = robot
+    check_name(fleet)
+    router = router or router_of(fleet, DEFAULT_ROUTER if declared is None else declared.router.endpoint)
+    clock = Clock(1.0 if speed is None else speed)
+    seen = Seen(None if numbers is None else Path(numbers))
+    async with _bus(router, fleet, name, clock, wire, patience) as bus:
+        try:
+            await _claim(bus, name)
+        except AccessDenied as denied:
+            hint = "" if known else f"; who is not in its mission is called `{made_on(board)}...` there"
+            raise NotJoined(f"{denied}{hint}") from None
+        inject = declared is not None and declared.inject
+        client = Client(bus, name, board or THIS_MACHINE, robots, clock, seen, patience, inject)
+        try:
+            if not known:
+                await client.ask_directory("join", stays=stays)
+            await bus.permitted()
+            yield client
+            if not known and not stays:
+                await client.ask_directory("leave")
+        finally:
+            await client.close()
+
+
+@asynccontextmanager
+async def _bus(endpoint: str, fleet: str, name: str, clock: Clock, wire: Wire, patience: float) -> AsyncIterator[Bus]:
+    try:
+        async with open_bus(
+            endpoint, fleet=fleet, name=name, daemon="client", stamp=clock.stamp, wire=wire, patience=patience
+        ) as bus:
+            yield bus
+    except BusClosed as closed:
+        raise NotJoined(str(closed)) from None
+
+
+async def _claim(bus: Bus, name: str) -> None:
+    """Declare the presence of a client. Raises AlreadyRunning if anybody has its name."""
+    for key in await bus.tokens(keys.alive(bus.fleet, name, "*", "*")):
+        daemon = key.split("/")[-2]
+        if daemon != bus.daemon:
+            raise AlreadyRunning(f"`{name}` of fleet `{bus.fleet}` is there already: {daemon} serves it")
+    await bus.claim(name)

@@ -1,0 +1,132 @@
+"""Percepts that people put by hand, beside those of the bridge, where the mission says `inject: true`.
+
+They hold until they are taken away by hand: no repair, digest or end of the bridge concerns them.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections import Counter
+from collections.abc import Callable
+
+import msgspec
+from msgspec.structs import replace
+
+from commd.bus.bus import Bus
+from schemas.wire import keys
+from schemas.wire.percept_set import PerceptSet
+from schemas.wire.records import Perception
+from schemas.wire.terms import Map, OpenList, Queue, Set, Source, Structure, Term, Variable
+
+MOST = 1000
+"""Percepts by hand that an agent has at once; further ones are refused and counted."""
+LARGEST = 4096
+"""Bytes of one, written as MessagePack."""
+NAMED = 5
+"""Names that the note of them has at most."""
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
+_NO_BELIEFS = frozenset(("if", "elif", "else", "while", "for", "div", "mod", "not", "true", "false"))
+"""Words that no program can use as the name of a belief."""
+log = logging.getLogger("percepts")
+
+
+class HandPercepts:
+    """What one agent perceives by hand."""
+
+    def __init__(self, agent: str, allowed: bool, counters: Counter[str]) -> None:
+        """`allowed`: the mission says `inject: true`; `counters` gets what is taken, ignored and refused."""
+        self.percepts = PerceptSet()
+        self.counters = counters
+        self._agent, self._allowed = agent, allowed
+
+    def take(self, key: str, perception: Perception) -> list[Perception]:
+        """Take in what was put on `key`. Returns what has changed by it, removals first."""
+        name = key.rpartition("/")[2]
+        if not self._allowed:
+            self.counters["by_hand_ignored"] += 1
+            if self.counters["by_hand_ignored"] == 1:
+                why = "as further ones are: the mission does not say `inject: true`"
+                log.warning("agent=%s a percept `%s` put by hand is ignored, %s", self._agent, name, why)
+            return []
+        if problem := self._problem(name, perception) or self._no_room(replace(perception, name=name)):
+            self.counters["by_hand_refused"] += 1
+            count = self.counters["by_hand_refused"]
+            if count <= 10 or count % 1000 == 0:
+                log.warning("agent=%s percept by hand refused count=%d: %s", self._agent, count, problem)
+            return []
+        given = replace(perception, name=name)
+        if given.update == "remove" and not given.parameters:
+            every = [replace(given, parameters=(0,) * arity, key=()) for arity in self.percepts.arities(name)]
+            changes = [change for one in every for change in self.percepts.alter(one)]
+        else:
+            changes = self.percepts.alter(given)
+        self.counters["by_hand"] += 1
+        log.info("agent=%s percept by hand: %s %s", self._agent, given.update, name)
+        return changes
+
+    def notes(self) -> tuple[str, ...]:
+        """How many hold, in words: nobody is to forget them."""
+        count, names = len(self.percepts), self.percepts.names()
+        if not count:
+            return ()
+        more = ", ..." if len(names) > NAMED else ""
+        what = "percept by hand holds" if count == 1 else "percepts by hand hold"
+        return (f"{count} {what}, until taken away by hand: {', '.join(names[:NAMED])}{more}",)
+
+    def _problem(self, name: str, perception: Perception) -> str:
+        if perception.name not in ("", name):
+            return f"the key says {name}, the percept says {perception.name}"
+        if not _NAME.fullmatch(name) or name in _NO_BELIEFS:
+            return f"expected a name such as `victim`, got `{name[:100]}`"
+        if name == "bridge":
+            return "`bridge` is what the agent itself perceives of its robot's bridge"
+        if any(place < 0 for place in perception.key):
+            return f"{name}: a position in `key` is 0 or more, got {min(perception.key)}"
+        if not all(map(_is_value, perception.parameters)):
+            return f"{name}: values were expected, got a variable or what only a program can say"
+        if (size := len(_ENCODE(perception.parameters))) > LARGEST:
+            return f"{name}: expected at most {LARGEST} bytes, got {size}"
+        return ""
+
+    def _no_room(self, perception: Perception) -> str:
+        if len(self.percepts) < MOST or perception.update == "remove" or self.percepts.holds(perception):
+            return ""
+        if perception.update == "replace" and self.percepts.concerned(perception):
+            return ""
+        return f"there are {MOST} already"
+
+
+def hear_by_hand(bus: Bus, agent: str, allowed: bool, on_change: Callable[[Perception], None]) -> HandPercepts:
+    """Let an agent without a robot perceive what is put by hand, where the mission allows it."""
+    by_hand = HandPercepts(agent, allowed, Counter())
+
+    def heard(key: str, perception: Perception) -> None:
+        for change in by_hand.take(key, perception):
+            on_change(change)
+
+    bus.subscribe(keys.percept(bus.fleet, agent, "*"), Perception, heard)
+    return by_hand
+
+
+def _is_value(term: Term) -> bool:
+    """Whether a belief may have it as an argument: no variable inside, nothing that only source text says."""
+    waiting: list[Term] = [term]
+    while waiting:
+        match waiting.pop():
+            case Variable() | OpenList() | Source():
+                return False
+            case Structure(args=args, annotations=annotations):
+                waiting += (*args, *annotations)
+            case Map(entries=entries):
+                waiting += (side for entry in entries for side in entry)
+            case Set(items=items) | Queue(items=items):
+                waiting += items
+            case list() as items:
+                waiting += items
+            case _:
+                pass
+    return True
+
+
+_ENCODE = msgspec.msgpack.Encoder().encode

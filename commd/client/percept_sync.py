@@ -1,0 +1,185 @@
+"""What an agent perceives, kept complete: it subscribes, asks for the present set, and asks again whenever in doubt.
+
+In doubt is: a gap in the seqs, the router back after it was away, another life of the bridge, a digest in the bridge's
+health that differs from our own, or one that is behind it: then somebody else has spoken in the bridge's name (design
+section 4). The bridge alone ages percepts. What people put by hand, known by a header that is missing or not of the
+robot's bridge, is kept apart (commd.client.manual_percepts).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed
+from commd.client.manual_percepts import HandPercepts
+from schemas.wire import keys
+from schemas.wire.percept_set import PerceptSet, differences, tells_of_none
+from schemas.wire.records import Health, Perception
+
+log = logging.getLogger("percepts")
+
+ASK_TIMEOUT = 2.0
+"""Wall seconds that the bridge has to answer with the present set."""
+IN_FLIGHT = 2.0
+"""Wall seconds after the present set has come in which percepts that are older are no news."""
+RETRY = 0.2
+"""Wall seconds between two attempts to get the present set."""
+
+
+class Perceiving:
+    """The percepts of one agent. Each change is told once, to `on_change`."""
+
+    def __init__(
+        self, bus: Bus, agent: str, robot: str, on_change: Callable[[Perception], None], inject: bool = False
+    ) -> None:
+        """`inject`: the mission allows percepts by hand."""
+        self.percepts = PerceptSet()
+        """Those of the bridge."""
+        self.counters: Counter[str] = Counter()
+        self._by_hand = HandPercepts(agent, inject, self.counters)
+        self._bus, self._agent, self._robot, self._on_change = bus, agent, robot, on_change
+        self._reported = ""
+        self._doubt = asyncio.Event()
+        self._waiting: list[tuple[int, asyncio.Future[None]]] = []
+        self._left = ""
+        """The life of the bridge before the one that it seems to have now, until it has answered."""
+        self._repaired_at = 0.0
+        """When the present set came last: what was on its way then is older, and known by it."""
+        self._doubt.set()
+        bus.subscribe(keys.percept(bus.fleet, agent, "*"), Perception, self._heard)
+        bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._health)
+        bus.on_router(lambda up: self.doubt() if up else None)
+
+    def present(self) -> list[Perception]:
+        """Each percept that holds now, those by hand last."""
+        return self.percepts.present() + [
+            one for one in self._by_hand.percepts.present() if not self.percepts.holds(one)
+        ]
+
+    def named(self, name: str) -> list[Perception]:
+        """Each percept of a name that holds now, those by hand last."""
+        return self.percepts.named(name) + [
+            one for one in self._by_hand.percepts.named(name) if not self.percepts.holds(one)
+        ]
+
+    def doubt(self) -> None:
+        """Ask for the present set again."""
+        self._doubt.set()
+
+    def forget(self) -> None:
+        """The bridge is gone: so is what it told."""
+        self._tell(self.percepts.clear(), self._by_hand.percepts)
+
+    async def seen(self, boot: str, seq: int, patience: float) -> bool:
+        """Wait until the perception with this seq has been taken in, at most `patience` wall seconds."""
+        if self.percepts.boot != boot or self.percepts.seq >= seq:
+            return True
+        arrival = asyncio.get_running_loop().create_future()
+        self._waiting.append((seq, arrival))
+        try:
+            await asyncio.wait_for(arrival, patience)
+        except TimeoutError:
+            self.counters["late"] += 1
+            return False
+        finally:
+            self._waiting = [(at, other) for at, other in self._waiting if other is not arrival]
+        return True
+
+    async def run(self) -> None:
+        """Repair the set whenever it is in doubt, for ever."""
+        while True:
+            await self._doubt.wait()
+            self._doubt.clear()
+            if not await self._repair():
+                self._doubt.set()
+                await asyncio.sleep(RETRY)
+
+    async def _repair(self) -> bool:
+        snapshot: list[Perception] = []
+        asked_at = self.percepts.seq
+        everything = keys.percept(self._bus.fleet, self._agent, "**")
+        try:
+            errors = await self._bus.ask_all(
+                everything, Perception, ASK_TIMEOUT, lambda _, perception: snapshot.append(perception)
+            )
+        except BusClosed:
+            return False
+        if everything in errors:
+            return False
+        for key, error in errors.items():  # the others are perceived all the same
+            self.counters["unreadable"] += 1
+            log.warning("unreadable_percept key=%s %s", key, error)
+        if not snapshot and len(self.percepts) and not tells_of_none(self._reported):
+            return not self._bus.router_up  # nobody answered: the bridge is away, and its return raises doubt again
+        life = self.percepts.boot
+        changes = self.percepts.restore(snapshot, asked_at)
+        if changes is None:
+            return False  # a newer perception came while the answer was on its way
+        self._repaired_at = asyncio.get_running_loop().time()
+        why = ""
+        if life == self.percepts.boot and self.percepts.seq < asked_at:
+            why = f"its bridge is at seq {self.percepts.seq}, we were at {asked_at}"
+        elif life != self.percepts.boot == self._left:
+            why = f"its bridge lives on as {self._left}, and {life} was said"
+        self._left = ""
+        if why:
+            self._note("not_of_the_bridge", f"a percept in the name of {self._robot} was not of its bridge: {why}")
+        self.counters["repairs"] += 1
+        self._tell(changes, self._by_hand.percepts)
+        self._tell_waiting()
+        return True
+
+    def _heard(self, key: str, perception: Perception) -> None:
+        if perception.header.source != self._robot:
+            self._tell(self._by_hand.take(key, perception), self.percepts)
+            return
+        if any(place < 0 for place in perception.key):
+            self._note("unreadable", f"the key of a percept {perception.name} has a position below 0")
+            return
+        family = perception.name, len(perception.parameters)
+        beside, before = self._by_hand.percepts.family(*family), self.percepts.family(*family)
+        life = self.percepts.boot
+        if self.percepts.apply(perception):
+            if life != self.percepts.boot:
+                self._left = life
+            if beside:  # the mind knows them as one set: what concerns the bridge's alone is told belief by belief
+                self._tell(differences(before, self.percepts.family(*family)), self._by_hand.percepts)
+            else:
+                self._on_change(perception)
+            self._tell_waiting()
+        elif asyncio.get_running_loop().time() > self._repaired_at + IN_FLIGHT:
+            header, at = perception.header, self.percepts.seq
+            why = f"its header says {header.source} with seq {header.seq}, and {at} was heard before"
+            self._note("stale", f"a percept {perception.name} changes nothing: {why}")
+        if self.percepts.needs_repair():
+            self._doubt.set()
+
+    def _health(self, key: str, health: Health) -> None:
+        self._reported = health.percepts.get(self._agent, "")
+        if self._reported and self.percepts.needs_repair(self._reported):
+            self._doubt.set()
+
+    def notes(self) -> tuple[str, ...]:
+        """What people should know now."""
+        return self._by_hand.notes()
+
+    def _note(self, counter: str, what: str) -> None:
+        """Count, and tell of the first ones and of one in a thousand."""
+        self.counters[counter] += 1
+        if (count := self.counters[counter]) <= 10 or count % 1000 == 0:
+            log.warning("agent=%s count=%d %s", self._agent, count, what)
+
+    def _tell(self, changes: Iterable[Perception], other: PerceptSet) -> None:
+        """Tell changes of single beliefs; what still holds by the other set does not end."""
+        for change in changes:
+            if change.update != "remove" or not other.holds(change):
+                self._on_change(change)
+
+    def _tell_waiting(self) -> None:
+        for seq, arrival in self._waiting:
+            if self.percepts.seq >= seq and not arrival.done():
+                arrival.set_result(None)

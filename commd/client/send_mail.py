@@ -1,0 +1,148 @@
+"""Mail of a program that is no agent: handed to the board's `commd`, which has it on disk when `send` returns."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+from math import inf
+
+from msgspec.structs import replace
+
+from commd.bus.bus import Bus
+from commd.bus.errors import BusError
+from commd.mail.message import LARGEST
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord, codec
+from schemas.wire.records import Mail, Message, Receipt, Refusal
+from schemas.wire.terms import Term
+
+ANSWER_TIMEOUT = 8.0
+"""Wall seconds that `commd` has for one answer: a full disk is waited for there."""
+RETRY = 0.2
+
+
+class NotSent(Exception):
+    """A message that was not taken, and why."""
+
+    def __init__(self, message: Message, reason: str) -> None:
+        super().__init__(f"{message.performative} to {message.receiver}: {reason}")
+        self.message, self.reason = message, reason
+
+
+class UnknownReceiver(NotSent, LookupError):
+    """No board knows an agent of that name."""
+
+
+class TooLarge(NotSent, ValueError):
+    """The message is larger than 1 MB, or nested too deeply to be written."""
+
+
+class MailboxFull(NotSent):
+    """As many messages as may wait for this receiver do; none of them is given up for a new one."""
+
+
+class SendTimeout(NotSent, TimeoutError):
+    """`commd` has not said that it took the message. `send_again` sends it under its own number: never twice."""
+
+
+class Sending:
+    """The outgoing mail of one name; its messages to each receiver are numbered, and sent one after another."""
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._bus, self._name = bus, name
+        self._last: dict[str, Message] = {}
+        """The last message to each receiver."""
+        self._turn: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+
+    async def send(
+        self,
+        receiver: str,
+        performative: str,
+        content: Term,
+        ttl: float | None,
+        in_reply_to: str,
+        patience: float,
+        identity: str = "",
+        until: float = inf,
+    ) -> Message:
+        """Send a message and return it once it is on disk. Raises NotSent, and which one says why.
+
+        `identity` is its id; none = one that is made of its number. It is given up `until` a time of the loop's clock,
+        also when its turn has not come: then it has not left.
+        """
+        message = Message(
+            id=identity,
+            sender=self._name,
+            performative=performative,
+            receiver=receiver,
+            content=content,
+            in_reply_to=in_reply_to,
+            ttl=ttl,
+        )
+        turn = self._turn[receiver]
+        try:
+            async with asyncio.timeout_at(None if until == inf else until):
+                await turn.acquire()
+        except TimeoutError:
+            raise NotSent(message, f"commd has not answered for a message before it ({patience:g} s)") from None
+        try:
+            header = self._bus.header(f"mail to {receiver}", self._name)
+            made = identity or f"{self._name}.{header.boot}.{receiver}.{header.seq}"
+            message = replace(message, header=header, id=made)
+            self._last[receiver] = message
+            await self._hand_over(message, patience, until)
+            return message
+        finally:
+            turn.release()
+
+    async def send_again(self, message: Message, patience: float) -> None:
+        """Send a message that had no answer. Raises ValueError if another one to its receiver went after it."""
+        async with self._turn[message.receiver]:
+            if self._last.get(message.receiver) is not message:
+                raise ValueError(f"{message.id}: another message to {message.receiver} has been sent since")
+            await self._hand_over(message, patience)
+
+    async def _hand_over(self, message: Message, patience: float, until: float = inf) -> None:
+        try:
+            size = len(codec(Message).encode(message, self._bus.wire))
+        except BadRecord as bad:
+            raise TooLarge(message, str(bad)) from None
+        if size > LARGEST:
+            raise TooLarge(message, f"{size} bytes, expected at most {LARGEST}")
+        loop = asyncio.get_running_loop()
+        until = min(until, loop.time() + patience)
+        while True:
+            left = until - loop.time()
+            reason, full = await self._ask(message, min(ANSWER_TIMEOUT, max(RETRY, left)))
+            if not reason:
+                return
+            if loop.time() + RETRY >= until:
+                raise MailboxFull(message, reason) if full else SendTimeout(message, f"{reason} ({patience:g} s)")
+            await asyncio.sleep(RETRY)
+
+    async def _ask(self, message: Message, timeout: float) -> tuple[str, bool]:
+        """Give a message to `commd` once. Returns why it was not taken yet, and whether that is for want of room."""
+        outbox = keys.outbox(self._bus.fleet, self._name)
+        try:
+            receipt = await self._bus.ask_one(outbox, Mail(messages=(message,)), Receipt, timeout)
+        except BusError as error:
+            return f"commd: {error}", False
+        match receipt:
+            case Receipt(taken=1, refused=refused, later=later) if not refused and not later:
+                return "", False
+            case Receipt(taken=0, refused={0: why}, later=later) if not later:
+                raise _for_good(message, why)
+            case Receipt(taken=0, refused=refused, later={0: why}) if not refused:
+                return str(why), why.code == "mailbox_full"
+        return "commd: its receipt does not add up", False
+
+
+def _for_good(message: Message, why: Refusal) -> NotSent:
+    """Return the error for a message that is refused for good."""
+    match why.code:
+        case "receiver_not_found":
+            return UnknownReceiver(message, f"nobody knows an agent `{message.receiver}`")
+        case "message_too_large":
+            return TooLarge(message, str(why))
+        case _:
+            return NotSent(message, str(why))

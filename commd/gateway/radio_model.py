@@ -1,0 +1,174 @@
+"""A model of the radio between robots: who hears whom, what is lost, and how long it takes (mission field `radio`).
+
+It stands below the retries of mail: what it loses is sent again, as over a real radio. The model is pure: positions,
+sizes and seconds go in, fates come out, and equal seeds lose equal transmissions of each pair in whatever order the
+pairs speak. `RadioAir` binds it to a `commd`: it hears where the simulated robots are and lets time pass.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import random
+from collections import Counter
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed
+from schemas import geo
+from schemas.geo import Position
+from schemas.mission.model import Mission, Radio
+from schemas.wire import keys
+from schemas.wire.records import Health, Perception
+from schemas.wire.terms import to_float
+
+log = logging.getLogger("radio")
+
+POSITION = "global_pos"
+"""The percept that tells where a robot is: degrees of latitude and longitude."""
+ASK_EVERY = 5.0
+"""Wall seconds between two questions where all robots are: a percept put may be lost, and one that stands still is not
+told again."""
+
+"""Latitude and longitude in degrees."""
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What becomes of a transmission."""
+
+    arrives: float
+    """When it is over, in the seconds of whoever asked."""
+    lost: bool
+    """By chance; whether the two hear each other is asked when it is over."""
+
+
+class RadioModel:
+    """One radio per robot; a line of its own for each direction of a pair."""
+
+    def __init__(self, radio: Radio, salt: str = "") -> None:
+        """`salt` tells apart models with one seed that stand for different ends."""
+        self._radio, self._salt = radio, salt
+        self._positions: dict[str, Position] = {}
+        self._chances: dict[tuple[str, str], random.Random] = {}
+        self._free_at: dict[tuple[str, str], float] = {}
+
+    def place(self, robot: str, position: Position) -> None:
+        """A robot is there now."""
+        self._positions[robot] = position
+
+    def distance(self, one: str, other: str) -> float | None:
+        """Metres over ground between two robots; None while it is not known where both are."""
+        here, there = self._positions.get(one), self._positions.get(other)
+        return None if here is None or there is None else geo.distance(here, there)
+
+    def in_range(self, one: str, other: str) -> bool:
+        """Whether two robots hear each other; those of which it is not known where they are do."""
+        distance = self.distance(one, other)
+        return self._radio.range is None or distance is None or distance <= self._radio.range
+
+    def send(self, now: float, sender: str, receiver: str, size: int) -> Fate:
+        """Put `size` bytes on the air at `now`, after what is on this line already."""
+        line = (sender, receiver)
+        chance = self._chances.get(line)
+        if chance is None:
+            chance = self._chances[line] = random.Random(f"{self._radio.seed}/{self._salt}/{sender}/{receiver}")
+        length = 0.0 if self._radio.bandwidth is None else size * 8 / self._radio.bandwidth
+        sent = max(now, self._free_at.get(line, now)) + length
+        self._free_at[line] = sent
+        return Fate(sent + self._radio.delay, chance.random() < self._radio.loss)
+
+
+class RadioAir:
+    """The air of one board's `commd`: agents speak by the radio of their robots.
+
+    An agent without a robot is a station that everybody hears: it has no range, but loss, delay and bandwidth. Agents
+    of one robot need no radio.
+    """
+
+    def __init__(self, bus: Bus, mission: Mission, radio: Radio, board: str) -> None:
+        self.work: list[asyncio.Task[None]] = []
+        """What goes on for ever: whoever opens it watches it."""
+        self.counters: Counter[str] = Counter()
+        """radio_sent, radio_lost, radio_out_of_range: transmissions so far."""
+        self._bus, self._robots = bus, robots_of(mission)
+        self._radio, self._model = radio, RadioModel(radio, board)
+        for name, robot in mission.robots.items():
+            if robot.simulate is not None and robot.simulate.home is not None:
+                self._model.place(name, robot.simulate.home[:2])
+        self._where = keys.percept(bus.fleet, "*", POSITION)
+        bus.subscribe(self._where, Perception, self._heard)
+        log.warning("mail between boards is degraded on purpose, as the mission declares: %s", described(radio))
+
+    async def run(self) -> None:
+        """Ask where the robots are now and then, for ever."""
+        while True:
+            try:
+                await self._bus.ask_all(self._where, Perception, ASK_EVERY, self._heard)
+            except BusClosed as closed:
+                log.debug("positions_unknown why=%s", closed)
+            await asyncio.sleep(ASK_EVERY)
+
+    def health(self) -> Health:
+        """Return what became of the transmissions, for the daemon's health."""
+        return Health(
+            counters={name: float(count) for name, count in sorted(self.counters.items())},
+            notes=(f"mail between boards is degraded as the mission declares: {described(self._radio)}",),
+        )
+
+    async def carries(self, sender: str, receiver: str, size: int) -> bool:
+        """Let one transmission take its time. Returns whether it arrived."""
+        here, there = self._robots.get(sender, sender), self._robots.get(receiver, receiver)
+        if here == there:
+            return True
+        loop = asyncio.get_running_loop()
+        fate = self._model.send(loop.time(), here, there, size)
+        await asyncio.sleep(max(0.0, fate.arrives - loop.time()))
+        self.counters["radio_sent"] += 1
+        if not self._model.in_range(here, there):
+            self.counters["radio_out_of_range"] += 1
+            return False
+        self.counters["radio_lost"] += fate.lost
+        return not fate.lost
+
+    def _heard(self, key: str, perception: Perception) -> None:
+        parsed = keys.parse(key)
+        robot = self._robots.get(parsed[1]) if parsed is not None else None
+        if robot is None or perception.update == "remove":
+            return  # a robot whose bridge is gone stands where it was
+        position = [to_float(term) for term in perception.parameters[:2]]
+        match position:
+            case [float(latitude), float(longitude)] if math.isfinite(latitude) and math.isfinite(longitude):
+                self._model.place(robot, (latitude, longitude))
+
+
+@asynccontextmanager
+async def open_air(bus: Bus, mission: Mission, board: str) -> AsyncIterator[RadioAir | None]:
+    """Model the mission's radio for this board while the block runs; without one, mail meets the network alone."""
+    if mission.radio is None:
+        yield None
+        return
+    air = RadioAir(bus, mission, mission.radio, board)
+    air.work = [asyncio.create_task(air.run())]
+    try:
+        yield air
+    finally:
+        for task in air.work:
+            task.cancel()
+
+
+def robots_of(mission: Mission) -> Mapping[str, str]:
+    """The robot of each agent and client that has one."""
+    return {agent: robot for robot in mission.robots for agent in mission.agents_of(robot)}
+
+
+def described(radio: Radio) -> str:
+    """What is wrong with the air, in words."""
+    parts = [f"range {radio.range}"] if radio.range is not None else []
+    parts += [f"loss {radio.loss:g}"] if radio.loss else []
+    parts += [f"delay {radio.delay}"] if radio.delay else []
+    parts += [f"bandwidth {radio.bandwidth:g} bit/s"] if radio.bandwidth is not None else []
+    return ", ".join(parts) or "nothing"

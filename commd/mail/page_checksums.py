@@ -1,0 +1,173 @@
+"""Tells whether a database file is as it was written: a checksum of each page, in a file beside it.
+
+SQLite finds damage that breaks its structure, not a flipped bit in a row. The pages of a database in WAL mode change
+only when its log is carried over, so that is done here (`PageSums.carry_over`), and costs as much as what has changed.
+The log has checksums of its own, by which SQLite leaves out what follows a damaged frame: `log_damage` says so.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import struct
+import zlib
+from array import array
+from pathlib import Path
+from typing import Final
+
+from commd.process.state_dir import make_private_file
+
+ENDING: Final = ".sums"
+_HEAD: Final = struct.Struct("<4sBxxxII")
+"""Magic, whether the sums are of the file as it is, size of a page, checksum of the sums."""
+_MAGIC: Final = b"ASUM"
+_LOG_HEAD, _FRAME_HEAD = 32, 24
+_LITTLE: Final = 0x377F0682
+"""The magic number of a log whose checksums are of little-endian words; of big-endian ones it is one more."""
+
+
+class PageSums:
+    """The checksums of one database, for the connection that writes it. It needs `PRAGMA wal_autocheckpoint=0`."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._beside = path, path.with_name(path.name + ENDING)
+        self._file = -1
+        """Stays open as long as the database: to close it would give up the locks that SQLite has on that."""
+        self._page = 0
+        self._sums = array("I")
+        self._known = False
+        """Whether the sums are those of the file."""
+
+    def damage(self) -> str:
+        """Read the sums and the file; say what is wrong with it, nothing if it is as it was written or was not summed.
+
+        To be called before SQLite opens the file.
+        """
+        try:
+            data = self._beside.read_bytes()
+            return self._compared(data) if self._path.stat().st_size else ""
+        except FileNotFoundError:
+            return ""
+
+    def _compared(self, data: bytes) -> str:
+        if len(data) < _HEAD.size:
+            return f"{self._beside.name} is damaged"
+        magic, known, page, check = _HEAD.unpack_from(data)
+        body = data[_HEAD.size :]
+        if magic != _MAGIC or known > 1 or len(body) % 4 or zlib.crc32(data[: _HEAD.size - 4] + body) != check:
+            return f"{self._beside.name} is damaged"
+        if not known:
+            return ""  # its process died, or the power failed, while the log was carried over
+        self._page, self._sums = page, array("I", body)
+        with self._path.open("rb") as file:
+            for number, expected in enumerate(self._sums):
+                if zlib.crc32(file.read(page)) != expected:
+                    return f"page {number + 1} is not as it was written"
+            if file.read(1):
+                return f"there is more than the {len(self._sums)} pages that were written"
+        self._known = True
+        return ""
+
+    def begin(self) -> None:
+        """SQLite is about to open the file: its pages may change until `carry_over`. Raises OSError."""
+        self.close()  # it may be another file
+        self._known = False
+        if self._path.exists():
+            self._write(False)
+
+    def due(self, most: int) -> bool:
+        """Whether the log has more than `most` bytes."""
+        try:
+            return os.stat(f"{self._path}-wal").st_size > most
+        except OSError:
+            return False
+
+    def carry_over(self, database: sqlite3.Connection) -> None:
+        """Carry the log over into the database, and sum up the pages that this changes. Raises sqlite3.Error, OSError.
+
+        What reads from the log now puts it off until the next call.
+        """
+        changed = self._pages_in_log() if self._known else None
+        if changed == set():
+            return
+        self._write(False)
+        self._known = False
+        (busy, *_) = database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+        if busy:
+            return
+        if self._file < 0:
+            self._file = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
+        (self._page,) = database.execute("PRAGMA page_size").fetchone()
+        count = os.fstat(self._file).st_size // self._page
+        if changed is None:
+            changed = set(range(1, count + 1))
+        self._sums = self._sums[:count]
+        self._sums.extend([0] * (count - len(self._sums)))
+        for number in changed:
+            if number <= count:
+                self._sums[number - 1] = zlib.crc32(os.pread(self._file, self._page, (number - 1) * self._page))
+        self._write(True)
+        self._known = True
+
+    def close(self) -> None:
+        """The database is closed: let go of its file."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def _pages_in_log(self) -> set[int]:
+        try:
+            data = Path(f"{self._path}-wal").read_bytes()
+        except FileNotFoundError:
+            return set()
+        if len(data) < _LOG_HEAD:
+            return set()
+        frame = _FRAME_HEAD + int.from_bytes(data[8:12])
+        return {int.from_bytes(data[at : at + 4]) for at in range(_LOG_HEAD, len(data), frame)}
+
+    def _write(self, known: bool) -> None:
+        body = self._sums.tobytes() if known else b""
+        head = _HEAD.pack(_MAGIC, known, self._page, 0)[:-4]
+        new = self._beside.with_name(self._beside.name + ".new")
+        make_private_file(new)
+        with new.open("wb") as file:
+            file.write(head + zlib.crc32(head + body).to_bytes(4, "little") + body)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(new, self._beside)
+
+
+def log_damage(path: Path) -> str:
+    """Say what is wrong with the log of a database: SQLite leaves out what stands there and behind it, and goes on.
+
+    To be called before SQLite opens the file. A last frame that is not whole is none.
+    """
+    try:
+        data = Path(f"{path}-wal").read_bytes()
+    except FileNotFoundError:
+        return ""
+    if len(data) < _LOG_HEAD:
+        return ""
+    magic, _, page = struct.unpack_from(">3I", data)
+    order = "<" if magic == _LITTLE else ">"
+    sums = _log_sum(order, data[:24], (0, 0))
+    if magic & ~1 != _LITTLE or sums != struct.unpack_from(">2I", data, 24):
+        return "the head of its log is damaged: what was written last is lost"
+    size = _FRAME_HEAD + page
+    for at in range(_LOG_HEAD, len(data) - size + 1, size):
+        sums = _log_sum(order, data[at : at + 8], sums)
+        sums = _log_sum(order, data[at + _FRAME_HEAD : at + size], sums)
+        if data[at + 8 : at + 16] != data[16:24] or sums != struct.unpack_from(">2I", data, at + 16):
+            left = (len(data) - at) // size
+            return f"its log is damaged, or was cut off by a power failure: the last {left} pages written are lost"
+    return ""
+
+
+def _log_sum(order: str, data: bytes, sums: tuple[int, int]) -> tuple[int, int]:
+    """The checksum of SQLite's write-ahead log (https://www.sqlite.org/fileformat2.html#checksum_algorithm)."""
+    first, second = sums
+    words = struct.unpack(f"{order}{len(data) // 4}I", data)
+    for even, odd in zip(words[::2], words[1::2], strict=True):
+        first = (first + even + second) & 0xFFFFFFFF
+        second = (second + odd + first) & 0xFFFFFFFF
+    return first, second

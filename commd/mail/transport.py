@@ -1,0 +1,153 @@
+"""Who takes mail from a board's commd, and how a batch is handed over: receivers of this board, and other boards."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
+from typing import Protocol, TypeAlias
+
+from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
+from commd.mail.age_clock import MailClock
+from commd.mail.delivery import NotTaken
+from commd.mail.message import Mail, Waiting, opened
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord, TooDeep
+from schemas.wire.records import Message, Receipt
+
+ANSWER_TIMEOUT, SLOWEST = 5.0, 10_000
+"""Wall seconds that another board has to commit a batch, and bytes per second of the slowest link to it: the batch has
+so much longer as it and those before it need on the way."""
+ABSORB_TIMEOUT = 10.0
+"""Wall seconds that a receiver has to take a batch in."""
+RECEIPT_SIZE = 64
+"""Bytes of a receipt on the air."""
+
+Deliver: TypeAlias = Callable[[tuple[Message, ...]], Awaitable[Receipt | None]]
+"""Hands a batch to a receiver in this process; None = no answer, to be tried again."""
+
+
+class Directory(Protocol):
+    """Who can be sent to. What it says is asked for at any time and answered at once."""
+
+    def board_of(self, name: str) -> str | None:
+        """Return the board whose commd keeps the mail of an agent, a client or a node; None for a name of nobody."""
+        ...
+
+    def names(self) -> Collection[str]:
+        """Return all who can be sent to, there or away."""
+        ...
+
+
+class FixedDirectory:
+    """A directory of names that do not change: those of the mission."""
+
+    def __init__(self, mailboxes: Mapping[str, str]) -> None:
+        self._mailboxes = dict(mailboxes)
+
+    def board_of(self, name: str) -> str | None:
+        """Return the board of a name."""
+        return self._mailboxes.get(name)
+
+    def names(self) -> Collection[str]:
+        """Return all names."""
+        return self._mailboxes
+
+
+class Air(Protocol):
+    """What lies between two boards."""
+
+    async def carries(self, sender: str, receiver: str, size: int) -> bool:
+        """Let one transmission of `size` bytes take its time. Returns whether it arrived."""
+        ...
+
+
+class Peers:
+    """The tokens of receivers and other boards, and the way to them."""
+
+    def __init__(self, bus: Bus, clock: MailClock, directory: Directory, air: Air | None) -> None:
+        self.directory, self.air = directory, air
+        self.attached: dict[str, Deliver] = {}
+        """Receivers in this process."""
+        self._bus, self._clock = bus, clock
+        self._on_their_way: Counter[str] = Counter()
+        """Bytes by board, of the batches that wait for their receipts."""
+        self._alive: defaultdict[str, set[str]] = defaultdict(set)
+
+    def watch(self, arrived: Callable[[str], None]) -> None:
+        """Follow the tokens of the fleet; call `arrived(name)` when a board or a receiver appears."""
+
+        def token(key: str, alive: bool) -> None:
+            parsed = keys.parse(key)
+            if parsed is None or len(parsed[2]) != 3:  # some `alive/**` of whoever may hold tokens
+                return
+            _, name, (_, daemon, boot) = parsed
+            if daemon == "bridged" or daemon == "argosy":
+                return
+            if alive:
+                self._alive[name].add(f"{daemon}/{boot}")
+                arrived(name)
+            elif name in self._alive:
+                self._alive[name].discard(f"{daemon}/{boot}")
+                if not self._alive[name]:
+                    del self._alive[name]
+
+        self._bus.watch(keys.alive(self._bus.fleet, "*", "*", "*"), token)
+
+    def of(self, line: str) -> str:
+        """Return who takes the mail of a line: a receiver of this board, or the board of one."""
+        _, remote, receiver = line.partition(">")
+        return (self.directory.board_of(receiver) or receiver) if remote else line
+
+    def group_of(self, line: str) -> str:
+        """Return with what a line is likely to hang: the process of a receiver of this board, or another board."""
+        peer = self.of(line)
+        if ">" not in line and len(alive := self._alive.get(peer, ())) == 1:
+            return next(iter(alive))
+        return peer
+
+    async def carry(self, line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+        """Hand a batch of a line to whoever takes it."""
+        now = self._clock.now()
+        mail = Mail(messages=tuple(one.carried(now) for one in batch))
+        if (deliver := self.attached.get(line)) is not None:
+            return await deliver(opened(mail)) or NotTaken(f"{line} does not answer", certain=False)
+        sender, remote, receiver = line.partition(">")
+        if not remote:
+            return await self._ask(line, keys.inbox(self._bus.fleet, line), mail, ABSORB_TIMEOUT)
+        size = sum(len(one.message) for one in batch)
+        if self.air is not None and not await self.air.carries(sender, receiver, size):
+            return NotTaken("lost on the air", certain=True)
+        key, board = keys.mail(self._bus.fleet, receiver, sender), self.of(line)
+        self._on_their_way[board] += size
+        try:
+            patience = ANSWER_TIMEOUT + self._on_their_way[board] / SLOWEST
+            answer = await self._ask(board, key, mail, patience)
+        finally:
+            self._on_their_way[board] -= size
+        if (
+            self.air is not None
+            and isinstance(answer, Receipt)
+            and not await self.air.carries(receiver, sender, RECEIPT_SIZE)
+        ):
+            return NotTaken("its receipt was lost on the air", certain=False)
+        return answer
+
+    async def _ask(self, peer: str, key: str, mail: Mail, timeout: float) -> Receipt | NotTaken:
+        there, begun = peer in self._alive, self._clock.now()
+        try:
+            return await self._bus.ask_one(key, mail, Receipt, timeout)
+        except BusClosed as closed:
+            return NotTaken(str(closed), certain=True)
+        except BadRecord as bad:
+            return NotTaken(f"it cannot be written: {bad}", certain=True, unreadable=True)
+        except QueryTimeout as silent:
+            if not silent.nobody:
+                return NotTaken(f"{peer}: {silent}", certain=False)
+            if there or peer in self._alive:
+                # A router that denies a query ends it at once, as it does when nobody serves the key.
+                denied = ": or does its router deny it?" if self._clock.now() - begun < timeout / 2 else ""
+                return NotTaken(f"{peer} does not answer{denied}", certain=False)
+            return NotTaken(f"{peer} is away", certain=True, away=True)
+        except QueryFailed as failed:
+            return NotTaken(f"{peer} does not take it: {failed}", certain=False, unreadable=failed.code == TooDeep.code)

@@ -1,0 +1,127 @@
+"""The runs of missions on this machine whose router others would look for: `argosy run` finds itself a free port."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import msgspec
+
+from schemas.files.findings import Finding, Findings
+
+START_PATIENCE = 90.0
+"""Wall seconds that a run waits for another one that starts and wants the same router."""
+
+
+class LocalRun(msgspec.Struct, frozen=True):
+    """A run that is under way: its file is locked for as long as the process lives."""
+
+    fleet: str
+    router: str
+    """Endpoint of the first board's router."""
+    network: int
+    """Network namespace: loopback of another one is not ours."""
+
+
+@contextmanager
+def announced(fleet: str, router: str) -> Iterator[None]:
+    """Let others on this machine find the router of a run; where no file can be written they have to name it."""
+    path = _folder() / f"{os.getpid()}.json"
+    try:
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        file = path.open("wb")
+    except OSError:
+        yield
+        return
+    with file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        file.write(msgspec.json.encode(LocalRun(fleet, router, _network())))
+        file.flush()
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def starting(router: str, waits: Callable[[], None], patience: float = START_PATIENCE) -> Iterator[None]:
+    """Let the runs that want one router choose their ports, and bind them, one after the other.
+
+    Between the look at a port and the bind another run could take it, and whatever connects there would join its
+    fleet. `waits` is called once if another run starts; after `patience` seconds, or where no file can be written,
+    the run goes on.
+    """
+    path = _folder() / f"{re.sub(r'[^0-9A-Za-z]+', '_', router)[:100]}.starting"
+    try:
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        file = path.open("wb")
+    except OSError:
+        yield
+        return
+    with file:
+        until, told = time.monotonic() + patience, False
+        while not _locks(file.fileno()):
+            if not told:
+                told = True
+                waits()
+            if time.monotonic() >= until:
+                break
+            time.sleep(0.1)
+        yield
+
+
+def local_runs(fleet: str = "") -> list[LocalRun]:
+    """Return the runs that are under way, of this fleet or of all."""
+    found = []
+    for path in sorted(_folder().glob("*.json")):
+        with suppress(OSError, msgspec.DecodeError), path.open("rb") as file:
+            if path.stat().st_uid == os.getuid() and not _is_stale(file.fileno()):
+                found.append(msgspec.json.decode(file.read(), type=LocalRun))
+    return [run for run in found if run.network == _network() and fleet in ("", run.fleet)]
+
+
+def router_of(fleet: str, otherwise: str) -> str:
+    """Return the router of the one run here of this fleet (empty: of any); `otherwise` if there is none.
+
+    Raises Findings if there are several.
+    """
+    runs = local_runs(fleet)
+    if len(routers := dict.fromkeys(run.router for run in runs)) > 1:
+        there = ", ".join(f"{run.fleet} at {run.router}" for run in runs)
+        which = "name one by --router" if fleet else "name one by --fleet or --router"
+        raise Findings([Finding("argosy", 0, 0, f"several missions run on this machine, {there}: {which}")])
+    return next(iter(routers), otherwise)
+
+
+def _locks(file: int) -> bool:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _is_stale(file: int) -> bool:
+    """Whether nobody holds the lock any more: the run was killed."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _folder() -> Path:
+    if not (folder := os.environ.get("XDG_RUNTIME_DIR")):
+        import tempfile  # which imports ten more: a program that names its router does without
+
+        folder = tempfile.gettempdir()
+    return Path(folder) / f"argosy-{os.getuid()}"
+
+
+def _network() -> int:
+    return os.stat("/proc/self/ns/net").st_ino

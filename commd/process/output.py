@@ -1,0 +1,111 @@
+"""What a daemon writes to its terminal, pipe or journal: by a thread, so that who does not read cannot stop it.
+
+To the journal each line begins with its priority, `<4>`, as sd-daemon(3) has it.
+
+A paused pager, Ctrl-S or a parent that reads no more would otherwise hang the event loop in a write, and with it the
+heartbeats of a vehicle.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import stat
+import sys
+import threading
+import time
+from functools import cache
+
+from schemas.files.terminal import escape_lines
+
+LINES = 10_000
+"""Lines that may wait for their reader; further ones are dropped, and counted in the next line that gets through."""
+INFORMATIONAL = 6
+"""Priority of a line that says no other, as syslog(3) counts them: 7 for debugging, 4 a warning, 3 an error."""
+FLUSH = 0.5
+"""Wall seconds that the reader has for the last lines when the daemon ends."""
+
+
+class Output:
+    """One stream of lines, written in order to a file descriptor."""
+
+    def __init__(self, descriptor: int, lines: int = LINES, encoding: str = "utf-8") -> None:
+        self.dropped = 0
+        """Lines so far that nobody read, or that could not be written."""
+        self._descriptor, self._encoding = descriptor, encoding
+        self._waiting: queue.Queue[bytes] = queue.Queue(lines)
+        self._told = 0
+        self._to_journal = _is_journal(descriptor)
+        threading.Thread(target=self._run, name=f"output-{descriptor}", daemon=True).start()
+
+    @property
+    def dates_its_lines(self) -> bool:
+        """Whether the reader notes himself when a line came, as the journal and `argosy run` do: both read a pipe or a
+        socket. A terminal and a file do not."""
+        try:
+            return not (os.isatty(self._descriptor) or stat.S_ISREG(os.fstat(self._descriptor).st_mode))
+        except OSError:  # closed: there is no reader
+            return True
+
+    def keep(self) -> None:
+        """Go on writing to where it writes now, whatever becomes of its descriptor."""
+        self._descriptor = os.dup(self._descriptor)
+
+    def write(self, text: str, priority: int = INFORMATIONAL) -> None:
+        """Write a line, or several that belong together, later; never waits."""
+        text = escape_lines(text)
+        if self._to_journal:  # a text must not set a priority of its own
+            text = "\n".join(f"<{priority}>{line}" for line in text.split("\n"))
+        try:
+            self._waiting.put_nowait(text.encode(self._encoding, "backslashreplace") + b"\n")
+        except queue.Full:
+            self.dropped += 1
+
+    def flush(self, patience: float = FLUSH) -> None:
+        """Wait until everything has been written, at most `patience` wall seconds."""
+        until = time.monotonic() + patience
+        while self._waiting.unfinished_tasks and time.monotonic() < until:
+            time.sleep(0.005)
+
+    def _run(self) -> None:
+        while True:
+            line = self._waiting.get()
+            if self.dropped > self._told:
+                prefix = "<4>" if self._to_journal else ""
+                told = f"{prefix}({self.dropped - self._told} lines were dropped: nobody read them)\n"
+                line = told.encode() + line
+                self._told = self.dropped
+            try:
+                while line:
+                    line = line[os.write(self._descriptor, line) :]
+            except OSError:  # closed by its reader: there is nobody to tell
+                self.dropped += 1
+                self._told = self.dropped
+            self._waiting.task_done()
+
+
+def _is_journal(descriptor: int) -> bool:
+    """Whether a descriptor is what systemd has connected to the journal."""
+    try:
+        found = os.fstat(descriptor)
+    except OSError:
+        return False
+    return os.environ.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+
+
+@cache
+def stdout() -> Output:
+    """Return the process' standard output."""
+    return Output(1, encoding=sys.stdout.encoding)
+
+
+@cache
+def stderr() -> Output:
+    """Return the process' standard error."""
+    return Output(2, encoding=sys.stderr.encoding)
+
+
+def flush() -> None:
+    """Give the readers of both a moment to take the last lines."""
+    stdout().flush()
+    stderr().flush()

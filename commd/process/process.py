@@ -1,0 +1,227 @@
+"""A daemon as a process: signals, logs, and an exit code."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import resource
+import signal
+import threading
+import time
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Awaitable, Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
+
+from commd.bus.bus import Bus
+from commd.bus.errors import AlreadyRunning, BusClosed, OtherMajor, QueryFailed
+from commd.bus.session import sessions_under_way, still_there
+from commd.bus.tls import Tls, tls_in
+from commd.common.clock import Clock
+from commd.process.hung import tell_when_aborted
+from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
+from commd.process.loop_lag import loop_lag
+from commd.process.output import flush, stderr
+from commd.process.restart_counter import end_lives
+from schemas.files.endpoints import check_endpoint
+from schemas.files.findings import Findings
+from schemas.version import RELEASE
+from schemas.wire import keys
+from schemas.wire.codec import BadRecord, Wire, codec
+from schemas.wire.records import VERSION, BoardServices, Health
+
+HEALTH_PERIOD = 1.0
+"""Wall seconds between two health records."""
+NOTES = 50
+"""Warnings of one record; further ones are left out."""
+GREETING = 2.0
+"""Wall seconds that a board's commd has to say which version it speaks."""
+LINGER = 1.0
+"""Wall seconds that threads have which are no daemons when the daemon has ended."""
+ERROR = 3
+"""Priority of the words by which a daemon ends, as syslog(3) counts them."""
+log = logging.getLogger("process")
+
+EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
+
+
+def add_router_argument(parser: ArgumentParser) -> None:
+    """Declare `--router` and `--keys`, which every daemon takes."""
+    help_ = "the router, instead of the mission's"
+    parser.add_argument("--router", metavar="ENDPOINT", type=endpoint_argument, help=help_)
+    parser.add_argument("--keys", metavar="FOLDER", type=Path, help="this machine's keys, for what is at tls/...")
+
+
+def tls_of(args: Namespace) -> Tls | None:
+    """Return the keys that `--keys` names. Raises Findings for keys that nobody would accept."""
+    return None if args.keys is None else tls_in(args.keys)
+
+
+def endpoint_argument(text: str) -> str:
+    """Check an endpoint on the command line."""
+    try:
+        return check_endpoint(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
+    """Run a daemon's `main(stop)` until it returns; SIGTERM, SIGINT and SIGHUP (the terminal or the ssh connection it
+    was started from is gone) set `stop`. Returns the exit code, unless threads that are no daemons outlive it: then the
+    process ends here."""
+    code = _run(name, main)
+    end_with_threads(code)
+    return code
+
+
+def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
+    logs = begin_logging(name)
+
+    async def supervised() -> int:
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(_defect)
+        for signum in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            if signum != signal.SIGHUP or signal.getsignal(signum) != signal.SIG_IGN:  # ignored: under nohup
+                loop.add_signal_handler(signum, stop.set)
+        return await main(stop)
+
+    def aborted(words: str) -> None:
+        stderr().write(f"error: {name}: {words}", ERROR)
+        end_lives(one_line(words))
+        flush()
+
+    words = ""
+    tell_when_aborted(aborted)
+    try:
+        code = asyncio.run(supervised())
+        if code != EXIT_DONE:
+            error = logs.last_error("")
+            words = error.text if error is not None else f"exit code {code}"
+        return code
+    except Findings as findings:
+        words = str(findings)
+        stderr().write(words, ERROR)
+        return EXIT_BAD_INPUT
+    except (AlreadyRunning, BusClosed, OtherMajor) as error:
+        words = str(error)
+        stderr().write(f"error: {name}: {error}", ERROR)
+        return EXIT_FAILED
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # a panic of Zenoh's is no Exception
+        words = f"defect in argosy: {type(error).__name__}: {error}"
+        if os.environ.get("ARGOSY_DEBUG"):
+            raise
+        stderr().write(f"error: {name}: {words}; ARGOSY_DEBUG=1 shows where", ERROR)
+        return EXIT_FAILED
+    finally:
+        end_lives(one_line(words))
+        logs.end_window()
+        flush()
+
+
+def end_with_threads(code: int, seconds: float = LINGER) -> None:
+    """End the process here, without the interpreter's own end, if threads are left that would keep it or abort it.
+
+    What an extension leaves running must not outlive its end; Zenoh's opening and closing of a session must not be cut.
+    """
+    others = [one for one in threading.enumerate() if not one.daemon and one is not threading.main_thread()]
+    if left := still_there([*others, *sessions_under_way()], seconds):
+        if any(one in others for one in left):
+            log.warning("ending although threads still run: %s", ", ".join(one.name for one in left))
+        flush()
+        os._exit(code)
+
+
+def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Tell of an error that nothing caught in one line; `ARGOSY_DEBUG=1` adds where it came from."""
+    error = context.get("exception")
+    what = f"{type(error).__name__}: {error}" if error is not None else context["message"]
+    log.error("defect in argosy: %s", what, exc_info=error if os.environ.get("ARGOSY_DEBUG") else None)
+
+
+async def greet(bus: Bus, boards: Iterable[str]) -> None:
+    """Ask the commd of each board for its services, to see whether it is understood. Raises OtherMajor if not.
+
+    One that does not answer may not be there yet: what it says later is noted by `Strangers`.
+    """
+    for board in dict.fromkeys(boards):
+        key = keys.services(bus.fleet, board)
+        try:
+            await bus.ask_one(key, None, BoardServices, GREETING)
+        except QueryFailed as failed:
+            if failed.other_version:
+                raise OtherMajor(
+                    f"the commd of board `{board}` speaks version {failed.other_version} of the records,"
+                    f" this {bus.daemon} version {VERSION}: install the same release of Argosy for all of a board"
+                ) from None
+
+
+async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
+    """Publish the daemon's health once a second, for ever: others take it for the sign that the daemon lives."""
+    loop = loop_lag()
+    while True:
+        try:
+            health = details()
+        except Exception as error:  # a defect in a figure must not end the record that others live by
+            log.exception("defect in argosy: health of %s", name)
+            health = Health(notes=(f"defect in argosy: {type(error).__name__}: {error}",))
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        words, age, errors = _last_error(bus, name)
+        notes = (*health.notes, *bus.strangers.notes(), *filter(None, (bus.access.note,)))
+        told = Health(
+            header=bus.header("health", name),
+            daemon=bus.daemon,
+            pid=os.getpid(),
+            uptime=round(clock.wall(), 1),
+            cpu=round(used.ru_utime + used.ru_stime, 3),
+            drops=bus.counters["dropped"] + health.drops,
+            bad_input=bus.counters["bad_input"] + health.bad_input,
+            counters=_with_unknown_fields(health.counters, bus.counters["unknown_fields"]),
+            percepts=health.percepts,
+            notes=tuple(one_line(str(note)) for note in notes[:NOTES]),
+            coded=tuple(replace(note, text=one_line(note.text)) for note in health.coded[:NOTES]),
+            version=RELEASE,
+            restarts=bus.restarts,
+            lag=round(max(loop.worst, health.lag), 3),
+            errors=errors,
+            last_error=words,
+            last_error_age=age,
+            idle=health.idle,
+            paused=health.paused,
+        )
+        if bad := _unreadable(told, bus.wire):
+            bus.counters["unsendable"] += 1
+            log.error("health of %s cannot be told: %s", name, bad)
+            plain = {field: getattr(told, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
+            told = Health(**plain, notes=(one_line(f"its health cannot be told: {bad}"),))
+        bus.put(keys.health(bus.fleet, name, bus.daemon), told, urgent=True)
+        await asyncio.sleep(HEALTH_PERIOD)
+
+
+def _unreadable(health: Health, wire: Wire) -> str:
+    """Return why others could not read a record, whoever made its figures and words; empty if they can."""
+    made = codec(Health)
+    try:
+        made.decode(made.encode(health, wire), made.encoding(wire))
+    except BadRecord as bad:
+        return str(bad)
+    return ""
+
+
+def _with_unknown_fields(counters: dict[str, float], unknown: int) -> dict[str, float]:
+    """Add how many fields were ignored that this version does not know, if there were any: a newer sender is there."""
+    return {**counters, "unknown_fields": float(unknown)} if unknown else counters
+
+
+def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
+    """Return the newest error about this name, its age in seconds, and how many there were about anybody."""
+    logs = handler_of_this_process()
+    error = logs.last_error(name) if logs is not None else None
+    if logs is not None and error is not None:
+        return error.text, round(time.monotonic() - error.at, 1), logs.errors
+    return bus.former_failure, None, 0

@@ -1,0 +1,143 @@
+"""Which boards this board's router should be linked to by TLS and is not, and why: Zenoh retries without a word.
+
+And until when they let this board in, by its own certificate; and whether the router has room for more.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from commd.bus.bus import Bus
+from commd.bus.connect_diagnosis import why_not
+from commd.bus.router_endpoints import endpoint_of
+from commd.bus.tls import SOON, Tls, day, identity_of
+from commd.router import tls_rejections
+from schemas.files.findings import Findings
+from schemas.mission.model import Mission
+from schemas.wire.records import Health
+
+LOOK = 5.0
+"""Wall seconds between two looks; a link that is missing at two of them is asked about."""
+READ_AGAIN, READ_SOON = 600.0, 30.0
+"""Wall seconds after which the own certificate is looked at again, and when something was wrong with it: it takes a
+handshake."""
+NEARLY = 0.8
+"""Share of the links that a router takes, from which on it is told."""
+log = logging.getLogger("links")
+
+
+class Links:
+    """Watches over the links to the boards that have an address."""
+
+    def __init__(
+        self, bus: Bus, mission: Mission, board: str, tls: Tls, *, look: float = LOOK, most: int | None = None
+    ) -> None:
+        """`most`: the links that the router takes, if that is known."""
+        self._bus, self._tls, self._look, self._most = bus, tls, look, most
+        others = {other: endpoint_of(mission, other, "tls") for other in mission.boards if other != board}
+        self._others = {other: endpoint for other, endpoint in others.items() if endpoint}
+        self._missing: set[str] = set()
+        self._why: dict[str, str] = {}
+        self._known: set[str] = set()
+        self._ending: tuple[str, ...] = ()
+        self._read_again, self._said = 0.0, (False, False)
+        self._links, self._full = 0, ""
+        self._defect = ""
+
+    def health(self) -> Health:
+        """Tell which links are missing, that the certificate ends or the room does, and how often one was refused."""
+        missing = (f"no link to {board}: {why}" for board, why in sorted(self._why.items()))
+        notes = (*self._ending, *filter(None, (self._full, self._defect)), *missing)
+        return Health(notes=notes, counters={"links": float(self._links), **tls_rejections.counters})
+
+    async def watch(self) -> None:
+        """Look, ask and tell, for ever."""
+        while True:
+            try:
+                await self._look_round()
+                self._defect = ""
+            except Exception as error:  # it is to look again, and what it knew before is to be doubted
+                what = f"defect in argosy: the watch over the links: {type(error).__name__}: {error}"
+                if what != self._defect:
+                    log.exception("%s", what)
+                self._defect = what
+            await asyncio.sleep(self._look)
+
+    async def _look_round(self) -> None:
+        if time.monotonic() >= self._read_again:
+            self._look_at_dates()
+        linked = self._bus.links()
+        self._count(linked)
+        for board in self._others:
+            if board in linked:
+                self._found(board)
+        absent = {board for board in self._others if board not in linked}
+        asked = absent & self._missing
+        self._missing = absent
+        await asyncio.gather(*(self._ask(board) for board in asked))
+
+    def _look_at_dates(self) -> None:
+        """Note what is to be said of our certificate; in the log once, and once more when it is good no longer."""
+        text, over = dates(self._tls, time.time())
+        if text and (over, bool(text)) != self._said:
+            if over:
+                log.error("other boards do not let this one in: %s", text)
+            else:
+                log.warning("%s", text)
+        self._said = over, bool(text)
+        self._ending = (text,) if text else ()
+        self._read_again = time.monotonic() + (READ_SOON if text else READ_AGAIN)
+
+    def _count(self, linked: Counter[str]) -> None:
+        """Note when the router has little room left, and who takes it: whoever comes then is refused without a word."""
+        self._links = linked.total()
+        if self._most is None or self._links < NEARLY * self._most:
+            self._full = ""
+            return
+        who, count = linked.most_common(1)[0]
+        whose = f"`{who}` has {count} of them" if who else f"{count} of them are on this board's socket"
+        full = f"{self._links} of {self._most} links are taken, {whose}: whoever comes when there are none is refused"
+        if not self._full:
+            log.error("%s", full)
+        self._full = full
+
+    def _found(self, board: str) -> None:
+        self._why.pop(board, None)
+        if board not in self._known:
+            self._known.add(board)
+            log.info("linked board=%s", board)
+
+    async def _ask(self, board: str) -> None:
+        why = await why_not(self._others[board], self._tls) or "it can be reached, and is not linked yet"
+        if why != self._why.get(board):
+            log.warning("no link board=%s endpoint=%s why=%s", board, self._others[board], why)
+        self._why[board] = why
+        self._known.discard(board)
+
+
+def dates(tls: Tls, now: float) -> tuple[str, bool]:
+    """Return in words that the certificate ends soon, or that the keys are good no more, and whether it is the latter;
+    nothing if all is well."""
+    try:
+        identity = identity_of(tls, now)
+    except Findings as findings:
+        return "; ".join(finding.message for finding in findings.findings), True
+    if identity.ends - now > SOON:
+        return "", False
+    return f"the certificate of {identity.name} ends on {day(identity.ends)}: `argosy keys renew` makes another", False
+
+
+@asynccontextmanager
+async def open_links(bus: Bus, mission: Mission, board: str, tls: Tls, most: int | None) -> AsyncIterator[Links]:
+    """Watch over the links of a board until the end; `most` as in `Links`."""
+    links = Links(bus, mission, board, tls, most=most)
+    watching = asyncio.create_task(links.watch())
+    try:
+        yield links
+    finally:
+        watching.cancel()

@@ -1,0 +1,88 @@
+"""Machines that this board's router refuses: Zenoh tells its own log alone, on standard output, and counts nothing.
+
+What it says there of handshakes is read, told in our log and counted for health. It does not say who it was.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import sys
+import threading
+import time
+from collections import Counter
+
+import zenoh
+
+from commd.process.output import stdout
+
+COUNTED = "refused"
+"""Counter in commd's health."""
+_FILTER = "off,zenoh_link_tls=warn"
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_SAID = re.compile(r"zenoh_link_tls\S*: (.*?)\.? Hint:")
+WORDS = (
+    ("peer sent no certificates", "it showed no certificate"),
+    ("certificate expired", "its certificate has expired"),
+    ("certificate not valid yet", "its certificate is not valid yet, by the clock here"),
+    ("BadSignature", "its certificate is of another authority"),
+    ("UnknownIssuer", "its certificate is of another authority, or was revoked"),
+    ("received fatal alert", "it does not accept the certificate of this board"),
+    ("corrupt message", "it speaks no TLS"),
+    ("eof", "it hung up"),
+)
+"""What stands in Zenoh's words, and what it means; the first that fits."""
+TELL = 60.0
+"""Wall seconds between two lines about the same reason: who is refused dials again and again."""
+LONGEST = 200
+"""Characters of words that are not known here."""
+REASONS = 100
+"""Reasons that are told apart: words that are not known here are Zenoh's, about what somebody sent."""
+log = logging.getLogger("refusals")
+counters: Counter[str] = Counter()
+"""What was refused in this process."""
+_told: dict[tuple[str, str], float] = {}
+_untold: Counter[tuple[str, str]] = Counter()
+
+
+def tell(why: str, address: str = "") -> None:
+    """Count a machine that was refused, and tell of it in the log unless the same was told lately."""
+    counters[COUNTED] += 1
+    reason = why, address
+    if len(_told) >= REASONS and reason not in _told and why not in dict(WORDS).values():
+        reason = "for another reason", ""
+    _untold[reason] += 1
+    if time.monotonic() - _told.get(reason, -TELL) >= TELL:
+        _told[reason] = time.monotonic()
+        whose = f" address={reason[1]}" if reason[1] else ""
+        log.warning("refused a machine that dials this board: %s count=%d%s", reason[0], _untold.pop(reason), whose)
+
+
+def hear_refusals() -> None:
+    """Read what Zenoh says of handshakes, from now on. Not if RUST_LOG is set.
+
+    Descriptor 1 is Zenoh's then; what agents print goes where it went, by `output.stdout` and by Python's `print`.
+    """
+    if "RUST_LOG" in os.environ:
+        return
+    stdout().keep()
+    sys.stdout = os.fdopen(os.dup(1), "w", buffering=1, encoding=sys.stdout.encoding, errors="backslashreplace")
+    read, write = os.pipe()
+    os.dup2(write, 1)
+    os.close(write)
+    zenoh.init_log_from_env_or(_FILTER)
+    threading.Thread(target=_read, args=(read,), name="refusals", daemon=True).start()
+
+
+def _read(descriptor: int) -> None:
+    with open(descriptor, encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            if (said := _SAID.search(_COLOUR.sub("", line))) is None:
+                continue
+            tell(in_words(said[1]))
+
+
+def in_words(said: str) -> str:
+    """Return what Zenoh says of a handshake as people would; words of others are shortened."""
+    return next((words for part, words in WORDS if part in said), said[:LONGEST])

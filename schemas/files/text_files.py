@@ -1,0 +1,61 @@
+"""Reads the files that people name: regular files, text in UTF-8, of a size that a person could have written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from schemas.files.findings import Finding, Findings
+
+MAX_FILE = 150_000
+"""Bytes; a mission or manifest is a few thousand."""
+MAX_LINE = 10_000
+"""Characters of a line: some readers need the square of its length."""
+MAX_PROGRAM = 16 * 2**20
+"""Bytes of a program, the saved ones of agents included."""
+
+
+def open_regular(path: str | Path) -> BinaryIO:
+    """Open a file to read; a fifo or device is refused before anything waits for it. Raises OSError."""
+    number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
+    try:
+        mode = os.fstat(number).st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if not stat.S_ISREG(mode):
+            raise OSError(errno.EINVAL, "no regular file (a pipe, socket or device): name a file", str(path))
+        return os.fdopen(number, "rb")
+    except BaseException:
+        os.close(number)
+        raise
+
+
+def read_bounded(path: str | Path, most: int = MAX_PROGRAM) -> bytes:
+    """Return what is in a regular file. Raises OSError, also for one of more than `most` bytes."""
+    with open_regular(path) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise OSError(errno.EFBIG, f"larger than {most} bytes: not a file of this kind", str(path))
+    return content
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file. Raises Findings if it cannot be read, is too large, or is no text."""
+    try:
+        content = read_bounded(path, MAX_FILE)
+    except OSError as error:
+        what = f"{error.strerror}" if error.errno == errno.EFBIG else f"cannot be read: {error.strerror}"
+        raise Findings([Finding(str(path), 0, 0, what)]) from None
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise Findings([Finding(str(path), line, 0, "expected UTF-8 text")]) from None
+    for number, one in enumerate(text.splitlines(), start=1):
+        if len(one) > MAX_LINE:
+            said = f"a line of {len(one)} characters, expected at most {MAX_LINE}"
+            raise Findings([Finding(str(path), number, 0, said)])
+    return text

@@ -1,0 +1,241 @@
+"""Who may put, serve, ask and see what, as the mission says: what routers enforce, link by link (docs/security.md).
+
+A name lives on one board. What is said under a name comes from its board alone, what is asked under it too. Everybody
+of the fleet may look at what robots do; minds and mail are for operators, and for observers that the mission names.
+Pure data, derived from the table of channels; `commd.router.config` writes it for Zenoh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, fields
+
+from schemas.files.findings import Finding, Findings
+from schemas.manifest.loader import Manifest, load_manifest
+from schemas.mission.model import Mission
+from schemas.wire import keys
+from schemas.wire.keys import ROOT, SIGHTS, Channel, Sight
+
+UNDELIVERED = "mail"
+"""The sender of what a board tells of mail that it gave up: it goes to senders on other boards too."""
+BOARD_SEES: Sight = "telemetry"
+"""What a board sees of the agents of others."""
+ZENOH = "zenoh"
+"""The driver whose robots speak on keys of their own."""
+
+
+@dataclass(frozen=True)
+class Rights:
+    """What somebody may do at a router, as key expressions. What stands nowhere is denied."""
+
+    puts: tuple[str, ...] = ()
+    """Publish."""
+    deletes: tuple[str, ...] = ()
+    """Publish that a key is no more: no daemon of Argosy's does, a robot may."""
+    serves: tuple[str, ...] = ()
+    """Answer queries."""
+    asks: tuple[str, ...] = ()
+    """Query."""
+    hears: tuple[str, ...] = ()
+    """Subscribe."""
+    holds: tuple[str, ...] = ()
+    """Have liveliness tokens."""
+    watches: tuple[str, ...] = ()
+    """Follow or list liveliness tokens."""
+
+    def __add__(self, other: Rights) -> Rights:
+        return Rights(
+            **{each.name: _once(getattr(self, each.name) + getattr(other, each.name)) for each in fields(self)}
+        )
+
+
+def of_observer(sight: Sight) -> Rights:
+    """Ask only what changes nothing, and hear what is told, except for what is `hidden`."""
+    everything = (f"{ROOT}/**",)
+    seen = SIGHTS[: SIGHTS.index(sight) + 1]
+    reads = (
+        f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_read(channel) and channel.sight in seen
+    )
+    return Rights(asks=tuple(reads), hears=everything, watches=everything)
+
+
+def hidden(sight: Sight) -> tuple[str, ...]:
+    """Return the keys on which nothing is told to whoever sees no more than this."""
+    beyond = SIGHTS[SIGHTS.index(sight) + 1 :]
+    return _once([f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.sight in beyond])
+
+
+def of_operator(inject: bool = False) -> Rights:
+    """See everything, stop robots, read and change their manifests, list the mail, tell of their run of a mission.
+
+    Where the mission says `inject`, act and tell percepts in the place of any agent, too.
+    """
+    orders = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_order(channel))
+    told = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.source == "operator")
+    rights = of_observer("mail") + Rights(puts=tuple(told), asks=tuple(orders))
+    if not inject:
+        return rights
+    anybody = keys.percept("*", "*", "**"), keys.action("*", "*", "**"), keys.cancel("*", "*")
+    return rights + Rights(puts=anybody[:1], asks=anybody[1:])
+
+
+def of_board(mission: Mission, board: str) -> Rights:
+    """Speak and act for the names that live on a board: at its own router and at those of all other boards.
+
+    Of agents of other boards it sees `BOARD_SEES`: their minds hold what others have told them.
+    """
+    puts, serves, asks, holds = list[str](), list[str](), list[str](), list[str]()
+    for channel in keys.CHANNELS:
+        said = list(_said_by(mission, board, channel))
+        match channel.kind:
+            case "put":
+                puts += said
+            case "token":
+                holds += said
+            case "query":
+                serves += said
+                asks += _asked_by(mission, board, channel)
+    own = Rights(puts=_once(puts), serves=_once(serves), asks=_once(asks), holds=_once(holds))
+    return of_observer(BOARD_SEES) + own
+
+
+def of_member(mission: Mission, board: str) -> Rights:
+    """As a daemon on a board at its own router: speak for the board, speak with its robots, and be its operator.
+
+    Of the router itself it asks only who that is: one that lists what is declared may stand still. Raises Findings for
+    a manifest that cannot be read.
+    """
+    robots = robot_keys(mission, board)
+    on_robots = Rights(puts=robots, deletes=robots, serves=robots, asks=(*robots, "@/*/router"), hears=robots)
+    return of_board(mission, board) + of_operator(mission.inject) + on_robots
+
+
+def robot_keys(mission: Mission, board: str, other: str | None = None) -> tuple[str, ...]:
+    """Return the keys, not Argosy's, on which robots of a board speak, and those that are simulated there.
+
+    With an `other` board, those of them that are of one of the two and simulated on the other. Raises Findings for a
+    manifest that cannot be read.
+    """
+    found: list[str] = []
+    for robot in mission.robots.values():
+        places = {robot.board, (robot.simulate.board if robot.simulate is not None else None) or robot.board}
+        if board not in places or (other is not None and places != {board, other}):
+            continue
+        if robot.prefix:
+            found.append(f"{robot.prefix}/**")
+        elif isinstance(robot.manifest, str):
+            found += _spoken(load_manifest(robot.manifest, mission.path.parent))
+    return _once(found)
+
+
+def made_on(board: str) -> str:
+    """Return what all names made at run time on a board begin with, where access is controlled."""
+    return f"{board}_"
+
+
+def check(mission: Mission) -> None:
+    """Raise Findings for a mission whose boards cannot be told apart, or cannot reach each other, by these rules."""
+    findings = []
+    homes = dict(mission.mailboxes) | {name: robot.board for name, robot in mission.robots.items()}
+    homes |= dict.fromkeys((*mission.security.operators, *mission.security.observers), "")
+    homes |= {board: board for board in mission.board_names}
+    for board in mission.board_names:
+        for name, home in homes.items():
+            if name.startswith(made_on(board)) and home != board:
+                where = f"lives on {home}" if home else "is no agent"
+                text = (
+                    f"`{name}` {where}, but names that begin with `{made_on(board)}` are for agents that {board} makes"
+                )
+                findings.append(Finding(str(mission.path), 0, 0, f"{text} at run time: rename it"))
+    if len(silent := [name for name in mission.boards if not mission.boards[name].address]) > 1:
+        text = (
+            f"boards {' and '.join(silent)} have no address: neither can dial the other, and no third board may relay"
+        )
+        findings.append(Finding(str(mission.path), 0, 0, f"{text}: give all boards but one an address"))
+    if findings:
+        raise Findings(findings)
+
+
+def _is_read(channel: Channel) -> bool:
+    """Whether a query changes nothing and is not the operator's alone."""
+    return channel.kind == "query" and channel.carries is None and not _is_order(channel)
+
+
+def _is_order(channel: Channel) -> bool:
+    """Whether the operator asks it."""
+    return channel.kind == "query" and "operator" in channel.sink.split(", ")
+
+
+def _is_among_boards(channel: Channel) -> bool:
+    """Whether boards ask each other in their own names, and not in that of an agent."""
+    sinks = channel.sink.split(", ")
+    return channel.kind == "query" and channel.key.startswith("{board}/") and "commd" in sinks and not _is_read(channel)
+
+
+def _any(key: str) -> str:
+    """The keys of a row for whatever names."""
+    return "/".join("*" if chunk.startswith("{") else chunk for chunk in key.split("/"))
+
+
+def _said_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
+    """The keys of a row on which a board's daemons put, serve or hold tokens."""
+    first, *rest = channel.key.split("/")
+    fixed = "".join(f"{chunk}/" for chunk in rest if not chunk.startswith(("{", "*")))
+    for name in _names(mission, board, channel.source, first):
+        yield f"{ROOT}/{mission.fleet}/{name}/{fixed}**"
+
+
+def _names(mission: Mission, board: str, source: str, named: str) -> Collection[str]:
+    """For whom the daemons of a board may stand in the first chunk of a row with this source."""
+    robots = [name for name, robot in mission.robots.items() if robot.board == board]
+    match source, named:
+        case "operator", _:
+            return []
+        case _, "{board}":
+            return [board]
+        case _, "{robot}":
+            return robots
+        case "bridged", _:
+            return list(dict.fromkeys(agent for robot in robots for agent in mission.agents_of(robot)))
+        case "every daemon", _:
+            return [board, *robots, *_senders(mission, board)]
+        case _:
+            return _senders(mission, board)
+
+
+def _senders(mission: Mission, board: str) -> list[str]:
+    """Those who have their mailbox on a board, and those that will be made there."""
+    named = [name for name, home in mission.mailboxes.items() if home == board]
+    return [*named, f"{made_on(board)}$*"]
+
+
+def _asked_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
+    """The keys of a row that a board's daemons ask with effect: those that name one of its agents as agent or sender,
+    and those of the board itself, which sees whom a request is for."""
+    chunks = channel.key.split("/")
+    place = next((i for i, chunk in enumerate(chunks) if chunk in ("{agent}", "{sender}")), None)
+    if _is_among_boards(channel):
+        yield f"{ROOT}/{mission.fleet}/{_any(channel.key)}"
+    elif channel.carries is None or _is_order(channel) or place is None:
+        return
+    elif chunks[0] == "{board}":
+        yield f"{ROOT}/{mission.fleet}/{board}/{'/'.join(chunks[1:place])}/**"
+    else:
+        for name in (*_senders(mission, board), *((UNDELIVERED,) if chunks[place] == "{sender}" else ())):
+            named = [name if i == place else chunk for i, chunk in enumerate(chunks)]
+            fixed = named[: place + 1] + [chunk for chunk in named[place + 1 :] if not chunk.startswith("{")]
+            yield f"{ROOT}/{mission.fleet}/{_any('/'.join(fixed))}/**"
+
+
+def _spoken(manifest: Manifest) -> Iterator[str]:
+    """The keys that a manifest names for robots on Zenoh."""
+    for percept in manifest.percepts.values():
+        if manifest.driver_of(percept) == ZENOH:
+            yield percept.source
+    for action in manifest.actions.values():
+        if manifest.driver_of(action) == ZENOH:
+            yield from filter(None, (action.topic, action.service))
+
+
+def _once(names: Collection[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names))

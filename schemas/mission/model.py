@@ -1,0 +1,580 @@
+"""The mission file (design section 11): which agents run which programs on which robots, and when it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+
+import msgspec
+
+from schemas.files.durations import Duration, decode_hook
+from schemas.files.endpoints import check_endpoint, host_and_port
+from schemas.files.findings import Finding, Findings
+from schemas.files.shipped_files import mission_file, shipped_names
+from schemas.files.text_files import read_text
+from schemas.files.units import Distance
+from schemas.files.yaml_positions import Positions, Steps, convert, did_you_mean, read_yaml
+from schemas.wire.keys import Sight
+from schemas.wire.names import check_name
+
+THIS_MACHINE = "local"
+"""Name of the one board of a mission that declares none."""
+DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
+"""Zenoh's own default port, on loopback only: any Zenoh CLI finds it."""
+DEFAULT_PORT = 7447
+RESERVED = frozenset(("df", "mail", "percept", "self"))
+"""Senders and sources of what no agent sends: nobody may be called so."""
+LEAST_SILENCE = Duration(3)
+"""The shortest `agent_silence`: two words of an agent may be lost or late."""
+
+ANYBODY = "*"
+"""In `accepts`: every sender that is not named."""
+ALL = "all"
+"""In `accepts`: every performative."""
+PERFORMATIVES = frozenset(
+    (
+        *("tell", "untell", "achieve", "unachieve", "signal"),
+        *("askOne", "askIf", "askAll", "askHow", "tellHow", "untellHow"),
+    )
+)
+"""Those that agents handle without a plan of their own."""
+
+NO_STEPS = "none"
+"""What `on_idle` says to switch it off."""
+
+M = TypeVar("M", bound="FileModel")
+Order = Literal["hold", "land", "rtl"]
+Accepted: TypeAlias = tuple[str, ...] | Literal["all"]
+"""Performatives."""
+Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]
+Longitude = Annotated[float, msgspec.Meta(ge=-180, le=180)]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class FileModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A part of a file that people write: unknown fields are refused."""
+
+
+class Board(FileModel, frozen=True, kw_only=True):
+    """A computer of the fleet."""
+
+    address: str = ""
+    """`HOST` or `HOST:PORT` at which the routers of the other boards reach its own; none = the router listens to this
+    machine alone."""
+
+
+class Agent(FileModel, frozen=True, kw_only=True):
+    """An agent and its program."""
+
+    program: str
+    """Path of the .asl file, relative to the mission file."""
+    robot: str | None = None
+    board: str = THIS_MACHINE
+    beliefs: tuple[str, ...] = ()
+    """Literals believed at the start, as the program would write them."""
+    goals: tuple[str, ...] = ()
+    """Goals to achieve at the start, besides those of the program."""
+    presence: bool = False
+    on_restart: str = "resume"
+    """resume, fresh, or `goal(g)`."""
+    accepts: dict[str, Accepted] = {}
+    """Performatives that it takes, by sender; `*` = from every agent and program that is not named. A line replaces the
+    rule that holds without it (docs/security.md)."""
+
+
+class Failsafe(FileModel, frozen=True, kw_only=True):
+    """Whose heartbeats the vehicle's own ground-station failsafe watches."""
+
+    gcs: Literal["bridge", "human", "none"] | None = None
+    """None: not declared. `none`: nobody's, on purpose."""
+
+    @property
+    def watches(self) -> bool:
+        """Whether the mission relies on it."""
+        return self.gcs in ("bridge", "human")
+
+
+class Limits(FileModel, frozen=True, kw_only=True):
+    """What the bridge never lets an action exceed."""
+
+    altitude: Positive | None = None
+    """Metres above home."""
+    radius: Positive | None = None
+    """Metres around home."""
+
+
+class Ids(FileModel, frozen=True, kw_only=True):
+    """The MAVLink ids under which the bridge speaks to a vehicle; none = as its failsafe wants it."""
+
+    system: Annotated[int, msgspec.Meta(ge=1, le=255)] | None = None
+    component: Annotated[int, msgspec.Meta(ge=1, le=255)] | None = None
+
+
+class Signing(FileModel, frozen=True, kw_only=True):
+    """MAVLink 2 signing: packets are signed, and unsigned ones are not taken."""
+
+    passphrase_file: str
+    """Path of a file whose first line is the passphrase, relative to the mission file; readable by its owner only."""
+
+
+class Lease(FileModel, frozen=True, kw_only=True):
+    """Who has a robot that several agents share: one at a time."""
+
+    priority: tuple[str, ...] = ()
+    """Agents, the highest first: one of them takes the robot from any that stands later or not at all."""
+
+
+class Simulate(FileModel, frozen=True, kw_only=True):
+    """The simulated counterpart of a robot; without any field the robot's driver is its own twin."""
+
+    vehicle: str = ""
+    """What `bridged simulate` can be: copter, turtle."""
+    home: tuple[Latitude, Longitude, float] | None = None
+    """Degrees, degrees, metres above mean sea level; for vehicles."""
+    board: str | None = None
+    """The machine that the simulation runs on, as `argosy simulate --board` names it; none = the robot's board."""
+    parameters: dict[str, float] = {}
+    """Parameters of its autopilot, such as `{FS_GCS_ENABLE: 1}`."""
+    battery: Duration | None = None
+    """How long a full battery lasts in the air; none = as recorded, it never runs down."""
+    recharge: Duration | None = None
+    """Mission seconds in which an empty battery is full again at home with the motors off; none = 120."""
+    camera: Distance | None = None
+    """Metres over ground within which it sees the victims of the mission's world; none = it has no camera."""
+    faults: tuple[str, ...] = ()
+    """What is wrong with it and its link, such as `loss=0.2` (docs/simulated-copter.md)."""
+
+    @property
+    def process(self) -> str:
+        """What a process is to simulate, a copter if only its home is said; empty = none is needed."""
+        return self.vehicle or ("copter" if self.home is not None else "")
+
+
+class Robot(FileModel, frozen=True, kw_only=True):
+    """A robot, its manifest and how to reach it."""
+
+    manifest: str | tuple[str, str]
+    """The name of a shipped manifest, a path relative to the mission file, or the paper's INI pair."""
+    link: str = ""
+    """For MAVLink: `udpin:HOST:PORT`, `udpout:`, `tcp:`, `tcpin:` or `serial:DEVICE:BAUD`."""
+    prefix: str = ""
+    """For robots on Zenoh: what stands before each key that the manifest names."""
+    board: str = THIS_MACHINE
+    sysid: Annotated[int, msgspec.Meta(ge=1, le=255)] = 1
+    """MAVLink system id of the vehicle."""
+    ids: Ids = Ids()
+    signing: Signing | None = None
+    forward: str | tuple[str, ...] = ()
+    """Links to ground stations that may watch the vehicle and speak to it, such as `udpout:127.0.0.1:14551`."""
+    lease: Lease = Lease()
+    failsafe: Failsafe = Failsafe()
+    limits: Limits = Limits()
+    on_agent_loss: tuple[str, ...] = ("hold 5s", "rtl")
+    agent_silence: Duration = Duration(5)
+    """Wall seconds after which an agent that is there and says nothing counts as lost: it hangs."""
+    on_idle: tuple[str, ...] | Literal["none"] = ("rtl",)
+    """What is done when it is in the air and its agents are there and intend nothing; `none`: only the alarm."""
+    idle_after: Duration = Duration(10)
+    """Mission seconds after which that is so; also what an agent that was lost and is back has to take control."""
+    on_shutdown: Order = "rtl"
+    simulate: Simulate | None = None
+
+
+class Router(FileModel, frozen=True, kw_only=True):
+    """The board's Zenoh router."""
+
+    endpoint: str = DEFAULT_ROUTER
+    external: bool = False
+    """True: a `zenohd` that somebody else runs at the endpoint; commd is then its client."""
+
+
+class Client(FileModel, frozen=True, kw_only=True):
+    """A program that joins the team by `commd.client`: it sends and receives mail as an agent does."""
+
+    board: str = THIS_MACHINE
+    """Whose commd keeps its mail."""
+    robot: str | None = None
+    """That it perceives and moves, as an agent does."""
+
+
+class Gateway(FileModel, frozen=True, kw_only=True):
+    """Comm nodes of the paper and whatever else speaks its wire: UDP datagrams `<id,sender,itlforce,receiver,data>`."""
+
+    board: str = THIS_MACHINE
+    """Whose commd speaks to them."""
+    listen: str
+    """`HOST:PORT` for their datagrams."""
+    nodes: dict[str, str]
+    """The agents behind it by name, each with the `HOST:PORT` where its node listens."""
+
+
+class MailRules(FileModel, frozen=True, kw_only=True):
+    """How mail is kept."""
+
+    ttl: Duration | None = None
+    """Wall seconds after which a message that was not delivered is given up; none = never."""
+    mailbox: Annotated[int, msgspec.Meta(ge=1, le=10_000_000)] = 100_000
+    """Messages that may wait for one receiver at one board; further ones wait where they come from."""
+    synchronous: Literal["full", "normal"] = "full"
+    """SQLite's: `normal` may lose the last moments when the power fails, not when a daemon dies."""
+
+
+class Radio(FileModel, frozen=True, kw_only=True):
+    """A model of the radio between robots, for mail in simulation."""
+
+    range: Distance | None = None
+    """Metres within which two robots hear each other; none = anywhere."""
+    loss: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.0
+    """Share of transmissions that are lost."""
+    delay: Duration = Duration(0)
+    """Wall seconds that each transmission takes besides its length."""
+    bandwidth: Annotated[float, msgspec.Meta(gt=0)] | None = None
+    """Bits per second between two robots; none = without limit."""
+    seed: int = 0
+
+
+class World(FileModel, frozen=True, kw_only=True):
+    """What is there in simulation and nobody of the fleet is told."""
+
+    victims: Annotated[int, msgspec.Meta(ge=0, le=1000)] = 0
+    """How many are in the water."""
+    seed: int = 0
+    """Of where they are."""
+    area: tuple[Latitude, Longitude, Latitude, Longitude]
+    """South, west, north and east border of where they may be, in degrees."""
+
+
+class Security(FileModel, frozen=True, kw_only=True):
+    """Who may reach the boards' routers besides the boards, each by a certificate of the fleet with that name."""
+
+    operators: tuple[str, ...] = ()
+    """They see everything, mail too, stop robots, change their manifests and list the mail."""
+    observers: tuple[str, ...] | dict[str, Sight] = ()
+    """They change nothing, and see `telemetry`, or what stands with their name: `{laptop: minds}`."""
+
+    @property
+    def sights(self) -> dict[str, Sight]:
+        """What each observer sees."""
+        observers = self.observers
+        return dict(observers) if isinstance(observers, dict) else dict.fromkeys(observers, "telemetry")
+
+
+class MissionFile(FileModel, frozen=True, kw_only=True):
+    """What stands at the top of a mission file; boards, agents and robots are read one by one."""
+
+    mission: str
+    fleet: str | None = None
+    boards: dict[str, Any] = {}
+    agents: dict[str, Any]
+    robots: dict[str, Any] = {}
+    done: str | tuple[str, ...] = ()
+    failed: str | tuple[str, ...] = ()
+    timeout: Duration = Duration(900)
+    grace: Duration = Duration(10)
+    """Wall seconds that programs have to bring armed vehicles home by themselves before a failure ends the mission."""
+    bring_home: Duration = Duration(300)
+    """Mission seconds within which vehicles that are armed at the end of the mission are brought home."""
+    speed: Annotated[float, msgspec.Meta(gt=0, le=100)] = 1.0
+    restart: Literal["never", "on-failure"] = "never"
+    wire: Literal["json", "msgpack"] = "json"
+    router: Router = Router()
+    clients: dict[str, Any] = {}
+    gateway: Gateway | None = None
+    mail: MailRules = MailRules()
+    radio: Radio | None = None
+    world: World | None = None
+    security: Security | None = None
+    inject: bool = False
+
+
+@dataclass(frozen=True)
+class Ending:
+    """A formula over the beliefs of one agent that the mission's end depends on."""
+
+    agent: str
+    formula: str
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A mission file that has been read and checked."""
+
+    name: str
+    fleet: str
+    boards: dict[str, Board]
+    agents: dict[str, Agent]
+    robots: dict[str, Robot]
+    done: tuple[Ending, ...]
+    """The mission is done when all of them hold."""
+    failed: tuple[Ending, ...]
+    """The mission has failed when one of them holds."""
+    timeout: float
+    """Mission seconds."""
+    grace: float
+    """Wall seconds."""
+    bring_home: float
+    """Mission seconds."""
+    speed: float
+    restart: Literal["never", "on-failure"]
+    wire: Literal["json", "msgpack"]
+    router: Router
+    clients: dict[str, Client]
+    gateway: Gateway | None
+    mail: MailRules
+    radio: Radio | None
+    """None: mail between boards meets the real network alone."""
+    world: World | None
+    security: Security
+    secured: bool
+    """The mission has `security`: who may do what is judged by keys, and mail between boards by the rule for that."""
+    inject: bool
+    path: Path
+    positions: Positions
+    text: str = ""
+    """The file as it was read."""
+
+    def relative(self, path: str) -> Path:
+        """Return a path of the mission file as seen from here: they are relative to the mission file."""
+        return self.path.parent / path
+
+    @property
+    def board_names(self) -> list[str]:
+        """The boards in the order of the file; a mission that declares none has this machine."""
+        return list(self.boards) or [THIS_MACHINE]
+
+    @property
+    def mailboxes(self) -> dict[str, str]:
+        """Who can be sent to, in the order of the file, and the board that keeps their mail: agents, clients, nodes."""
+        boards = {name: agent.board for name, agent in self.agents.items()}
+        boards |= {name: client.board for name, client in self.clients.items()}
+        return boards | (dict.fromkeys(self.gateway.nodes, self.gateway.board) if self.gateway is not None else {})
+
+    def agents_of(self, robot: str) -> list[str]:
+        """Return the agents that share a robot, and the clients that act as one."""
+        members: dict[str, Agent | Client] = {**self.agents, **self.clients}
+        return [name for name, member in members.items() if member.robot == robot]
+
+
+def load_mission(path: str | Path) -> Mission:
+    """Read a mission file, or the shipped mission of that name. Raises Findings with everything that is wrong."""
+    path = mission_file(path)
+    if not path.suffix and not path.exists():
+        known = ", ".join(shipped_names("missions", ".yaml"))
+        raise Findings(
+            [Finding(str(path), 0, 0, f"no such file, and no mission of that name ships: there are {known}")]
+        )
+    return read_mission(read_text(path), path)
+
+
+def read_mission(text: str, path: Path) -> Mission:
+    """Read the text of a mission file that stands at `path`. Raises Findings with everything that is wrong with it."""
+    raw, positions = read_yaml(text, str(path))
+    if not isinstance(raw, dict):
+        raise Findings([positions.finding((), "expected a mission: fields such as `mission:` and `agents:`")])
+    top, findings = convert(raw, MissionFile, positions, decode_hook)
+    boards = _entries(raw, "boards", Board, positions, findings)
+    agents = _entries(raw, "agents", Agent, positions, findings)
+    robots = _entries(raw, "robots", Robot, positions, findings)
+    clients = _entries(raw, "clients", Client, positions, findings)
+    if top is None or findings:
+        raise Findings(findings)
+    mission = Mission(
+        name=top.mission,
+        fleet=top.fleet or top.mission,
+        boards=boards,
+        agents=agents,
+        robots=robots,
+        done=_endings(top.done),
+        failed=_endings(top.failed),
+        timeout=float(top.timeout),
+        grace=float(top.grace),
+        bring_home=float(top.bring_home),
+        speed=top.speed,
+        restart=top.restart,
+        wire=top.wire,
+        router=top.router,
+        clients=clients,
+        gateway=top.gateway,
+        mail=top.mail,
+        radio=top.radio,
+        world=top.world,
+        security=top.security or Security(),
+        secured=top.security is not None,
+        inject=top.inject,
+        path=path,
+        positions=positions,
+        text=text,
+    )
+    if findings := _check(mission):
+        raise Findings(findings)
+    return mission
+
+
+def _entries(
+    raw: dict[str, Any], field: str, model: type[M], positions: Positions, findings: list[Finding]
+) -> dict[str, M]:
+    entries: dict[str, M] = {}
+    values = raw.get(field)
+    if not isinstance(values, dict):
+        return entries
+    for name, value in values.items():
+        entry, found = convert(value, model, positions, decode_hook, (field, name))
+        findings += found
+        if entry is not None:
+            entries[name] = entry
+    return entries
+
+
+def _endings(texts: str | tuple[str, ...]) -> tuple[Ending, ...]:
+    split = (text.partition(":") for text in ((texts,) if isinstance(texts, str) else texts))
+    return tuple(Ending(agent.strip(), formula.strip()) for agent, _, formula in split)
+
+
+def _check(mission: Mission) -> list[Finding]:
+    """What one part of a mission says of another."""
+    where = mission.positions
+    findings: list[Finding] = []
+    if not mission.agents and not mission.clients:
+        text = "agents: a mission needs at least one agent, or a program in `clients`"
+        findings.append(where.finding(("agents",), text, at_key=True))
+
+    def wrong(path: tuple[str | int, ...], message: str, at_key: bool = False) -> None:
+        findings.append(where.finding(path, message, at_key=at_key))
+
+    _check_names(mission, wrong)
+    members: dict[str, Mapping[str, Agent | Client]] = {"agents": mission.agents, "clients": mission.clients}
+    for kind, several in members.items():
+        for name, member in several.items():
+            if member.robot is not None and member.robot not in mission.robots:
+                hint = did_you_mean(member.robot, mission.robots)
+                wrong((kind, name, "robot"), f"there is no robot `{member.robot}`{hint}")
+    for name, agent in mission.agents.items():
+        if not (agent.on_restart in ("resume", "fresh") or agent.on_restart.startswith("goal(")):
+            wrong(("agents", name, "on_restart"), f"expected resume, fresh or goal(...), got `{agent.on_restart}`")
+        _check_accepts(mission, name, wrong)
+    homes: dict[str, Mapping[str, Agent | Robot | Client]] = {
+        "agents": mission.agents,
+        "robots": mission.robots,
+        "clients": mission.clients,
+    }
+    for kind, parts in homes.items():
+        for name, part in parts.items():
+            path: Steps = (kind, name, "board")
+            if part.board in mission.board_names:
+                continue
+            if path not in where.values:
+                wrong((kind, name), f"{kind}.{name}: needs `board:`, one of {', '.join(mission.boards)}")
+            else:
+                hint = did_you_mean(part.board, mission.boards)
+                wrong(path, f"{kind}.{name}: there is no board `{part.board}`{hint}")
+    try:
+        check_endpoint(mission.router.endpoint)
+    except ValueError as error:
+        wrong(("router", "endpoint"), f"router.endpoint: {str(error)[:1].lower()}{str(error)[1:]}")
+    vehicles: dict[tuple[str, str, int], str] = {}
+    _check_addresses(mission, wrong)
+    if mission.gateway is not None:
+        _check_gateway(mission, mission.gateway, wrong)
+    for name, robot in mission.robots.items():
+        other = vehicles.setdefault((robot.board, robot.link, robot.sysid), name) if robot.link else name
+        if other != name:
+            text = f"system {robot.sysid} on `{robot.link}` is robot `{other}` already: give each vehicle its own sysid"
+            wrong(("robots", name, "link"), text)
+        _check_lease(mission, name, wrong)
+        if robot.agent_silence < LEAST_SILENCE:
+            text = f"an agent says something once a second: expected {LEAST_SILENCE} s or more"
+            wrong(("robots", name, "agent_silence"), f"agent_silence: {text}, got {robot.agent_silence}")
+    for field, endings in (("done", mission.done), ("failed", mission.failed)):
+        for index, ending in enumerate(endings):
+            path = (field, index) if (field, index) in where.values else (field,)
+            if not ending.formula:
+                wrong(path, "expected `agent: formula`, such as `uav: mission_done`")
+            elif ending.agent not in mission.agents:
+                wrong(path, f"there is no agent `{ending.agent}`{did_you_mean(ending.agent, mission.agents)}")
+    return findings
+
+
+def _check_addresses(mission: Mission, wrong: Any) -> None:
+    taken: dict[tuple[str, int], str] = {}
+    for name, board in mission.boards.items():
+        if not board.address:
+            continue
+        try:
+            other = taken.setdefault(host_and_port(board.address, DEFAULT_PORT), name)
+        except ValueError as error:
+            wrong(("boards", name, "address"), f"boards.{name}.address: {error}")
+            continue
+        if other != name:
+            wrong(("boards", name, "address"), f"boards.{name}.address: `{board.address}` is board `{other}` already")
+
+
+def _check_gateway(mission: Mission, gateway: Gateway, wrong: Any) -> None:
+    if gateway.board not in mission.board_names:
+        if ("gateway", "board") in mission.positions.values:
+            text = f"gateway: there is no board `{gateway.board}`{did_you_mean(gateway.board, mission.boards)}"
+            wrong(("gateway", "board"), text)
+        else:
+            wrong(("gateway",), f"gateway: needs `board:`, one of {', '.join(mission.boards)}")
+    for path, address in ((("listen",), gateway.listen), *((("nodes", n), a) for n, a in gateway.nodes.items())):
+        try:
+            host_and_port(address)
+        except ValueError as error:
+            wrong(("gateway", *path), f"gateway.{'.'.join(path)}: {error}")
+
+
+def _check_accepts(mission: Mission, agent: str, wrong: Any) -> None:
+    made = tuple(f"{board}_" for board in mission.board_names)
+    for sender, accepted in mission.agents[agent].accepts.items():
+        where: Steps = ("agents", agent, "accepts", sender)
+        if sender in RESERVED:
+            text = f"accepts: `{sender}` sends notices alone, which every agent takes: leave it out"
+            wrong(where, text, True)
+        elif sender != ANYBODY and sender not in mission.mailboxes and not sender.startswith(made):
+            hint = did_you_mean(sender, mission.mailboxes)
+            wrong(where, f"accepts: there is no agent, client or node `{sender}`{hint}", True)
+        for one in accepted if accepted != ALL else ():
+            if one not in PERFORMATIVES and (hint := did_you_mean(one, PERFORMATIVES)).startswith(", did"):
+                wrong(where, f"accepts: no agent handles `{one}` by itself{hint}")
+
+
+def _check_lease(mission: Mission, robot: str, wrong: Any) -> None:
+    sharing, seen = mission.agents_of(robot), set[str]()
+    for index, agent in enumerate(mission.robots[robot].lease.priority):
+        where = ("robots", robot, "lease", "priority", index)
+        if agent not in sharing:
+            its = f"; its agents are {', '.join(sharing)}" if sharing else ""
+            wrong(where, f"lease.priority: `{agent}` is no agent of robot `{robot}`{its}")
+        elif agent in seen:
+            wrong(where, f"lease.priority: `{agent}` stands here twice")
+        seen.add(agent)
+
+
+def _check_names(mission: Mission, wrong: Any) -> None:
+    for field, name in (("mission", mission.name), ("fleet", mission.fleet)):
+        try:
+            check_name(name)
+        except ValueError as error:
+            wrong((field,), f"{field}: {error}")
+    seen: dict[str, str] = {}
+    named: dict[str, Iterable[str]] = {
+        "boards": mission.boards,
+        "agents": mission.agents,
+        "robots": mission.robots,
+        "clients": mission.clients,
+        "gateway.nodes": mission.gateway.nodes if mission.gateway is not None else (),
+        "security.operators": mission.security.operators,
+        "security.observers": mission.security.observers,
+    }
+    for kind, names in named.items():
+        for name in names:
+            if name in RESERVED:
+                wrong((*kind.split("."), name), f"`{name}` is the sender of notices: give it another name", True)
+            try:
+                check_name(name)
+            except ValueError as error:
+                wrong((*kind.split("."), name), str(error), True)
+            other = seen.setdefault(name, kind)
+            if other != kind:
+                wrong((*kind.split("."), name), f"`{name}` is in {other} already: names are unique in a fleet", True)

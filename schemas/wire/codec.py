@@ -1,0 +1,119 @@
+"""Records to bytes and back, JSON or MessagePack. The Encoding says which: `application/json;argosy.Perception/1`."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Generic, Literal, TypeVar
+
+import msgspec
+
+from schemas.files.first_use import FIRST_USE
+from schemas.wire.records import VERSION, Record
+from schemas.wire.terms import decode_hook
+
+Wire = Literal["json", "msgpack"]
+R = TypeVar("R", bound=Record)
+
+MEDIA = {"json": "application/json", "msgpack": "application/msgpack"}
+MAX_BYTES = 4 * 1024 * 1024
+"""A larger payload is refused unread: no record of ours comes near it."""
+
+
+class BadRecord(ValueError):
+    """Bytes that are not the record that was expected. Says what, where and what was expected."""
+
+    code: ClassVar[str] = "bad_record"
+    """What programs act on; the error reply to a query with such a payload carries it."""
+
+
+class TooDeep(BadRecord):
+    """A record that no decoder follows to its end, now or later."""
+
+    code = "too_deep"
+
+
+class OtherVersion(BadRecord):
+    """A record of another major version: whoever sent it and this daemon do not understand one another."""
+
+    code = "other_version"
+
+    def __init__(self, record: str, said: str) -> None:
+        super().__init__(f"{record}: version {said or '?'} of the record, this daemon speaks version {VERSION}")
+        self.said = said
+        """The version that was sent, as it stands in the Encoding."""
+
+
+class Codec(Generic[R]):
+    """Encodes and decodes one type of record; made once per type."""
+
+    def __init__(self, record: type[R]) -> None:
+        self.record = record
+        self._json = msgspec.json.Decoder(record, dec_hook=decode_hook)
+        self._msgpack = msgspec.msgpack.Decoder(record, dec_hook=decode_hook)
+        self._known = frozenset(field.encode_name for field in msgspec.structs.fields(record))
+        self._probe = msgspec.json.Decoder(dict[str, msgspec.Raw])
+        self._probe_msgpack = msgspec.msgpack.Decoder(dict[str, msgspec.Raw])
+
+    def encoding(self, wire: Wire) -> str:
+        """Return the Encoding of this record on `wire`."""
+        return f"{MEDIA[wire]};argosy.{self.record.__name__}/{VERSION}"
+
+    def encode(self, record: R, wire: Wire = "json") -> bytes:
+        """Return the bytes of `record`. Raises BadRecord for what cannot be sent: too deep, too big, no Unicode."""
+        try:
+            return _JSON.encode(record) if wire == "json" else _MSGPACK.encode(record)
+        except RecursionError:
+            raise TooDeep(f"{self.record.__name__}: nested too deeply to send") from None
+        except (UnicodeEncodeError, OverflowError, TypeError) as error:
+            raise BadRecord(f"{self.record.__name__}: {error}") from None
+
+    def decode(self, payload: bytes, encoding: str = "") -> R:
+        """Return the record that `payload` holds; no encoding means JSON, for what people send by hand.
+
+        Raises BadRecord that names the field and what was expected, or the version that is not ours.
+        """
+        name = self.record.__name__
+        if len(payload) > MAX_BYTES:
+            raise BadRecord(f"{name}: {len(payload)} bytes, expected at most {MAX_BYTES}")
+        try:
+            if self._wire(encoding) == "json":
+                return self._json.decode(payload)
+            return self._msgpack.decode(payload)
+        except msgspec.MsgspecError as error:
+            raise BadRecord(f"{name}: {error}") from None
+        except RecursionError:
+            raise TooDeep(f"{name}: nested too deeply") from None
+        except UnicodeDecodeError:
+            raise BadRecord(f"{name}: a string is not valid UTF-8") from None
+
+    def unknown_fields(self, payload: bytes, encoding: str = "") -> list[str]:
+        """Return the top-level fields of a payload that decodes which this version of the record does not know."""
+        probe = self._probe if self._wire(encoding) == "json" else self._probe_msgpack
+        try:
+            return sorted(set(probe.decode(payload)) - self._known)
+        except UnicodeDecodeError:  # a name that decoding has passed over unread
+            return ["\ufffd"]
+
+    def _wire(self, encoding: str) -> Wire:
+        name = self.record.__name__
+        media, _, schema = encoding.partition(";")
+        if schema.startswith("argosy."):
+            said, _, version = schema.removeprefix("argosy.").partition("/")
+            if version != str(VERSION):  # first: another version may answer with another record
+                raise OtherVersion(name, version)
+            if said != name:
+                raise BadRecord(f"{name}: expected a {name}, got a {said}")
+        return "msgpack" if media == MEDIA["msgpack"] else "json"
+
+
+_JSON = msgspec.json.Encoder()
+_MSGPACK = msgspec.msgpack.Encoder()
+_CODECS: dict[type[Record], Codec[Any]] = {}
+
+
+def codec(record: type[R]) -> Codec[R]:
+    """Return the codec of a record type."""
+    found = _CODECS.get(record)
+    if found is None:
+        with FIRST_USE:
+            found = _CODECS[record] = Codec(record)
+    return found

@@ -1,0 +1,206 @@
+"""The present percept set of an agent: what holds now, on both ends of the bus (design section 4).
+
+The bridge keeps one per agent and puts its digest into its health; the agent keeps its own copy from what it receives
+and asks for the whole set again when `needs_repair` says so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+
+import msgspec
+from msgspec.structs import replace
+
+from schemas.wire.records import Perception
+
+Family = tuple[str, int]
+"""Name and number of parameters: what `replace` and `remove` without a key act on."""
+
+_ENCODE = msgspec.msgpack.Encoder().encode
+_DIGITS = 20
+"""Those of a seq."""
+
+
+class PerceptSet:
+    """Beliefs by name and arity, in the order in which they came, from one life (`boot`) of one publisher."""
+
+    def __init__(self) -> None:
+        self.boot = ""
+        """Which life of the publisher the seqs belong to."""
+        self.seq = 0
+        """Seq of the last perception that was applied."""
+        self.missed = 0
+        """How many seqs were skipped so far: perceptions lost on the way."""
+        self._families: dict[Family, dict[bytes, Perception]] = {}
+        self._in_doubt = False
+        self._digest = ""
+        self._reported: int | None = None
+        """The seq that the bridge reported when it was behind ours, so ours is not its own."""
+
+    def __len__(self) -> int:
+        return sum(map(len, self._families.values()))
+
+    def apply(self, perception: Perception) -> bool:
+        """Take in one perception. Returns False for one that is older than what is known, which changes nothing."""
+        boot, seq, identity = perception.header.boot, perception.header.seq, _identity(perception)
+        if boot != self.boot:
+            self._in_doubt = self._in_doubt or len(self) > 0
+            self.boot, self.seq = boot, 0
+        if seq <= self.seq:
+            return False
+        if seq > self.seq + 1:
+            self.missed += seq - self.seq - 1
+            self._in_doubt = True
+        self.seq = seq
+        self._alter(perception, identity)
+        return True
+
+    def alter(self, perception: Perception) -> list[Perception]:
+        """Take in a perception that is nobody's stream. Returns what has changed by it, removals first."""
+        return self._alter(perception, _identity(perception))
+
+    def concerned(self, perception: Perception) -> list[Perception]:
+        """Each belief that a `replace` or `remove` acts on."""
+        beliefs = self._families.get((perception.name, len(perception.parameters)), {})
+        return [beliefs[at] for at in self._concerned(perception, _identity(perception), beliefs)]
+
+    def names(self) -> list[str]:
+        """What holds, by name and number of parameters, such as `altitude/1`, in order."""
+        return [f"{name}/{arity}" for name, arity in sorted(self._families)]
+
+    def arities(self, name: str) -> list[int]:
+        """The numbers of parameters of the beliefs of a name."""
+        return [arity for known, arity in self._families if known == name]
+
+    def _alter(self, perception: Perception, identity: bytes) -> list[Perception]:
+        family = (perception.name, len(perception.parameters))
+        beliefs = self._families.setdefault(family, {})
+        gone: dict[bytes, Perception] = {}
+        if perception.update != "add":
+            gone = {known: beliefs.pop(known) for known in self._concerned(perception, identity, beliefs)}
+        come = perception.update != "remove" and identity not in gone and identity not in beliefs
+        if perception.update != "remove":
+            beliefs[identity] = perception
+        elif not beliefs:
+            del self._families[family]
+        self._digest = ""
+        changes = [_removal(one) for at, one in gone.items() if at not in beliefs]
+        return [*changes, replace(perception, update="add", key=())] if come else changes
+
+    def _concerned(self, change: Perception, identity: bytes, beliefs: dict[bytes, Perception]) -> list[bytes]:
+        if not change.key:
+            return list(beliefs)
+        if change.key == tuple(range(len(change.parameters))):
+            return [identity] if identity in beliefs else []
+        return [at for at, belief in beliefs.items() if _concerns(change, belief)]
+
+    def present(self) -> list[Perception]:
+        """Each belief that holds, as the perception that told it, in the order of names and arrival."""
+        return [belief for family in sorted(self._families) for belief in self._families[family].values()]
+
+    def named(self, name: str) -> list[Perception]:
+        """Each belief of a name that holds, in the order of arrival of each number of parameters."""
+        families = (family for (of, _), family in self._families.items() if of == name)
+        return [belief for family in families for belief in family.values()]
+
+    def family(self, name: str, arity: int) -> list[Perception]:
+        """Each belief of a name and number of parameters that holds."""
+        return list(self._families.get((name, arity), {}).values())
+
+    def holds(self, belief: Perception) -> bool:
+        """Whether a belief holds."""
+        return _identity(belief) in self._families.get((belief.name, len(belief.parameters)), {})
+
+    def snapshot(self) -> list[Perception]:
+        """`present`, each with the set's own seq: what a bridge answers to a repair query."""
+        return [replace(one, header=replace(one.header, seq=self.seq)) for one in self.present()]
+
+    def digest(self) -> str:
+        """`BOOT:SEQ:HASH` of what holds now; sets with equal beliefs have equal hashes, whatever their history."""
+        if not self._digest:
+            total = 0
+            for beliefs in self._families.values():
+                for identity in beliefs:
+                    total += int.from_bytes(hashlib.blake2b(identity, digest_size=8).digest())
+            self._digest = f"{self.boot}:{self.seq}:{total % 2**64:016x}"
+        return self._digest
+
+    def needs_repair(self, reported: str = "") -> bool:
+        """Whether the bridge must be asked for the whole set: after a gap, or when its digest says otherwise.
+
+        `reported` is the digest from the bridge's health, which it sends after what it has told by then. If its seq is
+        behind ours, somebody else has told something in its name.
+        """
+        life, _, content = reported.rpartition(":")
+        boot, _, seq = life.rpartition(":")
+        readable = seq.isascii() and seq.isdigit() and len(seq) <= _DIGITS
+        if readable and boot == self.boot and int(seq) < self.seq:
+            self._reported = int(seq)
+            return True
+        if self._in_doubt or not readable:
+            return self._in_doubt
+        return content != self.digest().rpartition(":")[2]
+
+    def restore(self, snapshot: Iterable[Perception], asked_at: int | None = None) -> list[Perception] | None:
+        """Become the set that a repair query was answered with, asked when our seq was `asked_at` (now by default).
+
+        Returns the perceptions that turn the old set into the new one, removals first and then additions, so that a
+        mind hears only of what differs. Returns None, and changes nothing, if a newer perception came meanwhile: ask
+        again. A set that is older than what we knew when we asked is taken: what we knew was not of the bridge.
+        """
+        told = list(snapshot)
+        boot = told[0].header.boot if told else self.boot
+        seq = max((one.header.seq for one in told), default=self.seq if self._reported is None else self._reported)
+        meanwhile = self.seq > seq and not self.was_ahead(seq, asked_at)
+        if any(one.header.boot != boot for one in told) or (boot == self.boot and meanwhile):
+            return None
+        self._reported = None
+        changes = differences(self.present(), told)
+        self._families.clear()
+        for one in told:
+            self._families.setdefault((one.name, len(one.parameters)), {})[_identity(one)] = one
+        self.boot, self.seq, self._in_doubt, self._digest = boot, seq, False, ""
+        return changes
+
+    def was_ahead(self, seq: int, asked_at: int | None) -> bool:
+        """Whether a set with this seq, asked for when ours was `asked_at`, shows that ours was never the bridge's."""
+        return asked_at is not None and seq < asked_at <= self.seq
+
+    def clear(self) -> list[Perception]:
+        """Forget everything, as when the bridge is gone. Returns the removals for the mind."""
+        gone = [_removal(one) for one in self.present()]
+        self._families.clear()
+        self.boot, self.seq, self._in_doubt, self._digest, self._reported = "", 0, False, "", None
+        return gone
+
+
+def differences(before: Iterable[Perception], after: Iterable[Perception]) -> list[Perception]:
+    """Return the perceptions that turn some beliefs into others, removals first and then additions, and no more."""
+    old = {_identity(one): one for one in before}
+    new = {_identity(one): one for one in after}
+    gone = [_removal(one) for at, one in old.items() if at not in new]
+    return gone + [replace(one, update="add") for at, one in new.items() if at not in old]
+
+
+def tells_of_none(digest: str) -> bool:
+    """Whether a reported digest is that of an empty set."""
+    return digest.rpartition(":")[2] == "0" * 16
+
+
+def _concerns(change: Perception, belief: Perception) -> bool:
+    """Whether a `replace` or `remove` acts on a belief of its own name and arity."""
+    size = len(belief.parameters)
+    return all(
+        0 <= position < size and _ENCODE(belief.parameters[position]) == _ENCODE(change.parameters[position])
+        for position in change.key
+    )
+
+
+def _identity(perception: Perception) -> bytes:
+    """The belief itself, without header, update and key."""
+    return _ENCODE((perception.name, perception.parameters))
+
+
+def _removal(belief: Perception) -> Perception:
+    return replace(belief, update="remove", key=tuple(range(len(belief.parameters))))
