@@ -47,12 +47,12 @@ LONGEST = (
     "tests/boards/test_mail.py",
     "tests/test_wheel.py",
     "tests/argosy/test_fleets.py",
-    "tests/argosy/test_flight.py",
+    "tests/argosy/run/test_mission_runner.py",
     "tests/argosy/recording/test_replay.py",
     "tests/argosy/watch/test_terminal.py",
-    "tests/argosy/test_rescue.py",
-    "tests/agentd/test_restart.py",
-    "tests/bridged/test_ground_stations.py",
+    "tests/argosy/run/test_rescue.py",
+    "tests/agentd/persistence/test_restart.py",
+    "tests/bridged/drivers/mavlink/test_ground_stations.py",
     "tests/test_by_hand.py",
 )
 """Files that take a minute or more, the longest first: of several files at a time, these may not be the last."""

@@ -1,6 +1,7 @@
 """What `argosy watch` and `argosy record` take themselves, beside a crowd that tells what flying copters do.
 
-The crowd is `tests/argosy/team/crowd.py`. The terminal of `argosy watch` is a real one, of which nobody reads but this.
+The crowd is `tests/argosy/fleet_model/crowd.py`. The terminal of `argosy watch` is a real one, of which nobody reads
+but this.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def measure(quick: bool) -> Figures:
 async def _beside(crowd: int, seconds: float) -> list[Seen]:
     endpoint, found = f"tcp/127.0.0.1:{free_port()}", []
     async with open_bus(endpoint, fleet="crowd", name="board", daemon="commd", stamp=time.time_ns, mode="router"):
-        with running("tests.argosy.team.crowd", endpoint, str(crowd)) as fleet:
+        with running("tests.argosy.fleet_model.crowd", endpoint, str(crowd)) as fleet:
             await asyncio.to_thread(fleet.says, "there")
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / "crowd.mcap"

@@ -1,7 +1,7 @@
 """What the page of `argosy ui` costs its server, the line to it and the browser.
 
-The fleet is `tests/argosy/team/crowd.py`: each of its agents tells what a flying copter does, as often. The page is
-open in a headless chromium on the same machine, which paints without a graphics processor.
+The fleet is `tests/argosy/fleet_model/crowd.py`: each of its agents tells what a flying copter does, as often. The
+page is open in a headless chromium on the same machine, which paints without a graphics processor.
 """
 
 from __future__ import annotations
@@ -194,7 +194,10 @@ async def _measured(seconds: float, crowds: tuple[int, ...]) -> Figures:
                 found.append(await stretch(server, seconds, 0, page, sizes))
                 loaded = [(name, size) for name, size, _ in await page.evaluate(_LOADED)]
         for crowd in crowds:
-            with serving(endpoint) as (server, url), running("tests.argosy.team.crowd", endpoint, str(crowd)) as fleet:
+            with (
+                serving(endpoint) as (server, url),
+                running("tests.argosy.fleet_model.crowd", endpoint, str(crowd)) as fleet,
+            ):
                 await asyncio.to_thread(fleet.says, "there")
                 found.append(await stretch(server, seconds, crowd, None, sizes))
                 async with opened(url, sizes) as page:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.bridged.test_flights_that_go_wrong import Field, printed
+from tests.bridged.drivers.mavlink.test_flights_that_go_wrong import Field, printed
 from tests.support.processes import running
 
 FLIER = """\

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from tests.bridged.drivers.mavlink.test_ground_stations import ROOT, MavProxy, copter
 from tests.bridged.radio import COPTER, Ride, riding
-from tests.bridged.test_ground_stations import ROOT, MavProxy, copter
 from tests.support.buses import until
 from tests.support.ports import free_port
 

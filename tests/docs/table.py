@@ -13,7 +13,7 @@ Entry = TypeVar("Entry")
 
 _NETWORK = "installs from a package index"
 _REAL = "a real vehicle"
-_BOARD = "on a board: tests/argosy/test_units.py, docs/units.md"
+_BOARD = "on a board: tests/argosy/deploy/test_units_command.py, docs/units.md"
 
 NOT_RUN: Final[dict[Key, str]] = {
     ("CONTRIBUTING.md", "make "): "is what runs this",
@@ -28,16 +28,16 @@ NOT_RUN: Final[dict[Key, str]] = {
     (
         "docs/drivers.md",
         "argosy check examples/lamp",
-    ): "tests/bridged/test_example_drivers.py, with the package installed",
+    ): "tests/bridged/drivers/test_example_drivers.py, with the package installed",
     (
         "docs/drivers.md",
         "argosy run examples/lamp",
-    ): "tests/bridged/test_example_drivers.py, with the package installed",
+    ): "tests/bridged/drivers/test_example_drivers.py, with the package installed",
     ("docs/boards.md", "sudo "): _BOARD,
     ("docs/security.md", "sudo "): _BOARD,
     ("docs/boards.md", "systemctl "): _BOARD,
     ("docs/boards.md", "journalctl "): _BOARD,
-    ("docs/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/argosy/test_rescue.py",
+    ("docs/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/argosy/run/test_rescue.py",
     ("docs/install.md", "pip wheel"): "wants the checkout and a package index: tests/test_wheel.py",
     ("docs/install.md", "python3 -m venv /opt"): "another folder in tests/test_wheel.py",
     ("docs/install.md", "/opt/argosy/bin/"): "another folder in tests/test_wheel.py",
@@ -45,25 +45,31 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("docs/install.md", "scp "): "a real board",
     ("docs/install.md", "ssh "): "a real board",
     ("docs/install.md", "sudo "): "a real board: the same without sudo in tests/test_wheel.py",
-    ("docs/search-and-rescue.md", "make rescue"): "minutes: tests/argosy/test_rescue.py",
-    ("docs/search-and-rescue.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",
-    ("docs/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/argosy/test_rescue.py",
+    ("docs/search-and-rescue.md", "make rescue"): "minutes: tests/argosy/run/test_rescue.py",
+    ("docs/search-and-rescue.md", "argosy run"): "minutes: tests/argosy/run/test_rescue.py",
+    ("docs/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/argosy/run/test_rescue.py",
     ("docs/search-and-rescue.md", "python -m tests.soak_rescue"): "half an hour: `make soak`",
     ("docs/simulated-copter.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
     ("docs/howto/ardupilot.md", "sim_vehicle.py"): "ArduPilot's simulator is no dependency",
     ("docs/howto/ardupilot.md", "argosy run --real"): _REAL,
     ("docs/howto/ardupilot.md", "sudo usermod"): "changes the machine",
     ("docs/howto/from-jason-ros.md", "argosy run missions/paper_uav.yaml"): "tests/argosy/test_paper_flight.py",
-    ("docs/howto/from-jason-ros.md", "argosy run missions/paper_turtle.yaml"): "tests/bridged/test_turtle.py",
+    (
+        "docs/howto/from-jason-ros.md",
+        "argosy run missions/paper_turtle.yaml",
+    ): "tests/bridged/simulation/turtle/test_turtle.py",
     ("docs/editor.md", "mkdir -p ~/.vscode"): "the folder of an editor",
-    ("docs/editor.md", "cp -r deploy/editor"): "the folder of an editor; what is in it: tests/agentd/test_lexers.py",
+    (
+        "docs/editor.md",
+        "cp -r deploy/editor",
+    ): "the folder of an editor; what is in it: tests/agentd/editor/test_lexers.py",
     ("docs/reasoner.md", "make bench"): "minutes, and it writes the page: tests/agentd/test_benchmarks.py",
     ("docs/reasoner.md", "jason --version"): "Jason is no dependency: tests/agentd/test_benchmarks.py has one like it",
     ("docs/reasoner.md", "python -m benchmarks.reasoner"): "minutes: tests/agentd/test_benchmarks.py",
     ("docs/watch.md", ".venv/bin/pip install"): _NETWORK,
     ("docs/watch.md", "argosy watch"): "wants a terminal: tests/argosy/watch/test_terminal.py",
     ("docs/why.md", "argosy why"): "asks a running fleet: tests/argosy/why",
-    ("docs/howto/three-boards.md", "argosy run"): "minutes: tests/argosy/test_rescue.py",
+    ("docs/howto/three-boards.md", "argosy run"): "minutes: tests/argosy/run/test_rescue.py",
     ("docs/howto/three-boards.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
     ("docs/howto/three-boards.md", "scp"): _BOARD,
     ("docs/howto/three-boards.md", "sudo systemctl"): _BOARD,

@@ -9,14 +9,14 @@ from tests.docs.pages import ROOT
 RUN_IN = {
     "examples/camera": "tests/bridged/test_camera_example.py",
     "examples/client": "docs/mail.md",
-    "examples/compass": "tests/agentd/test_plugins.py",
+    "examples/compass": "tests/agentd/extensions/test_plugins.py",
     "examples/lamp": "tests/argosy/test_robots.py",
     "examples/sprayer": "docs/howto/my-robot.md",
-    "missions/paper_turtle.yaml": "tests/bridged/test_turtle.py",
+    "missions/paper_turtle.yaml": "tests/bridged/simulation/turtle/test_turtle.py",
     "missions/paper_uav.yaml": "tests/argosy/test_paper_flight.py",
     "missions/search_and_rescue.yaml": "tests/boards/test_rescue.py",
-    "missions/single_uav.yaml": "tests/argosy/test_flight.py",
-    "missions/three_uavs.yaml": "tests/argosy/test_flight.py",
+    "missions/single_uav.yaml": "tests/argosy/run/test_mission_runner.py",
+    "missions/three_uavs.yaml": "tests/argosy/run/test_mission_runner.py",
     "missions/turtle.yaml": "tests/argosy/test_robots.py",
 }
 

@@ -3,7 +3,8 @@
 Two layers, as in a real autopilot. The *target* runs to the goal within limits of speed, acceleration and jerk. The
 *copter* follows the target by position and velocity feedback through the lag of tilting and against air drag; the
 integral that holds it against the drag is what makes it overshoot a goal by some decimetres after a fast leg.
-The constants are fitted to recorded flights (tests/data/dynamics.json, tests/bridged/test_copter_dynamics.py).
+The constants are fitted to recorded flights (tests/data/dynamics.json,
+tests/bridged/simulation/copter/test_copter_dynamics.py).
 
 Positions are metres north, east and up of the place where the vehicle was switched on.
 """

@@ -29,7 +29,7 @@ from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from schemas.wire.codec import Wire
 from schemas.wire.records import Health, Perception
-from tests.argosy.test_stop import beside
+from tests.argosy.stop.test_stop import beside
 from tests.argosy.tools.flying import Trial, trial
 from tests.attacks.world import NAME, TEXT, World
 from tests.support.buses import Connect, on_a_bus, subscribed, until

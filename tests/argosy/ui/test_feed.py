@@ -13,7 +13,7 @@ from argosy.cli.operator_bus import ANY, Where
 from commd.bus.bus import Query
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import Outcome
-from tests.argosy.team.fleet import Fleet
+from tests.argosy.fleet_model.fleet import Fleet
 from tests.argosy.ui.fleets import HOME, Agent, fleet, router
 from tests.argosy.ui.serving import served
 from tests.support.buses import session, subscribed, until

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argosy.ui.map_markers import literal, marks
 from argosy.ui.view_structs import MarkView
 from schemas.wire.mind_records import BeliefView
-from tests.argosy.team.fleet import Fleet, rescue
+from tests.argosy.fleet_model.fleet import Fleet, rescue
 
 VICTIM = (-27.6035, -48.5182)
 

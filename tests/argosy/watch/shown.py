@@ -12,7 +12,7 @@ from argosy.cli.operator_bus import Where
 from argosy.watch.app import WatchApp
 from argosy.watch.fleet_link import Link
 from argosy.watch.glyphs import UNICODE, Glyphs
-from tests.argosy.team.fleet import FLEET, Fleet
+from tests.argosy.fleet_model.fleet import FLEET, Fleet
 
 Shown = tuple[WatchApp, Pilot[None]]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.argosy.conftest import Start
-from tests.argosy.team.test_watcher import crowd_of
+from tests.argosy.fleet_model.test_watcher import crowd_of
 from tests.argosy.watch.hostile import RAW, saying
 from tests.argosy.watch.terminal import Terminal
 

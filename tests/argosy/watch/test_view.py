@@ -26,7 +26,7 @@ from schemas.wire.mind_records import (
     RejectedView,
 )
 from schemas.wire.records import Note, Queue
-from tests.argosy.team.fleet import Fleet, rescue
+from tests.argosy.fleet_model.fleet import Fleet, rescue
 from tests.argosy.watch.shown import lines_of, link_to, show, text_of, until
 
 

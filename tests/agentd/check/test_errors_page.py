@@ -1,0 +1,38 @@
+"""docs/errors.md tells the truth: each program on it gets the messages that stand below it."""
+
+from __future__ import annotations
+
+import re
+from argparse import ArgumentParser
+from pathlib import Path
+
+import pytest
+
+from agentd.check.command import add_arguments, run
+from agentd.check.finding_kinds import Kind
+
+PAGE = (Path(__file__).parents[3] / "docs" / "errors.md").read_text(encoding="utf-8")
+SHOWN = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)
+
+
+def test_five_messages_are_shown() -> None:
+    assert len(SHOWN) == 5
+
+
+@pytest.mark.parametrize(("program", "output"), [shown[1:] for shown in SHOWN], ids=[shown[0] for shown in SHOWN])
+def test_a_program_of_the_page_gets_the_messages_below_it(
+    program: str, output: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("hello.asl").write_text(program, encoding="utf-8")
+    parser = ArgumentParser()
+    add_arguments(parser)
+    assert run(parser.parse_args(["hello.asl"])) == 1
+    assert capsys.readouterr().err == output
+
+
+def test_the_page_lists_the_kinds_of_findings() -> None:
+    rows = [f"| `{kind.label}` | {kind.meaning} |" for kind in Kind]
+    assert (
+        re.findall(r"^\| `[a-z-]+-?[a-z-]*` \| [a-z(].*\|$", PAGE.partition("`--json` prints")[0], re.MULTILINE) == rows
+    )

@@ -1,0 +1,202 @@
+"""Packages that provide internal actions and functions: found by entry points, used, and told about when broken."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from agentd.__main__ import main
+
+COMPASS = Path(__file__).parents[3] / "examples" / "compass"
+
+
+def _install(site: Path, name: str, version: str, entries: dict[str, str]) -> None:
+    """What an installer leaves of a package's metadata."""
+    info = site / f"{name.replace('-', '_')}-{version}.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    lines = "".join(f"{key} = {value}\n" for key, value in entries.items())
+    (info / "entry_points.txt").write_text(f"[argosy.internal_actions]\n{lines}")
+
+
+def _agentd(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    command = [sys.executable, "-m", "agentd", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    folder = tmp_path / "site"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def program(tmp_path: Path):
+    def write(text: str) -> str:
+        (tmp_path / "bob.asl").write_text(text)
+        return str(tmp_path / "bob.asl")
+
+    return write
+
+
+def test_the_example_package_is_found_by_its_entry_point_and_its_program_runs(site: Path) -> None:
+    project = tomllib.loads((COMPASS / "pyproject.toml").read_text())["project"]
+    (site / "compass_for_agents.py").write_text((COMPASS / "compass_for_agents.py").read_text())
+    _install(site, project["name"], project["version"], project["entry-points"]["argosy.internal_actions"])
+    done = _agentd(site, "run", str(COMPASS / "walker.asl"), "--exit-when-idle")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "[walker] going north, 32 degrees off\n[walker] [north,east]\n"
+
+
+MYLIB = """
+from agentd import function, internal_action, unify
+
+@internal_action("mylib.is_even", 1)
+def is_even(mind, trail, number):
+    return number % 2 == 0
+
+@internal_action("mylib.broken", 1)
+def broken(mind, trail, what):
+    return what.nonsense
+
+@function("mylib.twice", 1)
+def twice(mind, number):
+    return 2 * number
+
+@internal_action(".print", 1)
+def silence(mind, trail, text):
+    return True
+"""
+
+
+@pytest.fixture
+def mylib(site: Path) -> Path:
+    (site / "my_module.py").write_text(MYLIB)
+    _install(site, "my-package", "2.3", {"mylib": "my_module", "sick": "no_such_module", "hurt": "my_hurt"})
+    (site / "my_hurt.py").write_text("answer = 1 / 0\n")
+    return site
+
+
+def test_actions_and_functions_serve_in_bodies_contexts_rules_facts_and_registered_functions(
+    mylib: Path, program
+) -> None:
+    done = _agentd(
+        mylib,
+        "run",
+        "--exit-when-idle",
+        program(
+            """
+            size(mylib.twice(3)).
+            even(X) :- .member(X, [1,2,3,4]) & mylib.is_even(X).
+            !s.
+            +!s : mylib.is_even(2) & not mylib.is_even(3) & size(S)
+              <- .print(S); .findall(X, even(X), L); .print(L); .print(mylib.twice(4) + 1);
+                 if (mylib.is_even(4)) { mylib.is_even(3) }.
+            -!s[error(E)] <- .print(E).
+            """
+        ),
+    )
+    assert (done.stderr, done.returncode) == ("", 0)
+    assert done.stdout.splitlines() == ["[bob] 6", "[bob] [2,4]", "[bob] 9", "[bob] ia_failed"]
+
+
+def test_what_a_package_does_not_provide_or_not_with_so_many_arguments_fails(mylib: Path, program) -> None:
+    done = _agentd(
+        mylib,
+        "run",
+        "--exit-when-idle",
+        program(
+            """
+            !a. !b. !c.
+            +!a <- mylib.nosuch(1).      -!a[error(E)] <- .print(a, E).
+            +!b <- mylib.is_even(1, 2).  -!b[error(E), error_msg(M)] <- .print(b, E, M).
+            +!c <- other.thing(1).       -!c[error(E)] <- .print(c, E).
+            """
+        ),
+    )
+    assert sorted(done.stdout.splitlines()) == [
+        "[bob] aaction_failed",
+        "[bob] bwrong_argumentsmylib.is_even does not take 2 arguments",
+        "[bob] caction_failed",
+    ]
+
+
+def test_an_error_in_a_package_is_told_with_its_action_file_and_line(mylib: Path, program) -> None:
+    done = _agentd(
+        mylib,
+        "run",
+        "--exit-when-idle",
+        program(
+            """
+            !a. !b.
+            +!a <- mylib.broken(1).  -!a[error_msg(M)] <- .print(M).
+            +!b : mylib.broken(1) <- true.
+            """
+        ),
+    )
+    where = f"({mylib}/my_module.py:10, in broken)"
+    text = f"PluginError: mylib.broken: AttributeError: 'float' object has no attribute 'nonsense' {where}"
+    assert done.stdout == f"[bob] {text}\n"
+    assert f"[bob] warning: an internal action in a condition went wrong: {text}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("sick", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("hurt", "ZeroDivisionError: division by zero"),
+    ],
+)
+def test_a_package_that_cannot_be_imported_is_named_where_it_is_used(
+    mylib: Path, program, name: str, reason: str
+) -> None:
+    done = _agentd(
+        mylib,
+        "run",
+        "--exit-when-idle",
+        program(
+            f"""
+            !a. !b. !c.
+            +!a <- {name}.act(1).     -!a[error_msg(M)] <- .print(M).
+            +!b : {name}.know(1) <- true.
+            +!c <- X = {name}.f(1).   -!c[error_msg(M)] <- .print(M).
+            """
+        ),
+    )
+    told = f"the plug-in {name} of my-package 2.3 cannot be loaded: {reason}"
+    assert done.stdout.count(told) == 2
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_check_of_a_program_knows_the_packages_that_are_installed(mylib: Path, program) -> None:
+    done = _agentd(mylib, "check", program("!s.\n+!s <- mylib.is_even(2);\n mylib.is_evn(2);\n hurt.act(1)."))
+    first, second = [line.partition("bob.asl:")[2] for line in done.stderr.splitlines() if "bob.asl" in line]
+    assert first.startswith("3:2: error: there is no function or internal action mylib.is_evn/1")
+    assert first.endswith("did you mean mylib.is_even?")
+    assert second.startswith(
+        "4:2: error: hurt.act/1 cannot be used: the plug-in hurt of my-package 2.3 cannot be loaded"
+    )
+    assert done.returncode == 1
+
+
+def test_a_package_cannot_replace_the_standard_library(mylib: Path, program) -> None:
+    done = _agentd(mylib, "run", "--exit-when-idle", program("!s. +!s <- mylib.is_even(2); .print(heard)."))
+    assert done.stdout == "[bob] heard\n"
+
+
+def test_programs_that_use_no_names_of_packages_do_not_look_for_any(
+    mylib: Path, program, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def looked(**_: object) -> None:
+        raise AssertionError("entry points were looked for")
+
+    monkeypatch.setattr("importlib.metadata.entry_points", looked)
+    assert main(["run", "--exit-when-idle", program("!s. +!s : .my_name(N) <- X = math.abs(-1); .print(X).")]) == 0

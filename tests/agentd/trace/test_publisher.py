@@ -1,0 +1,342 @@
+"""What an agent tells of its course on a real bus, and that it lives again by that: also after a restart."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from agentd.mind.data.inputs import Mail
+from agentd.replay.replay import CannotReplay, compare, replay
+from agentd.trace import input_log as courses
+from agentd.trace import publisher as tracings
+from commd.bus.bus import Bus, open_bus
+from schemas.wire import keys
+from tests.agentd.hosts import Hosted, host_on
+from tests.agentd.minds import term
+from tests.agentd.recorders import Recorder
+from tests.agentd.runtime.test_agent_group import KID, ONE
+from tests.agentd.test_daemon import mission
+from tests.support.buses import Connect, on_a_bus, session, until
+from tests.support.processes import running
+
+GREETS = """\
+count(0).
+!tick.
++!tick <- .random(R); .nano_time(T); .wait(20); -+last(R, T); !tick.
++hello(X)[source(S)] : X > 3 <- .print(S, " says ", X); .send(S, tell, hello(X)).
++hello(X) <- .print("low ", X).
++!fly(H) <- takeoff(H).
+-!fly(H)[reason(R)] <- .print("not flown: ", R).
+"""
+
+
+def traced(endpoint: str, folder: Path, body: Callable[[Hosted, Recorder, Bus], Awaitable[None]]) -> None:
+    """Run a test with an agent that greets, and a recorder that does not listen to anything yet."""
+
+    async def everything(connect: Connect) -> None:
+        bus, other = await connect("uav"), await connect("recorder", "tool")
+        agent = await host_on(bus, "uav", GREETS, folder, others=("ann",))
+        try:
+            await body(agent, Recorder(other, "uav", "none"), other)
+        finally:
+            await agent.end()
+
+    on_a_bus(endpoint, everything)
+
+
+def hello(number: int) -> Mail:
+    return Mail("ann", "tell", term(f"hello({number})"), f"mid{number}.ann.1")
+
+
+async def greeted(agent: Hosted, *numbers: int) -> None:
+    """Greet an agent and wait until it has said something to each."""
+    before = len(agent.prints)
+    for number in numbers:
+        agent.tell(hello(number))
+    await until(lambda: len(agent.prints) >= min(20, before + len(numbers)), "it has heard of each")
+
+
+def test_who_begins_to_record_late_gets_everything_since_birth(endpoint: str, tmp_path: Path) -> None:
+    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+        await greeted(agent, 1, 5)
+        late = Recorder(bus, "uav")
+        assert await late.catch_up() == ""
+        assert list(late.batches) == list(range(len(late.batches)))
+        await greeted(agent, 2, 6)
+        await late.until_cycle(agent.host._mind.cycle)
+        assert [batch.number for batch in late.inputs] == list(range(len(late.batches)))
+        kinds = {item.kind for batch in late.inputs for item in batch.inputs}
+        assert {"Mail", "TimeRead", "NamesRead"} <= kinds
+        result = replay(late.inputs, late.decided)
+        assert result.agrees, result.difference
+        assert result.proven >= result.batches - 1 > 0
+        edited = compare(late.inputs, program=GREETS.replace("X > 3", "X > 1"))
+        assert edited.difference is not None
+        assert edited.difference.inputs[-1].endswith("tell hello(2) from ann")
+
+    traced(endpoint, tmp_path, body)
+
+
+def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tracings, "MOST_BYTES", 20 * courses.INPUT_BYTES)
+    monkeypatch.setattr(courses, "BATCH_BYTES", 10 * courses.INPUT_BYTES)
+
+    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+        course = agent.host._tracing.course
+        await until(lambda: not course.on, "the beginning is dropped")
+        await greeted(agent, 1, 2)
+        recorder_of_mind = agent.host._mind.recorder
+        assert recorder_of_mind is not None
+        assert recorder_of_mind.pass_on is None  # nobody is told of inputs any more
+        assert course.dropped > 10
+        assert agent.host.health().counters["trace_dropped"] == course.dropped
+        late = Recorder(bus, "uav")
+        assert "the beginning of this life is not kept any more" in await late.catch_up()
+        await until(lambda: len(late.batches) > 1, "what goes in is told from now on")
+        assert min(late.batches) > 0
+        with pytest.raises(CannotReplay, match="its birth is missing"):
+            replay(late.inputs)
+
+    traced(endpoint, tmp_path, body)
+
+
+def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is_lost(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+        course = agent.host._tracing.course
+        async with session(endpoint, "first", "tool") as once:
+            first = Recorder(once, "uav", "inputs")
+            await until(lambda: len(first.batches) > 1, "what goes in is told")
+        await until(lambda: not course.listened, "nobody listens any more")
+        async with session(endpoint, "second", "tool") as once:
+            second = Recorder(once, "uav", "inputs")
+            assert await second.catch_up() == ""
+            assert replay(second.inputs).agrees
+        await until(lambda: not course.listened, "nobody listens any more")
+        course.forget()
+        number = course._open.number
+        third = Recorder(bus, "uav", "inputs")
+        await until(lambda: bool(third.batches), "what goes in is told again")
+        assert min(third.batches) == number + 1
+
+    traced(endpoint, tmp_path, body)
+
+
+def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp_path: Path) -> None:
+    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+        deeds = Recorder(bus, "uav", "deeds")
+        await until(lambda: agent.host._tracing.deeds.listened, "the agent knows that somebody listens")
+        assert not agent.host._tracing.course.listened
+        agent.tell(hello(7))
+        agent.tell(Mail("ann", "achieve", term("fly(5)"), "mid8.ann.1"))
+        agent.tell(
+            Mail(
+                "mail",
+                "signal",
+                term('undelivered(bob, tell, here(1), "not_sendable")[detail("too long")]'),
+                "undelivered.mid3.uav.9",
+            )
+        )
+        agent.tell(Mail("ann", "achieve", term("nothing(1)"), "mid9.ann.1"))
+        agent.host._ordered("goal !fly(3)")
+        await until(lambda: any(one.kind == "log" for one in deeds.deeds), "the last of it is told")
+        found = {one.kind: one for one in deeds.deeds if one.other != "ann" or "hello" in one.text}
+        life = agent.host._mailing.life
+        assert found["received"].text == "hello(7)"
+        assert (found["received"].id, found["received"].other) == ("mid7.ann.1", "ann")
+        assert (found["sent"].text, found["sent"].other, found["sent"].performative) == ("hello(7)", "ann", "tell")
+        assert found["sent"].id.startswith("mid")
+        assert found["sent"].id.endswith(f".uav.{life}")
+        assert found["action"].text == "takeoff(5)"
+        assert found["outcome"].id == found["action"].id
+        assert (found["outcome"].state, found["outcome"].reason) == ("refused", "agent uav has no robot to do takeoff")
+        told = found["undelivered"]
+        assert (told.id, told.other, told.text, told.reason) == ("mid3.uav.9", "bob", "here(1)", "too long")
+        assert found["operator"].text == "goal !fly(3)"
+        prints = [one.text for one in deeds.deeds if one.kind == "print"]
+        assert prints == ["ann says 7", "not flown: agent uav has no robot to do takeoff"]
+        assert {one.state for one in deeds.deeds if one.kind == "log"} <= {"error", "warning"}
+        actions = [(one.kind, one.text or one.state) for one in agent.host.view().actions]
+        assert actions == [("action", "takeoff(5)"), ("outcome", "refused")]
+
+    traced(endpoint, tmp_path, body)
+
+
+def test_an_answer_is_told_with_the_id_of_the_question_as_it_was_sent(endpoint: str, tmp_path: Path) -> None:
+    async def everything(connect: Connect) -> None:
+        bus, other = await connect("uav"), await connect("recorder", "tool")
+        deeds = Recorder(other, "uav", "deeds")
+        asks = "+go <- .send(ann, askOne, height(_), A); .print(A)."
+        agent = await host_on(bus, "uav", asks, tmp_path, others=("ann",))
+        await until(lambda: agent.host._tracing.deeds.listened, "the agent knows that somebody listens")
+        agent.tell(Mail("ann", "tell", term("go"), "mid1.ann.1"))
+        await until(lambda: any(one.kind == "sent" for one in deeds.deeds), "it has asked")
+        sent = next(one for one in deeds.deeds if one.kind == "sent")
+        agent.tell(Mail("ann", "tell", term("height(9)"), "mid2.ann.1", sent.id.rpartition(".")[0]))
+        await until(lambda: any(one.text == "height(9)" for one in deeds.deeds), "it has the answer")
+        answer = next(one for one in deeds.deeds if one.kind == "received" and one.text == "height(9)")
+        assert answer.in_reply_to == sent.id
+        await agent.end()
+
+    on_a_bus(endpoint, everything)
+
+
+def test_a_flood_is_bounded_and_what_is_left_out_is_counted(endpoint: str, tmp_path: Path) -> None:
+    async def everything(connect: Connect) -> None:
+        bus, other = await connect("uav"), await connect("recorder", "tool")
+        flood = "+go <- !go(0). +!go(3000). +!go(N) <- .print(N); !p(N); !go(N+1). +!p(N)."
+        recorder = Recorder(other, "uav", "decisions", "deeds")
+        agent = await host_on(bus, "uav", flood, tmp_path)
+        tracing = agent.host._tracing
+        await until(lambda: tracing.deeds.listened and "decisions" in tracing._heard, "somebody listens")
+        agent.tell(Mail("ann", "tell", term("go"), "m1"))
+        await until(lambda: agent.prints[-1:] == ["2999"], "it has come to its end")
+        await agent.end()
+        await until(lambda: any(one.kind == "received" for one in recorder.deeds), "the first is told")
+        total = len(recorder.decisions) + sum(some.left_out for some in recorder.decided)
+        await until(
+            lambda: len(recorder.deeds) + sum(some.left_out for some in recorder.told) == 3001, "all deeds count"
+        )
+        assert all(len(some.deeds) <= 400 for some in recorder.told)
+        assert all(len(some.decisions) <= 200 for some in recorder.decided)
+        assert total == 6002
+        assert all(some.speed == 1.0 and some.now > 0 for some in recorder.told)
+
+    on_a_bus(endpoint, everything)
+
+
+def test_who_asks_for_everything_there_is_does_not_get_whole_lives(endpoint: str, tmp_path: Path) -> None:
+    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+        got: list[str] = []
+        for key in (f"argosy/{bus.fleet}/**", f"argosy/{bus.fleet}/*/trace/inputs"):
+            replies = await asyncio.to_thread(lambda key=key: list(bus._session.get(key, timeout=5.0)))  # type: ignore[misc]
+            got.append(" ".join(str(reply.ok.key_expr) for reply in replies if reply.ok is not None))
+        assert "trace" not in got[0]
+        assert got[1].startswith(keys.trace(bus.fleet, "uav", "inputs"))
+
+    traced(endpoint, tmp_path, body)
+
+
+# --- further lives ---
+
+KEPT = """\
+count(0).
+!begin.
++!begin <- +begun; .random(R); +chance(R); !!keep(1).
++!keep(N) <- .print("keeps ", N); .wait(60000).
++hello(X)[source(S)] : count(N) <- -+count(N+1); .random(R); .nano_time(T); -+last(R); .print("hello ", X, " ", N).
++!slow(X)[source(S)] <- .print("slow ", X, " for ", S); .wait(60000).
++!plan(X) <- .add_plan({ +late(Y) <- .print("late ", Y) }); .print(planned).
+"""
+BACK = '+restarted(N) <- .findall(C, count(C), L); .print("back ", N, " ", L).\n'
+
+
+async def lives_on(agent: Hosted, number: int) -> None:
+    """Let an agent do what is different in each of its lives."""
+    await until(lambda: agent.host._tracing.course.listened, "somebody listens")
+    await greeted(agent, number, number + 10)
+    agent.tell(Mail("ann", "achieve", term(f"slow({number})"), f"a{number}"))
+    agent.tell(Mail("ann", "achieve", term(f"plan({number})"), f"p{number}"))
+    await until(lambda: "planned" in agent.prints, "it has another plan")
+    saved = len(agent.disk.savings)
+    agent.tell(Mail("ann", "tell", term(f"late({number})"), f"l{number}"))
+    await until(lambda: f"late {number}" in agent.prints, "it has used the plan")
+    await until(lambda: len(agent.disk.savings) > saved, "it is kept")
+
+
+@pytest.mark.parametrize("back", ["", BACK], ids=["goes on", "decides itself"])
+def test_each_life_of_an_agent_that_is_kept_lives_again(endpoint: str, tmp_path: Path, back: str) -> None:
+    async def everything(connect: Connect) -> None:
+        lives: list[Recorder] = []
+        for number in range(3):
+            bus, other = await connect("uav"), await connect("recorder", "tool")
+            recorder = Recorder(other, "uav", "inputs")
+            agent = await host_on(bus, "uav", KEPT + back, tmp_path, others=("ann",))
+            await lives_on(agent, number)
+            await recorder.catch_up()
+            await (agent.die() if number == 0 else agent.end())
+            if number > 0:
+                await until(lambda one=recorder: one.inputs[-1].final, "its end is told")
+            lives.append(recorder)
+        for number, recorder in enumerate(lives):
+            born = recorder.inputs[0].birth
+            assert born is not None
+            assert bool(born.memory) == (number > 0)
+            assert born.kept
+            back_again = [item for batch in recorder.inputs for item in batch.inputs if item.kind == "CameBack"]
+            assert [item.fields["life"] for item in back_again] == ([number] if number else [])
+            ends = [batch.final for batch in recorder.inputs]
+            assert ends == [False] * (len(ends) - 1) + [number > 0]  # who was killed has no end
+            result = replay(recorder.inputs)
+            assert result.agrees, result.difference
+            assert result.decisions > 5
+
+    on_a_bus(endpoint, everything)
+
+
+# --- real daemons ---
+
+MAKES = """\
+!go.
++!go
+   <- .create_agent(kid, "kid.asl"); .wait(born(kid)); .create_agent(Helper, "kid.asl"); .wait(born(helper));
+      .all_names(L); .print("names ", L); .send(kid, tell, toy(ball)); .wait(thanks(kid, ball));
+      .send(helper, askOne, age(_), A); .print("age ", A); .broadcast(tell, toy(rope)); .wait(thanks(helper, rope));
+      .kill_agent(kid); .all_names(L2); .print("now ", L2); !t; .clone("twin"); .include("lib.asl"); !said(1);
+      .include("none.asl"); .df_register(cook); .df_search(cook, F); .print(F); .save_agent("self.asl");
+      .kill_agent(helper); .print("end"); .wait(2000); .stopMAS.
++!t <- .send(kid, tell, toy(doll)).
+-!t[error(E), error_msg(M)] <- .print(E, " ", M).
+"""
+LIB = "+!said(X) <- .print(said(X)).\nread(1).\n"
+
+
+def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: Path, endpoint: str) -> None:
+    path = mission(
+        tmp_path, ONE.replace("a.asl}", "a.asl, goals: [extra], beliefs: [told(1)]}"), a=MAKES, kid=KID, lib=LIB
+    )
+    (tmp_path / "a.asl").write_text(MAKES + "+!extra : told(X) <- .print(extra, X).\n")
+
+    async def record(stack: ExitStack) -> dict[str, Recorder]:
+        stamp = time.time_ns
+        async with open_bus(endpoint, fleet="one", name="recorder", daemon="tool", stamp=stamp) as bus:
+            recorders = {name: Recorder(bus, name) for name in ("a", "kid", "helper", "twin")}
+            daemon = stack.enter_context(running("agentd", "serve", path, "--router", endpoint, "--speed", "2"))
+            assert await asyncio.to_thread(daemon.ends) == 0
+            assert "defect" not in daemon.text
+            await until(lambda: any(one.kind == "stopped" for one in recorders["a"].deeds), "all is told")
+            await until(lambda: bool(recorders["twin"].batches), "all is told")
+            return recorders
+
+    with ExitStack() as stack:
+        commd = stack.enter_context(running("commd", "serve", path, "--router", endpoint))
+        commd.says("endpoint=")
+        recorders = asyncio.run(record(stack))
+        commd.signal(signal.SIGTERM)
+        commd.ends()
+    for name in ("a", "kid", "helper"):
+        batches = recorders[name].inputs
+        result = replay(batches, recorders[name].decided)
+        assert result.agrees, (name, result.difference)
+        assert result.proven >= result.batches - 1
+    born = recorders["a"].inputs[0].birth
+    assert born is not None
+    assert (born.goals, born.beliefs) == (("extra",), ("told(1)",))
+    assert list(born.files) == [str(tmp_path / "a.asl")]
+    said = [one.text for one in recorders["a"].deeds if one.kind == "print"]
+    assert {"extra1", "said(1)", "end"} <= set(said)
+    sent = {one.id for one in recorders["a"].deeds if one.kind == "sent"}
+    heard = {one.id for one in recorders["kid"].deeds if one.kind == "received"}
+    assert heard
+    assert heard <= sent
+    with pytest.raises(CannotReplay, match="twin cannot live again: it is a clone of a, and what that had become"):
+        replay(recorders["twin"].inputs)

@@ -1,0 +1,205 @@
+"""`argosy manifest`: files checked, the running manifest of a bridge read and changed, on a real bus."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+import time
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from argosy.__main__ import main
+from argosy.cli.operator_bus import bridges
+from bridged.daemon import serve
+from commd.bus.bus import open_bus
+from schemas.files.shipped_files import shipped
+from schemas.manifest.loader import load_manifest
+from schemas.manifest.text import document
+from schemas.mission.model import read_mission
+
+MISSION = """
+mission: pond
+agents:
+  painter: {program: painter.asl, robot: turtle1}
+robots:
+  turtle1: {manifest: turtle, prefix: sim}
+"""
+Captured = pytest.CaptureFixture[str]
+
+
+@contextmanager
+def turtle(endpoint: str, folder: Path) -> Iterator[list[str]]:
+    """Run a router and the bridge of a turtle in a thread; gives the options that lead there."""
+    ready, ended = threading.Event(), threading.Event()
+
+    async def run() -> None:
+        stop = asyncio.Event()
+        args = Namespace(
+            robots=["turtle1"],
+            board=None,
+            router=endpoint,
+            keys=None,
+            speed=None,
+            state=folder,
+            link=None,
+            simulated=False,
+            until_home=False,
+        )
+        async with open_bus(
+            endpoint, fleet="pond", name="board", daemon="commd", stamp=time.time_ns, mode="router"
+        ) as bus:
+            bridge = asyncio.create_task(serve(read_mission(MISSION, folder / "pond.yaml"), args, stop))
+            async with asyncio.timeout(20):
+                while not await bridges(bus, "pond"):
+                    await asyncio.sleep(0.05)
+            ready.set()
+            await asyncio.to_thread(ended.wait)
+            stop.set()
+            await bridge
+
+    thread = threading.Thread(target=lambda: asyncio.run(run()))
+    thread.start()
+    try:
+        assert ready.wait(30)
+        yield ["--router", endpoint]
+    finally:
+        ended.set()
+        thread.join(20)
+
+
+def test_the_running_manifest_is_read_changed_and_written_as_a_file(
+    endpoint: str, tmp_path: Path, capsys: Captured
+) -> None:
+    with turtle(endpoint, tmp_path) as there:
+        assert main(["manifest", "get", "turtle1", *there]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert (told["version"], told["manifest"]) == (1, document(load_manifest("turtle")))
+
+        assert main(["manifest", "get", "turtle1", "percepts.pose.ttl", *there, "--toml"]) == 0
+        assert capsys.readouterr().out == '"2s"\n'
+
+        change = ["percepts.pose.rate=5", 'percepts.pose.ttl="3s"', 'actions.stop = {topic = "turtle1/stop"}']
+        assert main(["manifest", "set", "turtle1", *change, "--remove", "percepts.velocity", *there]) == 0
+        assert capsys.readouterr().out == "turtle1: version 2 is in effect until its bridge ends\n"
+
+        assert main(["manifest", "get", "turtle1", "percepts.pose", "--toml", *there]) == 0
+        assert capsys.readouterr().out.splitlines()[:3] == [
+            "[percepts.pose]",
+            'source = "turtle1/pose"',
+            'args = ["x", "y", "theta"]',
+        ]
+        assert main(["manifest", "get", "turtle1", "--toml", *there]) == 0
+        written = tmp_path / "turtle1.toml"
+        written.write_text(capsys.readouterr().out, encoding="utf-8")
+        manifest = load_manifest(written)
+        assert (manifest.percepts["pose"].rate, list(manifest.percepts)) == (5, ["pose"])
+        assert manifest.actions["stop"].topic == "turtle1/stop"
+        assert main(["manifest", "check", str(written)]) == 0
+
+
+def test_a_change_that_is_refused_is_told_with_all_reasons_and_exit_code_2(
+    endpoint: str, tmp_path: Path, capsys: Captured
+) -> None:
+    with turtle(endpoint, tmp_path) as there:
+        change = ["percepts.pose.rate=-1", "actions.clear.deadlin=3", 'robot.driver="mavlink"']
+        assert main(["manifest", "set", "turtle1", *change, *there]) == 2
+        said = capsys.readouterr().err
+        assert "turtle1: percepts.pose.rate: expected `float` > 0.0, got `-1`" in said
+        assert "turtle1: actions.clear.deadlin: there is no such field, did you mean `deadline`?" in said
+        assert "turtle1: nothing was changed, version 1" in said
+        assert main(["manifest", "set", "turtle1", "percepts.pose.rate=1", "--version", "4", *there]) == 2
+        assert "the manifest is at version 1, the change is for version 4" in capsys.readouterr().err
+        assert main(["manifest", "get", "turtle1", "percepts.poes", *there]) == 2
+        assert "there is no such percept, did you mean `pose`?" in capsys.readouterr().err
+
+
+def test_a_robot_that_no_bridge_serves_is_told_with_its_near_misses(
+    endpoint: str, tmp_path: Path, capsys: Captured
+) -> None:
+    with turtle(endpoint, tmp_path) as there:
+        assert main(["manifest", "get", "turtel1", *there]) == 1
+        assert (
+            f"error: turtel1: its bridge is not on the bus at {endpoint}, did you mean `turtle1`?"
+            in capsys.readouterr().err
+        )
+        assert main(["manifest", "set", "turtle1", "percepts.pose.rate=1", "--fleet", "sea", *there]) == 1
+        assert "; no bridge is there at all" in capsys.readouterr().err
+
+
+def test_a_router_that_is_not_there_is_told_in_bounded_time(endpoint: str, capsys: Captured) -> None:
+    started = time.monotonic()
+    assert main(["manifest", "get", "uav1", "--router", endpoint]) == 1
+    assert f"error: no router at {endpoint}" in capsys.readouterr().err
+    assert time.monotonic() - started < 15
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "expected what to change: PATH=VALUE or --remove PATH"),
+        (["percepts.pose.rate"], "expected PATH=VALUE such as percepts.altitude.rate=5, got `percepts.pose.rate`"),
+        (["percepts.pose.ttl=3s"], "percepts.pose.ttl: `3s` is no value in TOML; a text needs quotes"),
+        (["percepts.pose.rate=5\n[x]"], "is no value in TOML"),
+        (["actions.takeoff.params.altitude.max=inf"], "expected finite numbers, texts, lists and tables, got `inf`"),
+    ],
+)
+def test_what_is_no_change_is_said_before_anybody_is_asked(arguments: list[str], said: str, capsys: Captured) -> None:
+    assert main(["manifest", "set", "uav1", *arguments]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_all_problems_of_all_files_are_told_with_exit_code_2(tmp_path: Path, capsys: Captured) -> None:
+    one, two = tmp_path / "one.toml", tmp_path / "two.toml"
+    one.write_text('[robot]\ndriver = "zenoh"\n[percepts.p]\nrate = 0\n')
+    two.write_text('[robot]\ndriver = "zenho"\n[actions.a]\ntopic = "t"\ncancel = "stop"\n')
+    assert main(["manifest", "check", "turtle", str(one), str(two), "boat"]) == 2
+    told = capsys.readouterr()
+    assert told.out == "turtle: ok: zenoh, 2 percepts, 6 actions\n"
+    assert told.err.splitlines() == [
+        f"{one}:3: error: percepts.p: needs the field `source`",
+        f"{one}:4: error: percepts.p.rate: expected `float` > 0.0, got `0`",
+        f"{two}:2: error: robot.driver: no driver `zenho`, there is mavlink, zenoh, python",
+        f"{two}:5: error: actions.a.cancel: expected `hold` or `none`, got `stop`",
+        "boat: error: no such manifest; expected a file or one of: arducopter, arduplane, ardurover, turtle",
+    ]
+
+
+def test_the_two_ini_files_of_the_paper_are_one_manifest(
+    tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    act, per = "act", "per"
+    folder = Path(__file__).parents[3] / "missions" / "paper_uav"
+    (tmp_path / act).write_text((folder / "actions_manifest").read_text())
+    (tmp_path / per).write_text((folder / "perceptions_manifest").read_text())
+    monkeypatch.chdir(tmp_path)
+    for pair in ([act, per], ["./act", "./per"], [f"{act},{per}"]):
+        assert main(["manifest", "check", *pair, "turtle"]) == 0
+        first, second = capsys.readouterr().out.splitlines()
+        assert first.startswith(f"{','.join(pair)}: ok: mavlink, ")
+        assert second.startswith("turtle: ok")
+    for alone in (act, "./act"):
+        assert main(["manifest", "check", "turtle", alone]) == 2
+        said = capsys.readouterr().err
+        assert said == f"{alone}: error: this is one of the paper's two INI files: name both, ACTIONS,PERCEPTS\n"
+    assert main(["manifest", "check", act, "no_such"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 2
+
+
+def test_the_schema_is_printed(capsys: Captured) -> None:
+    path = shipped("manifests", "manifest.schema.json")
+    assert path is not None
+    assert main(["manifest", "schema"]) == 0
+    assert capsys.readouterr().out == path.read_text(encoding="utf-8")
+
+
+def test_the_commands_are_listed(capsys: Captured) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["manifest", "--help"])
+    assert ended.value.code == 0
+    listed = capsys.readouterr().out
+    assert all(name in listed for name in ("check", "schema", "convert", "get", "set"))

@@ -1,0 +1,214 @@
+"""What ends a run, from records alone."""
+
+from __future__ import annotations
+
+import re
+import time
+from dataclasses import replace
+
+import msgspec
+import pytest
+
+from argosy.processes.supervisor import Supervisor
+from argosy.run.end_conditions import ANSWERED, NOTHING_LEFT, Ending, Endings
+from argosy.run.summary import summary
+from schemas.mission.model import NO_STEPS
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
+from schemas.wire.records import Note
+from schemas.wire.terms import Atom
+from tests.argosy.recorded import Recording
+from tests.argosy.run.test_screen import in_flight, screen
+
+
+def look(recording: Recording) -> Ending | None:
+    """Return whether the run of a recording has ended, an operator's order having had the time to be answered."""
+    times = [1.0]
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1])
+    first = endings.look()
+    times.append(1.0 + ANSWERED)
+    return first or endings.look()
+
+
+def ordered(order: str) -> Recording:
+    """Return a recording in which an operator stops a flight to a waypoint."""
+    recording = in_flight()
+    recording.action(1, "goto", "failed", -27.603683, -48.518052, 40, reason=f"operator: {order}")
+    return recording
+
+
+def test_an_operators_order_is_told_and_ends_the_run_when_the_vehicle_is_down() -> None:
+    recording = ordered("land")
+    assert recording.lines[-1] == "uav1: the operator orders land"
+    assert "stopped by the operator (land)" in screen(recording)[0]
+    assert look(recording) is None
+    recording.percept("state", "LAND", True, False)
+    assert look(recording) == Ending(1, "stopped by the operator: land")
+
+
+def test_hold_keeps_the_run_going_and_says_how_to_give_the_robot_back() -> None:
+    recording = ordered("hold")
+    told = "uav1: the operator orders hold; `argosy stop release uav1` gives it back to its agents"
+    assert recording.lines[-1] == told
+    recording.percept("state", "LAND", True, False)
+    assert look(recording) is None
+    recording.picture.released("uav1")
+    assert recording.lines[-1] == "uav1: released by the operator: its agents act again"
+    assert "stopped" not in screen(recording)[0]
+
+
+def test_a_pause_is_shown_and_the_timeout_waits_for_its_end() -> None:
+    recording = in_flight()
+    recording.at, recording.status.timeout_at = 50.0, 60.0
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    recording.percept("paused", Atom("operator"))
+    assert recording.lines[-1] == "uav1: paused by the operator; `argosy stop continue uav1` lets it go on"
+    assert "paused (uav1)" in screen(recording)[0]
+    recording.at = 500.0
+    assert endings.look() is None
+    recording.percept_gone("paused")
+    assert recording.lines[-1] == "uav1: goes on: it is not paused any longer"
+    assert "paused (" not in screen(recording)[0]
+    recording.at = 509.0
+    assert endings.look() is None
+    recording.at = 511.0
+    assert endings.look() is not None
+
+
+def test_an_agent_that_gives_up_does_not_end_the_operators_order() -> None:
+    recording = ordered("land")
+    recording.fail('mission_failed("operator: land")[source(self)]')
+    assert look(recording) is None
+    recording.percept("state", "LAND", True, False)
+    assert look(recording) == Ending(1, "stopped by the operator: land")
+
+
+def test_a_run_is_there_until_an_order_on_the_ground_is_answered_and_ends_with_the_order_as_its_reason() -> None:
+    recording = ordered("hold")
+    recording.percept("state", "STABILIZE", True, False)
+    recording.fail('mission_failed("operator: hold")[source(self)]')
+    times = [1.0]
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1])
+    assert endings.look() is None
+    times.append(1.0 + ANSWERED)
+    assert endings.look() == Ending(1, "stopped by the operator: hold")
+
+
+@pytest.mark.parametrize("prevented", ["", "armed", "the agent acts", "intends something", "a client", "on_idle: none"])
+def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(prevented: str) -> None:
+    recording, now = in_flight(), [1.0]
+    recording.status.timeout_at = 500.0
+    recording.action(1, "goto", "succeeded", -27.603683, -48.518052, 40)
+    alarm = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.0)
+    recording.health("uav1", "bridged", notes=(alarm.text,), coded=(alarm,))
+    recording.health("uav1", "bridged")
+    recording.picture.mind(MindView(agent="uav", cycle=7))
+    recording.health("uav", "agentd", idle=prevented != "intends something")
+    recording.percept("state", "RTL", True, prevented == "armed")
+    match prevented:
+        case "the agent acts":
+            recording.action(2, "set_mode", "accepted", "GUIDED")
+            recording.action(2, "set_mode", "succeeded", "GUIDED")
+        case "a client":
+            recording.picture.token(keys.alive("single-uav", "pilot", "client", "b1"), alive=True)
+        case "on_idle: none":
+            recording.status.setup.mission.robots["uav1"] = msgspec.structs.replace(
+                recording.status.setup.mission.robots["uav1"], on_idle=NO_STEPS
+            )
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: now[-1])
+    assert endings.look() is None
+    now.append(1.0 + NOTHING_LEFT)
+    said = "uav1 was in the air with nobody in charge and was brought home (on_idle)"
+    over = Ending(1, f"failed: {said}; no agent has anything left to do")
+    assert endings.look() == (None if prevented else over)
+
+
+def test_a_lost_vehicle_is_not_down() -> None:
+    recording = ordered("rtl")
+    recording.percept("state", "", False, False)
+    assert look(recording) is None
+
+
+def test_an_order_is_told_once_whatever_else_it_ends() -> None:
+    recording = ordered("rtl")
+    recording.action(2, "takeoff", "refused", 5, reason="operator: rtl")
+    assert sum("the operator orders" in line for line in recording.lines) == 1
+
+
+def test_the_header_tells_how_much_time_is_left() -> None:
+    recording = in_flight()
+    recording.status.timeout_at = 600.0
+    assert ", timeout in 10 min" in screen(recording)[0]
+    recording.at = 540.0
+    assert ", timeout in 60 s" in screen(recording)[0]
+
+
+def test_a_run_that_is_not_done_tells_its_last_errors_and_warnings_once_and_without_the_ending() -> None:
+    recording = in_flight()
+    for number in range(12):
+        recording.status.journal.add("bridged uav1", f"problem {number}", "warning")
+    recording.status.journal.add("bridged uav1", "problem 11", "warning")
+    recording.status.journal.add("argosy", "failed: all is lost", "error")
+    told = summary(recording.status, Ending(1, "failed: all is lost"), [("startup", 1.0)])
+    assert "  last words\n" in told
+    assert re.findall(r"problem (\d+)", told) == [str(number) for number in range(2, 12)]
+    assert told.count("all is lost") == 1
+    assert "last words" not in summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
+
+
+class Silent:
+    """An observer that hears nothing of one agent, and has lost its router."""
+
+    def __init__(self, router_lost: float | None, *silent: str) -> None:
+        self.router_lost, self.silent = router_lost, set(silent)
+
+
+def ending_of(observer: Silent, restart: bool) -> Ending | None:
+    """Return how a run ends in which an observer hears this."""
+    recording = in_flight()
+    recording.status.setup = replace(recording.status.setup, restart=restart)
+    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    endings.observer = observer  # type: ignore[assignment]
+    return endings.look()
+
+
+def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again() -> None:
+    assert ending_of(Silent(None, "uav"), restart=False) == Ending(1, "failed: uav has not shown its mind for 5 s")
+    assert ending_of(Silent(None, "uav"), restart=True) is None
+
+
+def test_a_lost_router_ends_the_run_later_where_the_dead_are_started_again() -> None:
+    text = "failed: the router at tcp/127.0.0.1:7447 has not answered for {} s"
+    lost = time.monotonic() - 20
+    assert ending_of(Silent(lost), restart=False) == Ending(1, text.format(10))
+    assert ending_of(Silent(lost), restart=True) is None
+    assert ending_of(Silent(lost - 40), restart=True) == Ending(1, text.format(45))
+
+
+def test_what_an_agent_said_before_its_death_is_not_done() -> None:
+    recording = in_flight()
+    recording.mind(done=True)
+    assert look(recording) == Ending(0, "done")
+    recording.picture.agent_ended("uav")
+    assert look(recording) is None
+    recording.mind(done=True)
+    assert look(recording) == Ending(0, "done")
+
+
+def test_what_ran_on_a_bridge_that_died_has_ended_and_restarts_are_summed_up() -> None:
+    recording = in_flight()
+    recording.picture.bridge_ended("uav1")
+    assert recording.picture.open_actions() == []
+    recording.status.restarts.update({"bridged uav1": 2, "agentd uav": 1})
+    told = summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
+    assert "failed: its bridge died" in told
+    assert "  restarts   bridged uav1 2, agentd uav 1\n" in told
+
+
+def test_a_vehicle_whose_autopilot_is_not_commanded_ends_the_run_at_the_start() -> None:
+    recording = Recording()
+    said = "the autopilot of the vehicle is PX4"
+    recording.health("uav1", "bridged", notes=(said,))
+    assert look(recording) is None, "programs read the code, not the words"
+    recording.health("uav1", "bridged", notes=(said,), coded=(Note(code="autopilot_unknown", text=said),))
+    assert look(recording) == Ending(1, f"failed at the start: uav1: {said}")

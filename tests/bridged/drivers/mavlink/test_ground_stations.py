@@ -1,0 +1,256 @@
+"""Independent clients fly the simulated copter: mavsdk, MAVProxy and a plain pymavlink script, over loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import queue
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
+from tests.support.ports import free_port
+from tests.support.promises import least
+
+SPEED = "5"
+ROOT = Path(__file__).parents[4]
+
+
+@contextmanager
+def copter(link: str, *more: str) -> Iterator[subprocess.Popen[str]]:
+    """A simulated copter as a process; it is gone afterwards whatever happened."""
+    command = [sys.executable, "-m", "bridged", "simulate", "copter", "--link", link, *more]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def client(module: str, *arguments: str, seconds: float = 120) -> str:
+    """Runs a client to its end and returns what it printed."""
+    command = [sys.executable, "-m", f"tests.bridged.clients.{module}", *arguments]
+    environment = {**os.environ, "MAVLINK20": "1"}
+    finished = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=seconds, check=False
+    )
+    assert finished.returncode == 0, finished.stderr[-2000:] + finished.stdout[-2000:]
+    return finished.stdout
+
+
+@pytest.mark.timeout(150)
+def test_mavsdk_flies_the_copter_and_returns_to_launch() -> None:
+    port = free_port()
+    with copter(f"udpout:127.0.0.1:{port}", "--speed", SPEED):
+        printed = client("mavsdk_flight", f"udpin://127.0.0.1:{port}")
+    steps = ["connected", "healthy", "armed", "taken off", "arrived", "landed and disarmed at home"]
+    assert [line for line in printed.splitlines() if line in steps] == steps
+
+
+@pytest.mark.timeout(150)
+def test_a_plain_pymavlink_script_flies_the_copter_and_lands() -> None:
+    port = free_port()
+    with copter(f"udpout:127.0.0.1:{port}", "--speed", SPEED):
+        printed = client("pymavlink_flight", f"udpin:127.0.0.1:{port}")
+    assert printed.splitlines() == ["connected", "healthy", "armed", "taken off", "arrived", "landed and disarmed"]
+
+
+class MavProxy:
+    """A headless MAVProxy that is told commands and answers with lines."""
+
+    def __init__(self, port: int, directory: Path) -> None:
+        command = [
+            str(Path(sys.executable).parent / "mavproxy.py"),
+            f"--master=udpin:127.0.0.1:{port}",
+            "--default-modules=mode,arm,misc,cmdlong,param,link,wp,output",
+            f"--state-basedir={directory}",
+        ]
+        self.process = subprocess.Popen(
+            [sys.executable, *command],
+            cwd=directory,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            bufsize=1,
+        )
+        self.printed: list[str] = []
+        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in self.process.stdout or ():
+            self._lines.put(line)
+
+    def say(self, command: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(command + "\n")
+
+    def until(self, pattern: str, seconds: float = 40.0, ask: str | None = None) -> re.Match[str]:
+        """The first new line in which the pattern stands; `ask` is said every half second meanwhile."""
+        end, asked = time.monotonic() + seconds, 0.0
+        while time.monotonic() < end:
+            if ask and time.monotonic() - asked > 0.5:
+                asked = time.monotonic()
+                self.say(ask)
+            try:
+                line = self._lines.get(timeout=0.2)
+            except queue.Empty:
+                continue
+            self.printed.append(line)
+            if found := re.search(pattern, line):
+                return found
+        raise AssertionError(f"MAVProxy said no {pattern!r} in {seconds:g} s:\n{''.join(self.printed[-30:])}")
+
+    def until_at(self, north_of: int, height: float) -> None:
+        """Waits for a GLOBAL_POSITION_INT at this latitude (1e-7 degrees) and height (m above home)."""
+        end = time.monotonic() + 40
+        pattern = r"GLOBAL_POSITION_INT {.* lat : (-?\d+),.* relative_alt : (-?\d+),"
+        while time.monotonic() < end:
+            found = self.until(pattern, ask="status GLOBAL_POSITION_INT")
+            lat, relative_alt = int(found[1]), int(found[2])
+            if abs(lat - north_of) < 60 and abs(relative_alt / 1000 - height) < 0.3:
+                return
+        raise AssertionError(f"MAVProxy saw no arrival: {found[0]}")
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+@pytest.mark.timeout(200)
+def test_mavproxy_flies_the_copter_and_returns_to_launch(tmp_path: Path) -> None:
+    port = free_port()
+    with copter(f"udpout:127.0.0.1:{port}", "--speed", SPEED):
+        station = MavProxy(port, tmp_path)
+        try:
+            station.until("online system 1")
+            station.until("Received [0-9]+ parameters")
+            station.say("mode guided")
+            station.until("Mode GUIDED")
+            station.say("arm throttle")
+            station.until("^ARMED|> ARMED")
+            station.say("takeoff 5")
+            station.until("NAV_TAKEOFF: ACCEPTED")
+            station.until_at(-276040330, 5.0)
+            station.say("guided -27.603683 -48.518052 15")
+            station.until("DO_REPOSITION: ACCEPTED")
+            station.until_at(-276036830, 15.0)
+            station.say("mode rtl")
+            station.until("Mode RTL")
+            station.until("DISARMED", 60)
+            station.until_at(-276040330, 0.0)
+        finally:
+            station.close()
+
+
+class Ear:
+    """A listening link in this process that keeps what it hears."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[str, dialect.MAVLink_message]] = []
+
+    async def open(self, port: int) -> Link:
+        address = LinkAddress.parse(f"udpin:127.0.0.1:{port}")
+        return await open_link(
+            address, lambda message, peer: self.heard.append((str(peer), message)), system=255, component=190
+        )
+
+    def count(self, kind: str) -> int:
+        return sum(message.get_type() == kind for _, message in self.heard)
+
+    def last(self, kind: str) -> dialect.MAVLink_message:
+        return [message for _, message in self.heard if message.get_type() == kind][-1]
+
+    async def until(self, kind: str, times: int, seconds: float = 20.0) -> None:
+        async with asyncio.timeout(seconds):
+            while self.count(kind) < times:
+                await asyncio.sleep(0.01)
+
+
+def test_vehicle_time_passes_at_the_speed_that_was_asked_for() -> None:
+    async def speed() -> float:
+        ear, port = Ear(), free_port()
+        link = await ear.open(port)
+        with copter(f"udpout:127.0.0.1:{port}", "--speed", "20"):
+            await ear.until("TIMESYNC", 1)
+            begin, first = time.monotonic(), ear.last("TIMESYNC").ts1
+            await ear.until("TIMESYNC", 6)
+            passed = (ear.last("TIMESYNC").ts1 - first) / 1e9
+            await link.close()
+            return float(passed) / (time.monotonic() - begin)
+
+    assert least(lambda: abs(asyncio.run(speed()) - 20), 5) < 5
+
+
+def test_a_rebooted_copter_speaks_from_another_port() -> None:
+    async def story() -> None:
+        ear, port = Ear(), free_port()
+        link = await ear.open(port)
+        with copter(f"udpout:127.0.0.1:{port}", "--speed", "10"):
+            await ear.until("HEARTBEAT", 5)
+            link.send(dialect.MAVLink_command_long_message(1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0), 1)
+            await ear.until("COMMAND_ACK", 1)
+            beats = ear.count("HEARTBEAT")
+            await ear.until("HEARTBEAT", beats + 3)
+            await link.close()
+        assert len({peer for peer, _ in ear.heard}) == 2
+        assert link.counters.moves == 1
+
+    asyncio.run(story())
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("link", ["udpout:127.0.0.1:{port}", "tcpin:127.0.0.1:{port}", "tcp:127.0.0.1:{port}"])
+def test_the_simulator_ends_within_a_second_when_it_is_told_to(link: str, number: signal.Signals) -> None:
+    def ending() -> float:
+        with copter(link.format(port=free_port())) as process:
+            assert process.stderr is not None
+            assert "simulated copter 1 on" in process.stderr.readline()
+            asked = time.monotonic()
+            process.send_signal(number)
+            assert process.wait(timeout=30) == 0
+            return time.monotonic() - asked
+
+    assert least(ending, 1.0) < 1.0
+
+
+def test_a_link_that_cannot_be_opened_is_one_clear_line_and_exit_code_2() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        link = f"udpin:127.0.0.1:{taken.getsockname()[1]}"
+        with copter(link) as process:
+            assert process.stderr is not None
+            complaint = process.stderr.read()
+            assert process.wait(timeout=30) == 2
+    assert complaint == f"bridged simulate: error: link {link} cannot be opened: address already in use\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--link", "udp:1"], "error: link 'udp:1': expected udpin:HOST:PORT, udpout:HOST:PORT"),
+        (["--link", "udpin:h:1", "--home", "1,2"], "argument --home: expected LAT,LON,ALT such as"),
+        (["--link", "udpin:h:1", "--home", "91,2,3"], "argument --home: expected LAT,LON,ALT such as"),
+        (["--link", "udpin:h:1", "--sysid", "256"], "argument --sysid: expected a system id between 1 and 255"),
+        (["--link", "udpin:h:1", "--speed", "fast"], "argument --speed: expected a factor between 0.1 and 100"),
+    ],
+)
+def test_a_wrong_argument_is_one_clear_line_and_exit_code_2(arguments: list[str], complaint: str) -> None:
+    command = [sys.executable, "-m", "bridged", "simulate", "copter", *arguments]
+    finished = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=30, check=False)
+    assert finished.returncode == 2
+    assert complaint in finished.stderr
+    assert "Traceback" not in finished.stderr

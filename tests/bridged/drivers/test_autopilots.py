@@ -1,0 +1,116 @@
+"""A vehicle whose autopilot is not known is listened to, and nothing is asked of it that it could misunderstand."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.bridge.safety_orders import Step
+from bridged.drivers.api import Order, Outcome
+from bridged.simulation.copter.fault_injection import Faults
+from tests.bridged.bridge.test_safety_orders import leaving, passing
+from tests.bridged.drivers.mavlink.test_recorded_flights import Replay
+from tests.bridged.recorded import PX4, packets
+from tests.bridged.sky import GOAL, Sky
+
+SAID = "the autopilot of the vehicle is PX4, and only ArduPilot is commanded: it is listened to only"
+ACTIONS = {
+    "set_mode": ("GUIDED",),
+    "arm_motors": (True,),
+    "takeoff": (5.0,),
+    "goto": GOAL,
+    "land": (),
+    "return_to_launch": (),
+    "upload_mission": ([["takeoff", 0, 0, 10], ["rtl"]],),
+    "set_param": ("RTL_ALT", 15.0),
+    "get_param": ("RTL_ALT",),
+    "drop_buoy": (),
+}
+
+
+@pytest.fixture
+def stranger(tmp_path: Path) -> Sky:
+    """A vehicle that flies, and says that it is a PX4."""
+    sky = Sky(tmp_path, faults=Faults(autopilot=dialect.MAV_AUTOPILOT_PX4))
+    sky.vehicle.advance(4)
+    sky.vehicle.copter.set_mode(4)
+    sky.vehicle.copter.arm()
+    sky.vehicle.copter.take_off(20)
+    sky.vehicle.advance(15)
+    sky.wait(2)
+    return sky
+
+
+def heard_by(sky: Sky) -> set[str]:
+    return {message.get_type() for message in sky.sent}
+
+
+@pytest.mark.parametrize("name", ACTIONS)
+def test_every_action_is_refused_and_the_reason_names_the_autopilot(stranger: Sky, name: str) -> None:
+    final = stranger.do(name, *ACTIONS[name])  # type: ignore[arg-type]
+    assert (final.state, final.reason) == ("refused", SAID)
+    stranger.wait(5)
+    assert heard_by(stranger) == {"HEARTBEAT"}
+
+
+@pytest.mark.parametrize("order", ["hold", "land", "rtl"])
+def test_an_operators_order_is_refused_with_that_reason(stranger: Sky, order: Order) -> None:
+    execution = stranger.bridge.desk.order(order, f"operator: {order}", block=True, insist=True)
+    stranger.wait(1)
+    assert execution.outcome == Outcome("refused", SAID)
+    assert heard_by(stranger) == {"HEARTBEAT"}
+
+
+def test_neither_a_lost_agent_nor_the_end_of_the_bridge_orders_anything(stranger: Sky) -> None:
+    async def lost() -> str:
+        async with asyncio.timeout(60):
+            stranger.bridge.orders.agent_lost("uav", "a test", (Step("hold", 1.0), Step("rtl")))
+            await passing(stranger, 20)
+            return await leaving(stranger, stranger.bridge.orders.shut_down("rtl"))
+
+    assert "armed" in asyncio.run(lost())
+    assert heard_by(stranger) == {"HEARTBEAT"}
+
+
+def test_it_is_perceived_and_its_modes_have_no_names_of_another_autopilot(stranger: Sky) -> None:
+    assert stranger.belief("state") == ("CMODE(4)", True, True)
+
+
+def test_it_is_told_in_the_log_once_and_in_health_with_a_code(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    sky = Sky(tmp_path, faults=Faults(autopilot=dialect.MAV_AUTOPILOT_PX4))
+    with caplog.at_level(logging.ERROR):
+        sky.wait(10)
+    assert [record.getMessage() for record in caplog.records] == [f"system 1: {SAID}"]
+    health = sky.bridge.health()
+    assert health.notes == (SAID,)
+    assert [(note.code, note.text) for note in health.coded] == [("autopilot_unknown", SAID)]
+
+
+def test_a_running_action_ends_when_the_vehicle_turns_out_to_be_another_autopilot(tmp_path: Path) -> None:
+    sky = Sky(tmp_path).flying(10)
+    heard = sky.begin("goto", *GOAL)
+    sky.wait(2)
+    sky.sent.clear()
+    strange = dialect.MAVLink_heartbeat_message(2, dialect.MAV_AUTOPILOT_PX4, 157, 50593792, 4, 3)
+    sky.we_hear = lambda message: message.get_type() != "HEARTBEAT" or message.autopilot == strange.autopilot
+    sky.downlink.append(strange)
+    sky.forward(lambda: heard[-1].final, "the end of goto", 5)
+    assert (heard[-1].state, heard[-1].reason) == ("failed", SAID)
+    sky.sent.clear()
+    sky.wait(3)
+    assert heard_by(sky) <= {"HEARTBEAT"}
+
+
+def test_nothing_but_heartbeats_goes_to_a_recorded_px4() -> None:
+    replay = Replay(PX4)
+    for packet in packets(PX4):
+        replay.now = packet.at
+        replay.talk.receive(packet.message, packet.at)
+        replay.tick(packet.at)
+    assert set(replay.sent) == {"HEARTBEAT"}
+    assert [str(getattr(note, "code", note)) for note in replay.talk.notes()] == ["autopilot_unknown"]
+    assert any(one.name == "global_pos" for _, one in replay.told)

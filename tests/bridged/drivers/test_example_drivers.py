@@ -1,0 +1,101 @@
+"""The example package of docs/drivers.md: a driver of one's own and functions of one's own, installed and used."""
+
+from __future__ import annotations
+
+import asyncio
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from bridged.drivers import check_manifest
+from schemas.manifest.loader import Manifest, load_manifest, read_manifest
+from tests.bridged.plugins import install
+from tests.bridged.workshop import Workshop, in_the_workshop
+from tests.support.buses import until
+from tests.support.ports import free_port
+
+LAMP = Path(__file__).parents[3] / "examples" / "lamp"
+MISSION = (LAMP / "lamp.yaml").read_text()
+
+
+@pytest.fixture
+def lamp(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Manifest:
+    """Install the package and return its manifest."""
+    site = tmp_path / "site"
+    site.mkdir()
+    project = tomllib.loads((LAMP / "pyproject.toml").read_text())["project"]
+    modules = {path.stem: path.read_text() for path in LAMP.glob("*.py")}
+    install(monkeypatch, site, modules, project["entry-points"], project["name"])
+    manifest = load_manifest(LAMP / "lamp.toml")
+    assert check_manifest(manifest) == []
+    return manifest
+
+
+def test_the_driver_is_as_short_as_its_page_says() -> None:
+    assert len((LAMP / "lamp_driver.py").read_text().splitlines()) < 100
+
+
+def test_a_simulated_lamp_shines_and_its_board_blinks(lamp: Manifest, tmp_path: Path) -> None:
+    async def body(workshop: Workshop) -> None:
+        await workshop.perceives("level", 0)
+        await workshop.perceives("temperature", 40)
+        assert (await workshop.do("brightness", 70)).state == "succeeded"
+        await workshop.perceives("level", 70)
+        melted = await workshop.do("brightness", 170)
+        assert (melted.state, melted.reason) == ("failed", "I would melt")
+        assert (await workshop.do("blink", 3)).state == "succeeded"
+        await workshop.perceives("temperature", 43)
+
+    in_the_workshop(Workshop(tmp_path, lamp, mission=MISSION, simulated=True), body)
+
+
+def test_a_real_lamp_is_called_at_its_link_and_called_again_when_it_hangs_up(lamp: Manifest, tmp_path: Path) -> None:
+    manifest = read_manifest(
+        (LAMP / "lamp.toml").read_text().partition("[percepts.temperature]")[0]
+        + '[actions.brightness]\nparams = [{name = "percent"}]\ncall = "set"\nmotion = false\n',
+        "lamp.toml",
+    )
+
+    async def body(workshop: Workshop) -> None:
+        served: list[asyncio.StreamWriter] = []
+        twin = import_module("lamp_driver").TwinLamp()
+
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            served.append(writer)
+            await twin.serve(reader, writer)
+
+        early = await workshop.do("brightness", 1)
+        assert (early.state, early.reason) == ("failed", "the lamp is not connected")
+        async with await asyncio.start_server(serve, "127.0.0.1", port):
+            await workshop.perceives("level", 0)
+            assert (await workshop.do("brightness", 30)).state == "succeeded"
+            served[0].transport.abort()
+            await until(lambda: len(served) == 2, "it is called again")
+            assert (await workshop.do("brightness", 60)).state == "succeeded"
+            await workshop.perceives("level", 60)
+            served[1].close()
+
+    port = free_port()
+    mission = MISSION.replace("tcp:10.0.0.7:4000", f"tcp:127.0.0.1:{port}")
+    in_the_workshop(Workshop(tmp_path, manifest, mission=mission), body)
+
+
+@pytest.mark.usefixtures("lamp")
+def test_what_is_wrong_with_a_manifest_is_told_by_the_driver_at_its_line() -> None:
+    text = '[robot]\ndriver = "lamp"\n[percepts.level]\nsource = "volume"\n[actions.louder]\ncall = "shout"\n'
+    assert [str(one) for one in check_manifest(read_manifest(text, "radio.toml"))] == [
+        "radio.toml:4: error: percepts.level.source: a lamp tells `level`",
+        'radio.toml:5: error: actions.louder: expected `call = "set"` and one parameter',
+    ]
+
+
+def test_a_board_without_the_hardware_says_so(lamp: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def body(workshop: Workshop) -> None:
+        wanted = "`board.temperature` fails: "
+        await until(lambda: any(note.startswith(wanted) for note in workshop.bridge.health().notes), "it is told")
+        assert workshop.present("temperature") == []
+
+    monkeypatch.setattr(import_module("board_functions"), "ZONE", tmp_path / "none")
+    in_the_workshop(Workshop(tmp_path, lamp, mission=MISSION.replace("10.0.0.7", "127.0.0.1")), body)

@@ -1,0 +1,140 @@
+"""The simulated copter as a process on real links: a pilot's link of its own, signatures, faults."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
+from bridged.drivers.mavlink.transport.signing import Signing, key_of
+from tests.bridged.drivers.mavlink.test_ground_stations import copter
+from tests.support.ports import free_port
+
+PATIENCE = 20.0
+
+
+class Station:
+    """One who speaks with the copter over UDP: a bridge, or a pilot's ground station."""
+
+    def __init__(self) -> None:
+        self.heard: list[dialect.MAVLink_message] = []
+        self.link: Link
+
+    async def open(self, port: int, signing: Signing | None = None) -> Station:
+        self.link = await open_link(
+            LinkAddress.parse(f"udpin:127.0.0.1:{port}"),
+            lambda message, _: self.heard.append(message),
+            system=255,
+            component=190,
+            signing=signing,
+        )
+        return self
+
+    async def until(self, kind: str, **fields: int) -> dialect.MAVLink_message:
+        """The first message of this kind with these fields that was heard."""
+        async with asyncio.timeout(PATIENCE):
+            while True:
+                for message in self.heard:
+                    if message.get_type() == kind and all(getattr(message, k) == v for k, v in fields.items()):
+                        return message
+                await asyncio.sleep(0.01)
+
+    def command(self, number: int, *params: float) -> None:
+        padded = (*params, *([0.0] * (7 - len(params))))
+        self.link.send(dialect.MAVLink_command_long_message(1, 1, number, 0, *padded))
+
+
+def test_a_pilot_on_a_link_of_his_own_changes_the_mode_and_the_bridge_sees_it() -> None:
+    async def story() -> None:
+        ports = [free_port(), free_port()]
+        bridge, pilot = [await Station().open(port) for port in ports]
+        links = [f"udpout:127.0.0.1:{port}" for port in ports]
+        with copter(links[0], "--link", links[1], "--speed", "10"):
+            await bridge.until("HEARTBEAT", custom_mode=0)
+            await pilot.until("HEARTBEAT", custom_mode=0)
+            await pilot.until("HOME_POSITION")  # the start of the vehicle is over
+            pilot.command(176, 1, 4)
+            await pilot.until("COMMAND_ACK", command=176, result=0)
+            await bridge.until("HEARTBEAT", custom_mode=4)
+            assert not [one for one in bridge.heard if one.get_type() == "COMMAND_ACK"]
+            await bridge.link.close()
+            await pilot.link.close()
+
+    asyncio.run(story())
+
+
+@pytest.fixture
+def passphrase(tmp_path: Path) -> Path:
+    file = tmp_path / "passphrase"
+    file.write_text("a passphrase of the field\n")
+    file.chmod(0o600)
+    return file
+
+
+def test_a_copter_with_a_passphrase_obeys_signed_packets_only_and_signs_its_own(passphrase: Path) -> None:
+    async def story() -> str:
+        port = free_port()
+        key = key_of(b"a passphrase of the field")
+        friend = await Station().open(port, Signing(key))
+        more = ["--signing-passphrase-file", str(passphrase), "--speed", "10"]
+        with copter(f"udpout:127.0.0.1:{port}", *more) as process:
+            await friend.until("HEARTBEAT")
+            friend.command(512, 148)
+            await friend.until("AUTOPILOT_VERSION")
+            assert friend.link.counters.refused == 0
+            friend.link.signing = None
+            for _ in range(3):
+                friend.command(512, 241)
+            friend.link.signing = Signing(key)
+            friend.command(512, 1)
+            await friend.until("SYS_STATUS")
+            assert not [one for one in friend.heard if one.get_type() == "VIBRATION"]
+            await friend.link.close()
+            process.send_signal(signal.SIGTERM)
+            _, printed = process.communicate(timeout=PATIENCE)
+        return str(printed)
+
+    assert "packets 3 refused for want of a right signature" in asyncio.run(story())
+
+
+def test_a_copter_on_a_bad_link_is_still_heard_and_tells_what_was_lost() -> None:
+    async def story() -> tuple[str, Station]:
+        port = free_port()
+        station = await Station().open(port)
+        with copter(
+            f"udpout:127.0.0.1:{port}", "--fault", "loss=0.3,duplicate=0.3", "--fault", "garbage=0.3", "--speed", "20"
+        ) as process:
+            async with asyncio.timeout(PATIENCE):
+                while len(station.heard) < 40:
+                    await asyncio.sleep(0.01)
+            await station.link.close()
+            process.send_signal(signal.SIGTERM)
+            _, printed = process.communicate(timeout=PATIENCE)
+        return str(printed), station
+
+    printed, station = asyncio.run(story())
+    assert " lost, " in printed
+    assert " doubled, " in printed
+    assert "bursts of garbage" in printed
+    assert station.link.counters.skipped_bytes > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--fault", "rain"], "bridged simulate: error: expected one of loss=SHARE, duplicate=SHARE, "),
+        (["--param", "RTL_HEIGHT=3"], "bridged simulate: error: the simulated copter has no parameter 'RTL_HEIGHT'"),
+        (["--param", "RTL_ALT"], "argument --param: expected NAME=VALUE such as FS_GCS_ENABLE=1, got 'RTL_ALT'"),
+        (["--signing-passphrase-file", "/nowhere"], "bridged simulate: error: /nowhere: no such file or directory"),
+        (["--battery-minutes", "0"], "argument --battery-minutes: expected minutes between 0.1 and 10000, got '0'"),
+    ],
+)
+def test_what_cannot_be_simulated_is_one_clear_line_and_exit_code_2(arguments: list[str], complaint: str) -> None:
+    with copter("udpin:127.0.0.1:0", *arguments) as process:
+        _, printed = process.communicate(timeout=PATIENCE)
+        assert process.returncode == 2
+    assert complaint in printed
