@@ -1,5 +1,7 @@
 """The JSON Schema of manifests, for editors: types, ranges, choices and what everything means.
 
+`msgspec.json.schema` cannot write a default that is a `Duration`, and takes no docstrings of fields.
+
 What one field says of another (a key beyond the arguments, a minimum above the maximum) and what drivers know is beyond
 it: `argosy manifest check` tells that too.
 """

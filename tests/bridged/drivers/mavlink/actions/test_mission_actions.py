@@ -176,7 +176,7 @@ def test_a_mission_that_cannot_be_read_is_refused_with_its_item(sky: Sky, items:
         ([-27.603683, -48.518052, 31], "item 2 of the mission: altitude 31 m is above the mission's limit of 30 m"),
         (
             [-27.613683, -48.518052, 20],
-            "item 2 of the mission: 1073 m from home is outside the mission's limit of 100 m",
+            "item 2 of the mission: 1075 m from home is outside the mission's limit of 100 m",
         ),
         (["takeoff", 0, 0, 40], "item 2 of the mission: altitude 40 m is above the mission's limit of 30 m"),
     ],
