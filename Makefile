@@ -1,12 +1,14 @@
-# Two commands do everything: `make fly` and `make test`. Each makes the virtual environment if it is not there.
+# `make fly` and `make test` are all that a user needs. Each makes the virtual environment if it is missing.
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 MISSION ?= missions/single_uav.yaml
 CODE := schemas commd bridged agentd argosy
+# Without bytecode, as under PYTHONDONTWRITEBYTECODE, each worker would rewrite the assertions of all tests: 11 s of CPU.
+PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder --reruns 1
 
-.PHONY: fly rescue test index soak faults field attacks bench docs reference pictures lint types contracts format check-python byte-code clean
+.PHONY: fly rescue test test-all test-boards test-browser index soak faults field attacks bench docs reference pictures lint types contracts format check-python byte-code clean
 
 fly: $(VENV)/fly.stamp byte-code  ## fly the paper's first mission in simulation, with a live view
 	@$(BIN)/argosy run $(MISSION) $(ARGS)
@@ -15,8 +17,16 @@ rescue: $(VENV)/fly.stamp byte-code  ## fly the paper's search and rescue on thr
 	@$(BIN)/argosy run missions/search_and_rescue.yaml --report report/rescue $(ARGS)
 	@$(BIN)/argosy referee missions/search_and_rescue.yaml report/rescue
 
-test: $(VENV)/test.stamp byte-code  ## run all tests, six files at a time, as most of them wait; what fails is tried once more, and told
-	$(BIN)/python -m pytest -n 6 --dist loadfile --no-loadscope-reorder --reruns 1 $(ARGS)
+test: $(VENV)/test.stamp byte-code  ## run the tests that need nothing but Python, six files at a time, as most of them wait
+	$(PYTEST) -n 6 -m "not (browser or internet or namespaces)" $(ARGS)
+
+test-boards: $(VENV)/test.stamp byte-code  ## run the tests that make boards of network namespaces (root) or download; follow each page
+	$(PYTEST) -n 4 -m "internet or namespaces" $(ARGS)
+
+test-browser: $(VENV)/test.stamp byte-code  ## run the tests that drive chromium, two files at a time, as it computes
+	$(PYTEST) -n 2 -m browser $(ARGS)
+
+test-all: test test-boards test-browser  ## run all tests
 
 index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter answers as the real one did
 	@$(BIN)/python -m tests.bridged.index_replay

@@ -10,6 +10,8 @@ import faulthandler
 import itertools
 import logging
 import signal
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable, Iterator
 from hashlib import sha256
@@ -19,8 +21,10 @@ from hypothesis import HealthCheck, is_hypothesis_test, settings
 from xdist.scheduler.loadfile import LoadFileScheduling
 
 from commd.bus.session import sessions_under_way, still_there
+from tests.boards.network import NoNamespaces, possible
 from tests.support import ports
 from tests.support.amount import some_of
+from tests.support.needs import NEEDS, lacks
 
 settings.register_profile("exploring", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile(
@@ -61,7 +65,8 @@ LONGEST = (
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest files first, and mix the others: most of one folder compute, of another wait for processes.
 
-    Mark as `generated` what makes as many inputs as `tests.support.amount` says.
+    Mark each test by the fixtures of `NEEDS` that it uses, and as `generated` what makes as many inputs as
+    `tests.support.amount` says.
     """
 
     def turn(item: pytest.Item) -> tuple[int, str]:
@@ -70,12 +75,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     items.sort(key=turn)  # stable: those of a file stay in their order
     for item in items:
+        for need in set(NEEDS).intersection(getattr(item, "fixturenames", ())):
+            item.add_marker(need)
         module = getattr(item, "module", None)
         if hasattr(module, "some_of") or hasattr(module, "THOROUGH") or is_hypothesis_test(getattr(item, "obj", None)):
             item.add_marker("generated")
 
 
-SPREAD = ("tests/docs/test_following.py",)
+SPREAD = ("tests/docs/test_following.py", "tests/argosy/ui/test_page_truth.py")
 """Files that take minutes and whose tests share nothing: of several files at a time, each of their tests is one."""
 
 
@@ -91,6 +98,13 @@ class Spreading(LoadFileScheduling):
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Spreading | None:
     """Spread the tests that `make test` runs."""
     return Spreading(config, log) if config.getoption("dist") == "loadfile" else None
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Show why a test failed that passed when it was run again: it is a defect all the same."""
+    for report in terminalreporter.getreports("rerun"):
+        terminalreporter.section(f"failed at first: {report.nodeid}")
+        terminalreporter.line(report.longreprtext)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -129,6 +143,24 @@ def sessions_end() -> Iterator[None]:
     if left := still_there(own, SESSION_PATIENCE):
         names = ", ".join(one.name for one in left)
         warnings.warn(f"after {SESSION_PATIENCE:g} s a Zenoh session is still {names}", stacklevel=1)
+
+
+@pytest.fixture(scope="session")
+def namespaces() -> None:
+    """Make sure that boards of network namespaces can be made."""
+    try:
+        possible()
+    except NoNamespaces as why:
+        lacks("namespaces", why)
+
+
+@pytest.fixture(scope="session")
+def internet(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Make sure that a package index can be reached."""
+    folder = str(tmp_path_factory.mktemp("internet"))
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--retries=0", "--dest", folder, "pip"]
+    if subprocess.run(command, timeout=120).returncode:
+        lacks("internet", "no package index can be reached")
 
 
 @pytest.fixture

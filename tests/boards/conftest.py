@@ -1,40 +1,21 @@
-"""Skips the tests of this folder where namespaces cannot be made, with the reason; in CI they fail then."""
+"""Boards of network namespaces, and fleets on them."""
 
 from __future__ import annotations
 
-import functools
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.boards.fleet import Fleet
-from tests.boards.network import NEEDED, Network, NoNamespaces, possible
+from tests.boards.network import Network
 
 BOARDS = ("pi1", "pi2", "pi3")
 
 
-@functools.cache
-def why_not() -> str:
-    """Return why namespaces cannot be made here; empty: they can."""
-    try:
-        possible()
-    except NoNamespaces as error:
-        return str(error)
-    return ""
-
-
-def needs_namespaces() -> None:
-    """Skip the test where namespaces cannot be made; where they must be, fail."""
-    if why := why_not():
-        pytest.fail(why) if os.environ.get(NEEDED) else pytest.skip(why)
-
-
 @pytest.fixture
-def network() -> Iterator[Network]:
+def network(namespaces: None) -> Iterator[Network]:
     """Three boards and the ground."""
-    needs_namespaces()
     with Network(BOARDS) as made:
         yield made
 

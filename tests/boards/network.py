@@ -19,8 +19,6 @@ from types import TracebackType
 
 GROUND = "ground"
 GROUND_ADDRESS = "10.77.0.100"
-NEEDED = "ARGOSY_NEEDS_NAMESPACES"
-"""Environment variable: where it is set, as in CI, tests with namespaces fail instead of being skipped."""
 _OURS = re.compile(r"argosy-(\d+)-\d+-")
 _SWITCH = "field"
 _CABLE = "cable"

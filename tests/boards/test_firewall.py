@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -17,10 +16,10 @@ from argosy.deploy.unit_files import Board
 from argosy.deploy.units_command import write
 from commd.router.admission import AT_ONCE, UNHEARD
 from schemas.mission.model import load_mission
-from tests.boards.conftest import needs_namespaces
-from tests.boards.network import GROUND, NEEDED, Network
+from tests.boards.network import GROUND, Network
 from tests.support.analyzed import analyzed
 from tests.support.booted import NoMachine, booted
+from tests.support.needs import lacks
 from tests.support.secured import FLEET, Secured
 
 PORT, ELSEWHERE = 7447, 7448
@@ -96,9 +95,15 @@ agents:
 
 
 @pytest.fixture
-def board(tmp_path: Path) -> tuple[Board, Path]:
+def nft(namespaces: None) -> None:
+    """Load rules in a namespace."""
+    if shutil.which("nft") is None:
+        lacks("namespaces", "there is no `nft`: install nftables")
+
+
+@pytest.fixture
+def board(tmp_path: Path, nft: None) -> tuple[Board, Path]:
     """Return board pi1 of a mission, and the tree that is written for it."""
-    _needs_nft()
     (tmp_path / "a.asl").write_text("+x <- true.\n")
     (tmp_path / "mission.yaml").write_text(MISSION)
     made = Board(load_mission(tmp_path / "mission.yaml"), "pi1")
@@ -129,9 +134,7 @@ def test_who_connects_too_often_is_limited_and_boards_and_others_are_not(
         assert "counter packets 0" not in next(line for line in loaded.splitlines() if "@open4" in line)
 
 
-def test_a_stop_is_confirmed_by_a_real_commd_behind_them_during_a_burst_from_another_address() -> None:
-    needs_namespaces()
-    _needs_nft()
+def test_a_stop_is_confirmed_by_a_real_commd_behind_them_during_a_burst_from_another_address(nft: None) -> None:
     with Network(("pi1", "pi2", "pi3", "attacker")) as network, Secured(network=network, text=SECURED) as fleet:
         write(Board(fleet.mission, "pi1"), fleet.folder / "out")
         rules = fleet.folder / "out" / rules_path(Board(fleet.mission, "pi1"))[1:]
@@ -156,8 +159,7 @@ def test_a_stop_is_confirmed_by_a_real_commd_behind_them_during_a_burst_from_ano
 
 def test_the_unit_that_loads_them_is_right_and_off_until_it_is_enabled(board: tuple[Board, Path]) -> None:
     if shutil.which("systemd-analyze") is None:
-        why = "there is no systemd-analyze: install systemd"
-        pytest.fail(why) if os.environ.get(NEEDED) else pytest.skip(why)
+        lacks("namespaces", "there is no systemd-analyze: install systemd")
     made, out = board
     found = analyzed(out, "verify", "--man=no", firewall_unit(made))
     assert (found.returncode, found.stdout + found.stderr) == (0, "")
@@ -177,12 +179,6 @@ def test_systemd_loads_them_and_takes_them_away(board: tuple[Board, Path]) -> No
             assert machine.run("nft", "list", "tables") == ""
     except NoMachine as why:
         pytest.skip(str(why))
-
-
-def _needs_nft() -> None:
-    if shutil.which("nft") is None:
-        why = "there is no `nft`: install nftables"
-        pytest.fail(why) if os.environ.get(NEEDED) else pytest.skip(why)
 
 
 def _stopped(network: Network, *order: str) -> float:

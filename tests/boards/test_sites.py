@@ -5,7 +5,6 @@ n2 --- n1 === s1 --- s2
 
 from __future__ import annotations
 
-import os
 import select
 import subprocess
 import sys
@@ -16,10 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.boards.conftest import why_not
 from tests.boards.fleet import Fleet
 from tests.boards.letters import Post, judge
-from tests.boards.network import NEEDED, Network
+from tests.boards.network import Network
 from tests.support.processes import ROOT
 
 SITES = ("n1", "n2", "s1", "s2")
@@ -53,10 +51,8 @@ asyncio.run(main(sys.argv[1], sys.argv[2], int(sys.argv[3])))
 
 
 @pytest.fixture
-def network() -> Iterator[Network]:
+def network(namespaces: None) -> Iterator[Network]:
     """Four boards; those that are not to be linked cannot reach one another either."""
-    if why := why_not():
-        pytest.fail(why) if os.environ.get(NEEDED) else pytest.skip(why)
     with Network(SITES) as made:
         for one, other in (("n2", "s1"), ("n2", "s2"), ("n1", "s2")):
             made.part(one, other)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.needs import lacks
 from tests.support.processes import ROOT, Daemon
 
 GROUP, MEMBER, STRANGER = 61_230, 61_231, 61_232
@@ -36,7 +37,7 @@ except zenoh.ZError as error:
 @pytest.fixture(autouse=True)
 def root() -> None:
     if os.geteuid() != 0:
-        pytest.fail("needs root") if os.environ.get("ARGOSY_NEEDS_NAMESPACES") else pytest.skip("needs root")
+        lacks("namespaces", "needs root")
 
 
 @pytest.fixture

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.boards.network import GROUND, NEEDED, Network, NoNamespaces, possible
+from tests.boards.network import GROUND, Network
 from tests.docs import table
 from tests.docs.commands import commands, is_a_form
 from tests.docs.pages import COMMANDS, Block, blocks, pages
@@ -31,13 +30,7 @@ FOLLOWED = sorted(
 
 
 @pytest.fixture(scope="module")
-def within() -> Iterator[tuple[str, ...]]:
-    try:
-        possible()
-    except NoNamespaces as why:
-        if os.environ.get(NEEDED):
-            raise
-        pytest.skip(str(why))
+def within(namespaces: None) -> Iterator[tuple[str, ...]]:
     with Network([]) as network:
         yield network.within(GROUND)
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
 
-from tests.boards.network import NEEDED, NoNamespaces, possible
 from tests.field import agents, bridges, rows
 from tests.field.rows import Maker
 from tests.field.units import UnitFile
@@ -29,11 +27,7 @@ def test_a_function_that_hangs_in_flight_is_answered_for_and_ended_by_the_watchd
     assert not fly(tmp_path).problems
 
 
-def test_a_link_between_boards_that_is_cut_brings_the_vehicle_home(tmp_path: Path) -> None:
-    try:
-        possible()
-    except NoNamespaces as error:
-        pytest.fail(str(error)) if os.environ.get(NEEDED) else pytest.skip(str(error))
+def test_a_link_between_boards_that_is_cut_brings_the_vehicle_home(tmp_path: Path, namespaces: None) -> None:
     assert not agents.cut(tmp_path).problems
 
 

@@ -22,7 +22,7 @@ KNOCK = "/opt/checkout/tests/support/knock.py"
 
 
 @pytest.fixture(scope="module")
-def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
+def machine(tmp_path_factory: pytest.TempPathFactory, namespaces: None) -> Iterator[Machine]:
     """A machine on which the units of a board run; skips where none can be made."""
     folder = tmp_path_factory.mktemp("booted")
     (folder / "survey.yaml").write_text(MISSION)

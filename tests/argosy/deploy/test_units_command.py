@@ -18,6 +18,7 @@ from commd.router import config
 from schemas.files.findings import Findings
 from schemas.mission.model import Mission, load_mission
 from tests.support.analyzed import analyzed, exposure, installed
+from tests.support.needs import lacks
 
 MOST = 2.0
 """The exposure that `systemd-analyze security` may find in a unit at most."""
@@ -38,8 +39,7 @@ done: "scout: over"
 @pytest.fixture
 def systemd() -> None:
     if shutil.which("systemd-analyze") is None:
-        why = "there is no systemd-analyze: install systemd"
-        pytest.fail(why) if os.environ.get("ARGOSY_NEEDS_NAMESPACES") else pytest.skip(why)
+        lacks("namespaces", "there is no systemd-analyze: install systemd")
 
 
 def mission(folder: Path, text: str = FLEET, link: str = "serial:/dev/ttyAMA0:921600") -> Mission:

@@ -12,10 +12,12 @@ import pytest
 
 from argosy.cli.operator_bus import Where
 from schemas.wire.records import Outcome
-from tests.argosy.ui.browsing import APART, Seen, browsing, chromium
+from tests.argosy.ui.browsing import APART, Seen, browsing
 from tests.argosy.ui.fleets import Robot, fleet, router
 from tests.argosy.ui.serving import served
 from tests.support.processes import Daemon, running
+
+pytestmark = pytest.mark.usefixtures("browser")
 
 SCOUT = """\
 home(-27.604033, -48.518363).
@@ -55,7 +57,6 @@ EVIL = "<img src=x onerror=\"document.title='hacked'\"><script>document.title='h
 @pytest.fixture
 def patrol(tmp_path: Path, endpoint: str, free_port: Callable[[], int]) -> Iterator[tuple[Daemon, str]]:
     """Fly the mission and serve its page; gives the server and the address of its page."""
-    chromium()
     (tmp_path / "scout.asl").write_text(SCOUT)
     (tmp_path / "helper.asl").write_text(HELPER)
     mission = tmp_path / "patrol.yaml"
@@ -190,7 +191,6 @@ def _quoted(text: str) -> str:
 
 
 def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router_ages_all(endpoint: str) -> None:
-    chromium()
 
     async def body() -> None:
         async with served(Where("sar", endpoint)) as browser, browsing(browser.doors.url) as seen:
@@ -220,7 +220,6 @@ def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router_ages_
 
 
 def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -> None:
-    chromium()
 
     async def body() -> None:
         async with (
@@ -243,7 +242,6 @@ def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -> None
 def test_an_observer_is_told_why_the_buttons_do_nothing(endpoint: str, tmp_path: Path) -> None:
     from schemas.mission.model import load_mission
 
-    chromium()
     (tmp_path / "m.yaml").write_text(
         "mission: sar\nagents: {scout: {program: s.asl, robot: uav1}}\nrobots: {uav1: {manifest: turtle}}\n"
         "security: {observers: [eye]}\n"

@@ -6,11 +6,15 @@ import asyncio
 import json
 from argparse import Namespace
 
+import pytest
+
 from argosy.cli.operator_bus import Where, where
-from tests.argosy.ui.browsing import Seen, browsing, chromium
+from tests.argosy.ui.browsing import Seen, browsing
 from tests.argosy.ui.serving import served
 from tests.argosy.watch.hostile import FLEET, MARKUP, saying
 from tests.support.secured import Secured
+
+pytestmark = pytest.mark.usefixtures("browser")
 
 MISSION = """
 mission: three
@@ -42,7 +46,6 @@ MADE = (
 
 
 def test_nothing_that_a_fleet_says_runs_in_the_page_or_becomes_markup(endpoint: str) -> None:
-    chromium()
 
     async def body() -> None:
         async with served(Where(FLEET, endpoint)) as server, browsing(server.doors.url) as seen:
@@ -60,7 +63,6 @@ def test_nothing_that_a_fleet_says_runs_in_the_page_or_becomes_markup(endpoint: 
 
 def test_nothing_that_a_secured_fleet_says_runs_in_the_operators_page() -> None:
     """Agents and robots have the worst names that a mission may give: those of properties of JavaScript objects."""
-    chromium()
 
     async def body(fleet: Secured) -> None:
         place = where(Namespace(mission=str(fleet.path), fleet=None, router=None, keys=fleet.keys("ops")))

@@ -7,14 +7,17 @@ import json
 from typing import Any
 
 import msgspec
+import pytest
 from msgspec.structs import replace
 
 from argosy.cli.operator_bus import Where
 from schemas.wire.mind_records import Deed, DropView, IntentionView, MindView
 from tests.agentd.mind_format_page import part
-from tests.argosy.ui.browsing import Seen, browsing, chromium
+from tests.argosy.ui.browsing import Seen, browsing
 from tests.argosy.ui.fleets import fleet
 from tests.argosy.ui.serving import served
+
+pytestmark = pytest.mark.usefixtures("browser")
 
 
 def scout() -> MindView:
@@ -102,7 +105,6 @@ async def _why(seen: Seen) -> None:
 
 
 def test_the_panel_shows_a_mind_finds_in_it_and_tells_why(endpoint: str) -> None:
-    chromium()
 
     async def body() -> None:
         async with fleet(endpoint, {}) as (_, (agent,)):

@@ -21,18 +21,19 @@ from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.records import Health, Note, Outcome, RunPhase, RunState
 from schemas.wire.terms import Atom
-from tests.argosy.ui.browsing import APART, PATIENCE, Seen, browsing, chromium
+from tests.argosy.ui.browsing import APART, PATIENCE, Seen, browsing
 from tests.argosy.ui.fleets import Agent, Robot, fleet, router
 from tests.argosy.ui.serving import Browser, served
 from tests.support.buses import session, until
 from tests.support.processes import running
+
+pytestmark = pytest.mark.usefixtures("browser")
 
 FINE = Outcome(ok=True)
 
 
 def runs(body: Callable[[], Coroutine[object, object, None]]) -> None:
     """Run a test that ends."""
-    chromium()
     asyncio.run(asyncio.wait_for(body(), 120))
 
 
