@@ -1,1 +1,5 @@
-"""agentd.conversion."""
+"""Conversions at the edge of a mind: between its terms and records, and from its state to text and views.
+
+`term_conversion` translates terms, percepts and mail to and from the records on the bus; `mind_view` makes the view
+that observers ask for, by the parameters that `introspection` reads; `log_format` makes log lines.
+"""

@@ -1,1 +1,1 @@
-"""Project files of Jason (``.mas2j``): read, and made into the agents that ``agentd run`` runs."""
+"""Jason's project files (.mas2j): lexer, parser, syntax, and the loader that turns one into agents."""

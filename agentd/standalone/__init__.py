@@ -1,1 +1,1 @@
-"""agentd.standalone."""
+"""`agentd run`: agents in one process, without a bus."""

@@ -1,1 +1,1 @@
-"""``agentd test``: runs the plans of programs that are marked as tests."""
+"""`agentd test`: run test plans. `discovery` finds them, `runner` runs them, `report` prints the results."""

@@ -1,1 +1,1 @@
-"""argosy.deploy."""
+"""Boards: `argosy units`, `argosy board`, `argosy wheelhouse`, and the files they write."""

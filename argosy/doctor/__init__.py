@@ -1,1 +1,1 @@
-"""argosy.doctor."""
+"""`argosy doctor`: inspect a running fleet. Each `*_checks` module makes findings on one subject."""

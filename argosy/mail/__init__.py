@@ -1,1 +1,1 @@
-"""argosy.mail."""
+"""`argosy mail`: what waits in mailboxes, and dead letters."""

@@ -1,1 +1,1 @@
-"""argosy.manifest."""
+"""`argosy manifest`: check, convert and print manifest files; read and change the one a robot runs by."""

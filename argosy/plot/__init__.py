@@ -1,1 +1,1 @@
-"""argosy.plot."""
+"""`argosy plot`: figures and tables of a recording. `data` reads it, `panels` and `map` draw, `figure` composes."""

@@ -1,1 +1,1 @@
-"""argosy.processes."""
+"""Processes of a mission on this machine: which there are, how they start, restart and end."""

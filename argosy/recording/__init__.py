@@ -1,1 +1,1 @@
-"""Recordings of a fleet: MCAP files of all that was said on its bus (docs/recording.md)."""
+"""Recordings (MCAP): `record` writes them, `file` reads them, `replay` plays them and runs recorded minds again."""

@@ -1,1 +1,1 @@
-"""argosy.stop."""
+"""`argosy stop`: order robots to hold, land or return, above every agent."""

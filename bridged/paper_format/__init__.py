@@ -1,1 +1,1 @@
-"""bridged.paper_format."""
+"""Manifests and messages in the format of the paper (INI files, ROS names, text values)."""

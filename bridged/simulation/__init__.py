@@ -1,1 +1,1 @@
-"""Simulated vehicles: they ship with the product, and they are its test doubles."""
+"""Simulated vehicles: a copter on MAVLink, a turtle on Zenoh. `command` starts one."""

@@ -1,1 +1,1 @@
-"""commd.directory."""
+"""The service directory of a board: `registry` what is offered, `service` how it is asked."""

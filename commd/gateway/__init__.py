@@ -1,1 +1,1 @@
-"""commd.gateway."""
+"""Gateways between networks: the gateway daemon, the paper's Comm node, and the radio model."""

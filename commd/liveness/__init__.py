@@ -1,1 +1,1 @@
-"""commd.liveness."""
+"""Who is alive: liveliness tokens, health records and their timeouts."""

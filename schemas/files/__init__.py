@@ -1,1 +1,1 @@
-"""schemas.files."""
+"""Files as users write them: positions of YAML, TOML and INI, units, validation, findings with a caret."""

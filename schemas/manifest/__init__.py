@@ -1,1 +1,1 @@
-"""schemas.manifest."""
+"""Manifests of robots: model, loader, rules, edits, the paper's INI format, JSON schema."""

@@ -1,1 +1,1 @@
-"""schemas.wire."""
+"""What travels: records, terms, their encoding, and key expressions (`keys`)."""

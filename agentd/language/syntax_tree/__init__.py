@@ -1,1 +1,1 @@
-"""agentd.language.syntax_tree."""
+"""The syntax tree: `nodes`, `printer`, `traversal`, names (`namespaces`, `signatures`), `source`, `errors`."""

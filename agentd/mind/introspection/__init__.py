@@ -1,1 +1,1 @@
-"""agentd.mind.introspection."""
+"""What a mind tells about itself: decisions, failures, counters of dropped items, snapshots."""

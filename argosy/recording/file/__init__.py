@@ -1,1 +1,1 @@
-"""argosy.recording.file."""
+"""The recording file: MCAP records, metadata, reader, writer, and JSON of what it holds."""

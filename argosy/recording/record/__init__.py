@@ -1,1 +1,1 @@
-"""argosy.recording.record."""
+"""`argosy record`: subscribe to a fleet, fetch what was before, filter, write."""

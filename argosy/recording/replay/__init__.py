@@ -1,1 +1,1 @@
-"""argosy.recording.replay."""
+"""`argosy replay`: publish a recording again, print its contents, or run a recorded mind again."""

@@ -1,1 +1,1 @@
-"""bridged.simulation.turtle."""
+"""A simulated turtle on Zenoh keys, like the one of turtlesim."""

@@ -1,1 +1,1 @@
-"""bridged.drivers.mavlink.transport."""
+"""Links to MAVLink vehicles: sockets and serial lines, framing, signing, forwarding to ground stations."""

@@ -1,1 +1,1 @@
-"""bridged.drivers.mavlink.vehicle."""
+"""One vehicle as its messages show it: state, flight modes, streams, texts, failsafes, and commands to it."""

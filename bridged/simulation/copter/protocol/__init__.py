@@ -1,1 +1,1 @@
-"""bridged.simulation.copter.protocol."""
+"""The MAVLink side of the simulated copter: commands, parameters, missions, telemetry, signing, bad links."""
