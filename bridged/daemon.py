@@ -157,7 +157,7 @@ def told_of(bus: Bus, part: Part) -> list[str]:
 def in_words(bridges: list[Bridge], bus: Bus) -> str:
     """Return what the bridges do now, and their warnings, for the service manager."""
     away = "" if bus.router_up else "; the router is lost"
-    notes = "".join(f"; {bridge.name}: {note}" for bridge in bridges for note in bridge.notes())
+    notes = "".join(f"; {bridge.name}: {note.text}" for bridge in bridges for note in bridge.notes())
     return f"serving {', '.join(bridge.name for bridge in bridges)}{away}{notes}"
 
 

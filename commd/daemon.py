@@ -39,13 +39,14 @@ from schemas.files.findings import Finding, Findings
 from schemas.files.yaml_positions import did_you_mean
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
-from schemas.wire.records import Health, RunningMission
+from schemas.wire.records import Health, Note, RunningMission
 
 ROUND_TRIP = 2.0
 """Wall seconds within which the router answers itself, or hangs."""
-NO_RULES = (
+NO_RULES = Note(
+    "no_access_rules",
     "no access rules: whoever has a certificate of the fleet may do everything here; "
-    "`argosy units` writes rules, --config FILE takes them"
+    "`argosy units` writes rules, --config FILE takes them",
 )
 log = logging.getLogger("commd")
 
@@ -108,7 +109,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             router_config.listen_at(config, endpoint, listen)
     open_to_its_machines = tls is not None and not secured
     if open_to_its_machines:
-        log.warning("%s", NO_RULES)
+        log.warning("%s", NO_RULES.text)
     mode: Literal["client", "router"] = "client" if external else "router"
     async with open_bus(
         endpoint,
@@ -165,7 +166,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
 
             def details() -> Health:
                 found = together(parts)
-                unit.status(words, *found.notes)
+                unit.status(words, *(note.text for note in found.notes))
                 return found
 
             health = asyncio.create_task(report_health(bus, board, clock, details))
@@ -218,5 +219,4 @@ def together(parts: Sequence[Callable[[], Health]]) -> Health:
         bad_input=sum(health.bad_input for health in healths),
         counters=counters,
         notes=tuple(note for health in healths for note in health.notes),
-        coded=tuple(note for health in healths for note in health.coded),
     )

@@ -30,9 +30,12 @@ from agentd.persistence.sqlite_file import (
 )
 from commd.mail.page_checksums import PageSums, log_damage
 from commd.process.state_dir import make_private_folder
+from schemas.wire.records import Note
 
 NUMBERINGS: Final = 1_000
 """Of so many numberings of a sender the last number taken is remembered: more are those of lives long over."""
+DAMAGED: Final = "state_damaged"
+"""Code of the notes about what is missing of a file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +101,8 @@ class Checkpoint:
 
     def __init__(self, path: Path, agent: str, synchronous: Synchronous) -> None:
         self.path = path
-        self.notes: list[str] = []
-        """What people should be told about the file, such as that it was set aside."""
+        self.notes: list[Note] = []
+        """What is missing of the file that was found."""
         self._agent, self._synchronous = agent, synchronous
         self._sums = PageSums(path)
         self._lock = threading.Lock()
@@ -122,12 +125,13 @@ class Checkpoint:
                     made.close()
                     raise NotWhole(damage)
                 if damage_of_log:
-                    made.notes.append(f"{path}: {damage_of_log}")
+                    made.notes.append(Note(DAMAGED, f"{path}: {damage_of_log}", "log"))
             except sqlite3.DatabaseError as error:
                 if not is_corrupt(error):
                     raise
                 aside = set_aside(path)
-                made.notes.append(f"{path} is corrupt ({error}) and was set aside as {aside.name}: {agent} begins anew")
+                text = f"{path} is corrupt ({error}) and was set aside as {aside.name}: {agent} starts without it"
+                made.notes.append(Note(DAMAGED, text, "file"))
                 made._open()
         return made
 

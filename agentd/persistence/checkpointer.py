@@ -65,7 +65,7 @@ class Keeping:
         """Why nothing can be kept now; empty = it can."""
         self.first: Saving | None = None
         """What the first save of this life holds besides."""
-        self._told = [Note(code="state_damaged", text=note) for note in memory.checkpoint.notes]
+        self._told = list(memory.checkpoint.notes)
         self._agent, self._keeper, self._mind, self._mailing = agent, keeper, mind, mailing
         self._checkpoint, self._writer = memory.checkpoint, memory.writer
         self._wire, self._wake = wire, wake
@@ -83,19 +83,14 @@ class Keeping:
         self._since: float | None = None
         """When there was first something to keep that is not kept yet."""
 
-    def notes(self) -> tuple[str, ...]:
-        """What people should know: why nothing can be kept now, and what was wrong with the file."""
-        return (*((self.problem,) if self.problem else ()), *(note.text for note in self._told))
+    def notes(self) -> tuple[Note, ...]:
+        """Return why nothing can be kept now, and what was wrong with the file."""
+        return (*((Note("state_not_kept", self.problem),) if self.problem else ()), *self._told)
 
-    @property
-    def coded(self) -> tuple[Note, ...]:
-        """Those of the notes that programs act on."""
-        return tuple(self._told)
-
-    def tell(self, code: str, text: str) -> None:
-        """Tell something about what was kept, for the rest of this life."""
-        log.error("agent=%s %s", self._agent, text)
-        self._told.append(Note(code=code, text=text))
+    def tell(self, note: Note) -> None:
+        """Report something about what was kept, for the rest of this life."""
+        log.error("agent=%s %s", self._agent, note.text)
+        self._told.append(note)
 
     async def count_life(self) -> None:
         """Write down that there is another life, before anything comes of it; waits for that, but not for long."""

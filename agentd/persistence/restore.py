@@ -13,11 +13,11 @@ from agentd.extensions.file_access import KEPT
 from agentd.mail.inbox import Numbered
 from agentd.mail.mail_client import Mailing
 from agentd.mail.outbox import Waiting
-from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving, Stored
+from agentd.persistence.checkpoint import DAMAGED, Checkpoint, CheckpointError, Saving, Stored
 from agentd.persistence.sqlite_file import remove
 from commd.process.state_dir import make_private_folder
 from schemas.wire.codec import BadRecord, Codec, R, codec
-from schemas.wire.records import Action, Message
+from schemas.wire.records import Action, Message, Note
 
 log = logging.getLogger("keeping")
 
@@ -65,13 +65,15 @@ class Memory:
                 messages.append(Waiting(one.number, _read(codec(Message), one.message), len(one.message)))
             except BadRecord as bad:
                 self._unread.delivered.append(one.number)
-                self._lost(f"message {one.seq} to {one.receiver}", bad)
+                what = f"message {one.seq} to {one.receiver}"
+                self._lost(what, what, bad)
         for identity, kept in stored.actions.items():
             try:
                 self.actions.append(_read(codec(Action), kept.parameters))
             except BadRecord as bad:
                 self._unread.ended.append(identity)
-                self._lost(f"the action {kept.name} ({identity}), which may have begun,", bad)
+                what = f"the action {kept.name} ({identity}), which may have begun,"
+                self._lost(what, f"action {identity}", bad)
         mailing.outbox.restore(messages)
         mailing.inbox.restore({Numbered(*whose): seq for whose, seq in stored.absorbed.items()})
 
@@ -96,9 +98,9 @@ class Memory:
             self._unread, next_seq=begun, numbering=mailing.outbox.numbering, lives=self.life + 1, extra=extra
         )
 
-    def _lost(self, what: str, why: BadRecord) -> None:
-        note = f"{self.checkpoint.path}: {what} cannot be read and is lost: {why}"
-        log.error("%s", note)
+    def _lost(self, what: str, about: str, why: BadRecord) -> None:
+        note = Note(DAMAGED, f"{self.checkpoint.path}: {what} cannot be read and is lost: {why}", about)
+        log.error("%s", note.text)
         self.checkpoint.notes.append(note)
 
     def is_of(self, program: bytes) -> bool:
@@ -138,7 +140,7 @@ async def open_memory(
     except OSError as error:
         raise CheckpointError(f"{path}: {error.strerror or error}") from None
     for note in memory.checkpoint.notes:
-        log.error("agent=%s %s", agent, note)
+        log.error("agent=%s %s", agent, note.text)
     return memory
 
 

@@ -155,7 +155,7 @@ class Crew:
 
     def _tell(self) -> None:
         """Tell the service manager who reasons, and what is not as it should be."""
-        notes = [f"{name}: {note}" for name, host in self.hosts.items() for note in host.notes()]
+        notes = [f"{name}: {note.text}" for name, host in self.hosts.items() for note in host.notes()]
         away = [] if self._bus.router_up else ["the router is lost"]
         self._unit.status(f"reasoning: {', '.join(self.hosts)}", *away, *notes)
 

@@ -57,7 +57,7 @@ from commd.process.output import stdout
 from commd.process.systemd import Loop
 from schemas.files.terminal import escape_line
 from schemas.wire.mind_records import MindView
-from schemas.wire.records import Health, Message, Perception
+from schemas.wire.records import Health, Message, Note, Perception
 
 Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
 """Who fulfils what a mind asks of its team."""
@@ -309,13 +309,14 @@ class Host:
             hand.poison = None  # else it comes with a message, which will be refused
         hand.keep(poison)
         what = said(poison)
-        keeping.tell("set_aside", f"set aside after {DEATHS} lives that ended at it: {what} (kept in {hand.kept})")
+        text = f"set aside after {DEATHS} lives that ended at it: {what} (kept in {hand.kept})"
+        keeping.tell(Note("set_aside", text, what))
         self._mailing.signal("set_aside", what)
 
     async def _compare(self, memory: Memory, stored: Stored, keeping: Keeping) -> None:
         """Tell if what is kept has gone back in time."""
         if told := await memory.went_back(stored, self._mailing):
-            keeping.tell("state_went_back", told)
+            keeping.tell(Note("state_went_back", told))
             self._mailing.signal("state_went_back")
 
     def _interrupted(self, literal: Literal) -> None:
@@ -618,7 +619,6 @@ class Host:
             bad_input=self.counters["bad_percepts"] + self._mailing.counters["bad"],
             counters={**{name: float(count) for name, count in sorted(counters.items())}, "percepts_missed": missed},
             notes=self.notes(),
-            coded=() if self._keeping is None else self._keeping.coded,
             lag=self._backlog.lag(mind.cycle, waiting, self._clock.wall()),
             idle=self._idle,
         )
@@ -630,8 +630,8 @@ class Host:
             return None
         return self._mind.idle and not self._mind.suspended
 
-    def notes(self) -> tuple[str, ...]:
-        """Warnings that hold now, in words."""
+    def notes(self) -> tuple[Note, ...]:
+        """Return the warnings that hold now."""
         kept = () if self._keeping is None else self._keeping.notes()
         percepts = self._perceiving or self._by_hand
         by_hand = () if percepts is None else percepts.notes()

@@ -26,7 +26,7 @@ from agentd.mind.execution.receive_message import told_annots
 from commd.bus.bus import Bus, Query
 from schemas.wire import keys
 from schemas.wire.mind_records import MindOrder
-from schemas.wire.records import Outcome
+from schemas.wire.records import Note, Outcome
 
 log = logging.getLogger("control")
 
@@ -119,15 +119,16 @@ class Control:
                 return [step]
         return []
 
-    def notes(self) -> tuple[str, ...]:
-        """What people should know now."""
+    def notes(self) -> tuple[Note, ...]:
+        """Return the pause, or that one has ended by itself lately."""
         now = self._wall()
         if self._paused:
             left = max(0.0, self._until - now)
-            since = f"paused by the operator for {now - self._since:.0f} s"
-            return (f"{since}; it goes on by itself in {left:.0f} s{self._alone}",)
+            since = round(now - self._since)
+            text = f"paused by the operator for {since} s; it goes on by itself in {left:.0f} s{self._alone}"
+            return (Note("mind_paused", text, value=since),)
         if self._over is not None and now < self._over[0] + TOLD_AGAIN:
-            return (f"paused by the operator, it went on by itself: {self._over[1]}",)
+            return (Note("mind_went_on", f"paused by the operator, it went on by itself: {self._over[1]}"),)
         return ()
 
     async def _serve(self, query: Query[MindOrder]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from argosy.cli.remedies import BY_CODE, level_of, logs_of, remedy_of, target_of
+from argosy.cli.remedies import REMEDIES, level_of, logs_of, target_of
 from argosy.doctor.findings import Facts, Said
 from argosy.fleet_model.fleet_status import MEANING, Row
 from schemas.humanize import count, latency, span
@@ -78,14 +78,8 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
     if health is None:
         return
     who, logs = f"{row.daemon} {row.name}", logs_of(row.daemon, facts.mission, row.board or "its board")
-    codes = {note.text: note.code for note in health.coded}
     for note in health.notes:
-        yield Said(
-            level_of(note, health),
-            "daemons",
-            f"{who}: {note}",
-            BY_CODE.get(codes.get(note, "")) or remedy_of(note, logs),
-        )
+        yield Said(level_of(note), "daemons", f"{who}: {note.text}", REMEDIES.get(note.code, logs))
     if health.restarts:
         was = f"; {health.last_error}" if health.last_error and health.last_error_age is None else ""
         text = f"{who} was started again {count(health.restarts, 'time')} since its board started{was}"

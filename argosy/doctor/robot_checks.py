@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.cli.remedies import remedy_of
+from argosy.cli.remedies import REMEDIES
 from argosy.doctor.findings import Facts, RobotFacts, Said
 from argosy.fleet_model.fleet_status import Row
 from schemas.humanize import count
@@ -51,7 +51,7 @@ def failsafes(facts: Facts) -> list[Said]:
     ]
     if undeclared := [name for name, gcs in vehicles.items() if gcs is None]:
         text = f"{', '.join(undeclared)}: none declared: if the bridge dies, nothing brings the vehicle home"
-        said.append(Said("warning", "failsafe", text, remedy_of("failsafe: none", "")))
+        said.append(Said("warning", "failsafe", text, REMEDIES["failsafe_none"]))
     return said
 
 

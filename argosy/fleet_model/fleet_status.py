@@ -9,7 +9,7 @@ from typing import Literal
 
 from schemas.mission.model import Mission
 from schemas.wire import keys
-from schemas.wire.records import Health
+from schemas.wire.records import Health, Note
 
 SILENT = 3.5
 """Wall seconds without a record after which a daemon that holds its token counts as silent; it tells one a second."""
@@ -64,12 +64,12 @@ class Row:
         return self.standing in WELL
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """What is to be said of it in words: the standing, if it is not well, and its own warnings."""
+    def notes(self) -> tuple[Note, ...]:
+        """Return the standing, if it is not well, and the daemon's own warnings."""
         if self.standing == "missing":
             heard = f"; last heard {self.age:.0f} s ago" if self.age is not None else ""
-            return (MEANING["missing"] + heard,)
-        standing = () if self.well else (MEANING[self.standing],)
+            return (Note("missing", MEANING["missing"] + heard, value=self.age),)
+        standing = () if self.well else (Note(self.standing, MEANING[self.standing]),)
         return standing + (self.health.notes if self.health is not None else ())
 
     @property

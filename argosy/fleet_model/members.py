@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from argosy.cli.remedies import level_of
 from argosy.fleet_model.fleet_status import Row, Standing
 from argosy.fleet_model.robots import RobotSeen
 from argosy.fleet_model.track import Track
 from schemas.wire.mind_records import MindView
-from schemas.wire.records import Mailboxes
+from schemas.wire.records import Mailboxes, Note
 
 TRACK = 2_000
 """Points of a robot's track that are kept."""
@@ -51,15 +50,9 @@ class Member:
         return self.row is not None and self.row.well
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """What is to be said of it in words."""
+    def notes(self) -> tuple[Note, ...]:
+        """Warnings that hold now: of its standing, and its own."""
         return () if self.row is None or self.ended else self.row.notes
-
-    @property
-    def alarms(self) -> tuple[str, ...]:
-        """Those of the notes that are errors."""
-        health = None if self.row is None else self.row.now
-        return () if health is None else tuple(note for note in self.notes if level_of(note, health) == "error")
 
     @property
     def lag(self) -> float:

@@ -22,7 +22,7 @@ from argosy.fleet_model.members import Member, TeamAgent, TeamRobot
 from argosy.fleet_model.message_log import Letters
 from argosy.fleet_model.mission_clock import MissionClock
 from argosy.fleet_model.naming import named
-from argosy.fleet_model.picture import OPERATOR, without_figures
+from argosy.fleet_model.picture import OPERATOR
 from argosy.fleet_model.places import Places
 from argosy.fleet_model.robots import ActionSeen, ActionsSeen, written
 from argosy.fleet_model.roster import Roster
@@ -49,8 +49,6 @@ from schemas.wire.records import (
 
 SILENCE = 5.0
 """Seconds without an answer from a mind, while the router is there, after which it counts as silent."""
-BLOCKED = "no action is taken: "
-"""How a bridge's note begins while an order of the operator, or the loss of the agent, stands above the agents."""
 RUN_SILENT = 5.0
 """Seconds without a word after which `argosy run` counts as silent; it publishes its state each second."""
 ENDS: frozenset[RunPhase] = frozenset({"bringing_home", "done", "failed"})
@@ -182,16 +180,16 @@ class TeamModel:
             return
         name, daemon = parsed[1], parsed[2][1]
         member = self._roster.member(name, daemon)
-        known = {without_figures(note) for note in member.notes}
+        known = {note.identity for note in member.notes}
         for note in health.notes:
-            if without_figures(note) not in known:
-                self._tell(name, note, level_of(note, health))
+            if note.identity not in known:
+                self._tell(name, note.text, level_of(note))
         self._roll.heard(key, health)
         member.told = self.now()
         if isinstance(member, TeamRobot):
             if health.percepts:
                 self._roster.has(name, tuple(health.percepts))
-            self._ordered(member, health.notes)
+            member.seen.operator = health.ordered or ""
 
     def percept(self, key: str, percept: Perception) -> None:
         """An agent perceived something; a robot is seen through the first of those that have it."""
@@ -388,11 +386,6 @@ class TeamModel:
         if parsed is None or parsed[0] != self.fleet:
             return None
         return parsed[1]
-
-    def _ordered(self, robot: TeamRobot, notes: tuple[str, ...]) -> None:
-        """Tell from its bridge's notes whether an operator's order stands above the agents."""
-        blocked = next((note.removeprefix(BLOCKED) for note in notes if note.startswith(BLOCKED)), "")
-        robot.seen.operator = shortened(blocked.removeprefix(OPERATOR)) if blocked.startswith(OPERATOR) else ""
 
     def _positions(self) -> set[tuple[float, float]]:
         """Return where the fleet is."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,9 +20,6 @@ KEPT_PRINTS = 50
 
 OPERATOR = "operator: "
 """How the reason of an action begins that an operator's order ended."""
-
-_GROWING = re.compile(r"[0-9.]+ (s\b|of [0-9]+)")
-"""What counts on in a note while it holds: "for 6 s", "88 of 90"."""
 
 
 @dataclass
@@ -112,10 +108,10 @@ class Picture:
             self.heard_at[parsed[1], parsed[2][1]] = self._now()
             if parsed[1] in self.robots and _unattended(health) and not _unattended(before):
                 self.robots[parsed[1]].unattended = True
-            known = {without_figures(note) for note in before.notes} if before is not None else set()
+            known = {note.identity for note in before.notes} if before is not None else set()
             for note in health.notes:
-                if without_figures(note) not in known:
-                    self.journal.add(parsed[1], note, level_of(note, health))
+                if note.identity not in known:
+                    self.journal.add(parsed[1], note.text, level_of(note))
 
     def percept(self, key: str, percept: Perception) -> None:
         """An agent perceived something; a robot is seen through the first of those that have it."""
@@ -200,7 +196,7 @@ class Picture:
         """Return in words which vehicle's autopilot is none that is commanded; nothing if all are."""
         for name in self.robots:
             if (health := self.health.get((name, "bridged"))) is not None:
-                for note in health.coded:
+                for note in health.notes:
                     if note.code == "autopilot_unknown":
                         return f"{name}: {note.text}"
         return ""
@@ -212,9 +208,4 @@ class Picture:
 
 
 def _unattended(health: Health | None) -> bool:
-    return health is not None and any(note.code == UNATTENDED for note in health.coded)
-
-
-def without_figures(note: str) -> str:
-    """What a note says but for how long or how often: it is told once, not each second."""
-    return _GROWING.sub("", note)
+    return health is not None and any(note.code == UNATTENDED for note in health.notes)

@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 from argosy.cli.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
 from argosy.fleet_model.fleet_status import SILENT, Roll, Row
-from argosy.fleet_model.picture import without_figures
 from argosy.status.lines import ANY_FLEET, line, summary, to_json
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
@@ -147,4 +146,4 @@ async def _tell_changes(roll: Roll, fleet: str, args: Namespace) -> int:
 def _what_matters(row: Row) -> object:
     """What changes when there is something new to say of a daemon."""
     life = None if row.health is None else (row.health.header.boot, row.health.errors)
-    return row.standing, [without_figures(note) for note in row.notes], life
+    return row.standing, [note.identity for note in row.notes], life

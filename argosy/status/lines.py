@@ -6,6 +6,8 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+import msgspec
+
 from argosy.fleet_model.fleet_status import Row
 from schemas.files.terminal import printable
 
@@ -33,7 +35,7 @@ def line(row: Row) -> str:
     if not row.in_mission:
         told["in_mission"] = "no"
     words = " ".join(f"{name}={value}" for name, value in told.items() if value != "")
-    notes = "".join(f" note={_quoted(note)}" for note in row.notes)
+    notes = "".join(f" note={_quoted(note.text)}" for note in row.notes)
     return printable(f"{row.standing} {row.daemon} {row.title} {words}{notes}".rstrip())
 
 
@@ -65,14 +67,14 @@ def _row_to_json(row: Row) -> dict[str, Any]:
         "standing": row.standing,
         "well": row.well,
         "in_mission": row.in_mission,
-        "notes": row.notes,
+        "notes": msgspec.to_builtins(row.notes),
     }
     if row.now is not None:
         health = row.now
         names = ("version", "pid", "uptime", "cpu", "lag", "drops", "bad_input", "restarts", "errors")
         told |= {name: getattr(health, name) for name in (*names, "last_error", "last_error_age", "counters")}
         if row.daemon == "bridged":
-            told["paused"] = health.paused
+            told |= {"paused": health.paused, "ordered": health.ordered}
         told["age"] = None if row.age is None else round(row.age, 1)
     return told
 

@@ -12,6 +12,7 @@ from argosy.fleet_model.fleet_status import Row, Standing
 from argosy.status.lines import summary
 from schemas.files.terminal import printable
 from schemas.humanize import latency, span
+from schemas.wire.records import Note
 
 STYLES: dict[Standing, str] = {
     "up": "green",
@@ -66,12 +67,12 @@ def _cells(row: Row, board: str) -> list[Text]:
 
 def _words(rows: Sequence[Row]) -> list[Text]:
     """What is to be said in words, each in a line: what several have in common once."""
-    common: dict[tuple[str, str, bool], list[str]] = {}
+    common: dict[tuple[str, Note, bool], list[str]] = {}
     for row in rows:
         for note in row.notes:
             common.setdefault((row.daemon, note, row.well), []).append(row.title)
     lines = [
-        Text(printable(f"{daemon} {', '.join(names)}: {note}"), style="yellow" if well else "bold red")
+        Text(printable(f"{daemon} {', '.join(names)}: {note.text}"), style="yellow" if well else "bold red")
         for (daemon, note, well), names in sorted(common.items(), key=lambda one: one[0][2])
     ]
     for row in rows:

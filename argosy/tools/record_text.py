@@ -130,7 +130,7 @@ def _health(health: Health) -> str:
         parts += [f"{what} {count}"] if count else []
     if health.lag > 0.1:
         parts.append(f"behind {health.lag:.1f} s")
-    return ", ".join(parts) + _list("; ", health.notes, "; ")
+    return ", ".join(parts) + _list("; ", (note.text for note in health.notes), "; ")
 
 
 def _message(message: Message) -> str:

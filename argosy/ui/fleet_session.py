@@ -11,12 +11,13 @@ from typing import Literal
 from msgspec.structs import replace
 
 from argosy.cli.operator_bus import ANY, Where
+from argosy.cli.remedies import level_of
 from argosy.fleet_model import Entry, Letter, MissionClock, TeamModel, TeamWatcher, steady_clock
 from argosy.ui.belief_polling import Believing
 from argosy.ui.control_requests import ControlWish, Orders, StopWish
 from argosy.ui.fleet_link import Link
 from argosy.ui.map_markers import marks
-from argosy.ui.view_builders import agent_view, alarms, board_view, robot_view, shared_notes
+from argosy.ui.view_builders import agent_view, board_view, note_view, notes_of_all, robot_view
 from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Shown
 from argosy.ui.view_structs import DefectView, HappenedView, HeadView, LetterView, OrderedView, RunView, SeenMind
 from argosy.ui.websocket import Page
@@ -132,7 +133,7 @@ class Following:
     def _parts(self) -> dict[str, object]:
         model = self.model
         robots = {} if model.mission is None else model.mission.robots
-        shared = {note.text for note in shared_notes(model)}
+        shared = {note for note, names in notes_of_all(model).items() if len(names) > 1 and level_of(note) != "error"}
         parts: dict[str, object] = {"head": self._head(), "marks": self._marks}
         for name, agent in model.agents.items():
             parts[f"agent/{name}"] = agent_view(model, agent, self._said.get(name, ""), shared)
@@ -159,6 +160,7 @@ class Following:
         if router == "away" and model.over:
             router = "ended"
         differs = started_with is not None and mission is not None and mission.text != started_with.text
+        notes = [note_view(note, names) for note, names in notes_of_all(model).items()]
         return HeadView(
             fleet=link.fleet,
             fleets=link.fleets if not link.fleet else (),
@@ -175,8 +177,8 @@ class Following:
             mission_differs=started_with.path.name if started_with is not None and differs else "",
             run=_run(model),
             as_of=model.as_of if model.over else None,
-            notes=tuple(shared_notes(model)),
-            alarms=tuple(alarms(model)),
+            notes=tuple(one for one in notes if one.level == "warning" and len(one.names) > 1),
+            alarms=tuple(one for one in notes if one.level == "error"),
             mission_zero=model.clock.zero,
             speed=model.clock.speed,
             timeout=None if mission is None else mission.timeout,

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container
+from collections.abc import Container, Sequence
 from typing import Literal
 
+from argosy.cli.remedies import level_of
 from argosy.fleet_model import Member, TeamAgent, TeamBoard, TeamModel, TeamRobot, activity
 from argosy.fleet_model.fleet_status import Standing
 from argosy.fleet_model.robots import ActionSeen
 from argosy.ui.view_structs import AgentView, BoardView, IntentionLine, NoteView, RobotView, RunningView
 from schemas.mission.model import Robot
+from schemas.wire.records import Note
 
 INTENTIONS = 4
 """Intentions of an agent that stand in the list."""
@@ -18,27 +20,23 @@ STALE = 6.0
 """Seconds after which what a mind has shown is old: those that nobody looks at are asked every 2 s."""
 
 
-def shared_notes(model: TeamModel) -> list[NoteView]:
-    """Return the notes that several members have, with their names: they are said once."""
-    return [note for note in _named(model, lambda member: member.notes) if len(note.names) > 1]
-
-
-def alarms(model: TeamModel) -> list[NoteView]:
-    """Return the notes that are errors, with the names of those that have them."""
-    return _named(model, lambda member: member.alarms)
-
-
-def _named(model: TeamModel, notes_of: Callable[[Member], tuple[str, ...]]) -> list[NoteView]:
-    named: dict[str, list[str]] = {}
+def notes_of_all(model: TeamModel) -> dict[Note, list[str]]:
+    """Return the notes of all members, with the names of those that have them."""
+    named: dict[Note, list[str]] = {}
     for members in (model.agents, model.robots, model.boards):
         for member in members.values():
-            for note in notes_of(member):
+            for note in member.notes:
                 named.setdefault(note, []).append(member.name)
-    return [NoteView(text=note, names=tuple(names)) for note, names in named.items()]
+    return named
 
 
-def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[str] = ()) -> AgentView:
-    """Return an agent as it stands in the list; notes that are `shared` are said elsewhere."""
+def note_view(note: Note, names: Sequence[str] = ()) -> NoteView:
+    """Return a note, with the names of the members that have it where it stands for all of them."""
+    return NoteView(code=note.code, text=note.text, about=note.about, level=level_of(note), names=tuple(names))
+
+
+def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[Note] = ()) -> AgentView:
+    """Return an agent as it stands in the list; notes that are `shared` are shown elsewhere."""
     mind, does = agent.mind, activity(model, agent)
     counted = {} if mind is None else {
         "program": mind.program,
@@ -63,7 +61,7 @@ def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[
         robot=agent.robot,
         standing=_standing(agent),
         since=agent.since,
-        notes=tuple(note for note in agent.notes if note not in shared),
+        notes=tuple(note_view(note) for note in agent.notes if note not in shared),
         state=does.doing,
         action=does.action[:200],
         stale=agent.heard if (agent.age(model.as_of) or 0.0) > STALE else None,
@@ -86,7 +84,7 @@ def _running(action: ActionSeen, now: float) -> RunningView:
     )
 
 
-def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None, shared: Container[str] = ()) -> RobotView:
+def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None, shared: Container[Note] = ()) -> RobotView:
     """Return a robot as it stands on the map; `named` is what the mission says of it."""
     seen, age = robot.seen, robot.age(model.as_of)
     velocity = seen.velocity
@@ -96,8 +94,7 @@ def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None, shared: 
         agents=robot.agents,
         standing=_standing(robot),
         since=robot.since,
-        notes=tuple(note for note in robot.notes if note not in shared),
-        alarms=robot.alarms,
+        notes=tuple(note_view(note) for note in robot.notes if note not in shared),
         stale=round(model.as_of - age, 1) if age is not None and robot.stale(model.as_of) else None,
         lost=seen.lost,
         mode=seen.mode,
@@ -123,7 +120,7 @@ def board_view(board: TeamBoard) -> BoardView:
         name=board.name,
         standing=_standing(board),
         since=board.since,
-        notes=board.notes,
+        notes=tuple(map(note_view, board.notes)),
         waiting=board.waiting(),
         problem=board.problem,
     )

@@ -40,10 +40,15 @@ class RunView(View, frozen=True, kw_only=True):
 
 
 class NoteView(View, frozen=True, kw_only=True):
-    """What several members say of themselves in the same words."""
+    """A warning of a member, or of several."""
 
+    code: str
+    """The kind of warning (docs/health.md)."""
     text: str
-    names: tuple[str, ...]
+    about: str = ""
+    level: Literal["warning", "error"] = "warning"
+    names: tuple[str, ...] = ()
+    """The members that have it, where it does not stand with one."""
 
 
 class HeadView(View, frozen=True, kw_only=True):
@@ -75,9 +80,9 @@ class HeadView(View, frozen=True, kw_only=True):
     as_of: float | None = None
     """When what is shown held, of a run that is over; None = it holds now."""
     notes: tuple[NoteView, ...] = ()
-    """Notes that several members have; they do not stand with each."""
+    """Warnings that several members have; they do not stand with each."""
     alarms: tuple[NoteView, ...] = ()
-    """Notes that are errors."""
+    """Notes that are errors; they stand with each, too."""
     mission_zero: float | None = None
     """When mission second 0 was, as far as it is known."""
     speed: float = 1.0
@@ -133,7 +138,7 @@ class AgentView(View, frozen=True, kw_only=True):
     """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/health.md); ended = it has left
     with its run."""
     since: float | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[NoteView, ...] = ()
     state: Doing = ""
     """What it does; empty = its mind was not heard."""
     action: str = ""
@@ -165,9 +170,7 @@ class RobotView(View, frozen=True, kw_only=True):
     agents: tuple[str, ...] = ()
     standing: str
     since: float | None = None
-    notes: tuple[str, ...] = ()
-    alarms: tuple[str, ...] = ()
-    """Those of the notes that are errors."""
+    notes: tuple[NoteView, ...] = ()
     stale: float | None = None
     """When it last told something of itself, if that is long ago; None = what is shown is as it is now."""
     lost: bool = False
@@ -203,7 +206,7 @@ class BoardView(View, frozen=True, kw_only=True):
     name: str
     standing: str
     since: float | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[NoteView, ...] = ()
     waiting: int = 0
     """Messages that wait there."""
     problem: str = ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.text import Text
 
 from agentd.standalone.decision_printer import decision_lines, failure_lines
+from argosy.cli.remedies import level_of
 from argosy.fleet_model import TeamAgent, TeamModel, activity
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.overview_page import unheard
@@ -61,7 +62,7 @@ def _age(agent: TeamAgent, old: float) -> str:
 def mind(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
     """Return intentions, actions, events, questions, messages: all that moves it."""
     view, _ = seen(agent)
-    rows: list[Row] = [Row(said(f"! {note}", BAD if note in agent.alarms else WARN)) for note in agent.notes]
+    rows: list[Row] = [Row(said(f"! {note.text}", BAD if level_of(note) == "error" else WARN)) for note in agent.notes]
     if view is None:
         return [*rows, Row(Text("its mind has not been seen yet", WARN))]
     if view.paused_for is not None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
+from argosy.cli.remedies import level_of
 from argosy.fleet_model import Member, TeamAgent, TeamModel, TeamRobot, activity
 from argosy.fleet_model.robots import ActionSeen, RobotSeen
 from argosy.watch.glyphs import Glyphs
@@ -13,6 +14,7 @@ from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, said,
 from argosy.watch.text_helpers import place, rounded
 from schemas.geo import distance
 from schemas.humanize import count, span
+from schemas.wire.records import Note
 
 LAGGING = 1.0
 """Seconds of lag from which on an agent counts as behind."""
@@ -177,16 +179,14 @@ def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
 
 def _notes(members: Sequence[Member]) -> list[Row]:
     """Return what is to be said of members, once for all of whom it is said."""
-    about: dict[str, list[str]] = {}
-    alarms: set[str] = set()
+    about: dict[Note, list[str]] = {}
     for member in (one for one in members if one.there):
-        alarms.update(member.alarms)
         for note in member.notes:
             about.setdefault(note, []).append(member.name)
     rows = []
-    for note, names in sorted(about.items(), key=lambda one: one[0] not in alarms):  # what is cut off is no alarm
-        text = joined(f"!  {_some(names)}: {note}"[:LONGEST_NOTE], gap="")
-        text.stylize(BAD if note in alarms else WARN)
+    for note, names in sorted(about.items(), key=lambda one: level_of(one[0])):  # errors first: the rest may be cut off
+        text = joined(f"!  {_some(names)}: {note.text}"[:LONGEST_NOTE], gap="")
+        text.stylize(BAD if level_of(note) == "error" else WARN)
         rows.append(Row(text, found_by=" ".join(names)))
     left_out = len(rows) - MOST_NOTES
     return [

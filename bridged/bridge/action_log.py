@@ -20,7 +20,7 @@ from msgspec.structs import replace
 from bridged.drivers.api import Order
 from commd.process.restart_counter import machine_life
 from commd.process.state_dir import make_private_file, make_private_folder
-from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Header, State
+from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Header, Note, State
 
 KEEP = 3600.0
 """Wall seconds for which an id is remembered."""
@@ -89,7 +89,7 @@ class Ledger:
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
         """Open the file, or make it with its directory. Raises OSError."""
         self.path = path
-        self.note = ""
+        self.note: Note | None = None
         """What was wrong with the file at the start, in words."""
         self._wall = wall
         self._standing = _NOBODY
@@ -234,11 +234,12 @@ class Ledger:
             except (ValueError, msgspec.MsgspecError):
                 damaged += 1
         if damaged:
-            self.note = (
+            text = (
                 f"{self.path}: {damaged} lines are damaged, or were cut off by a power failure: an action that is asked"
                 " for again may be done twice, and an order of the operator may be forgotten"
             )
-            log.error("ledger_damaged %s", self.note)
+            self.note = Note("ledger_damaged", text, value=damaged)
+            log.error("ledger_damaged %s", text)
 
     def _replace(self, rewriting: Future[None]) -> None:
         """Put the new file, with what was noted meanwhile, in the place of the old one, which stays on an error."""

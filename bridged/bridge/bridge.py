@@ -143,15 +143,11 @@ class Bridge:
             counters=counters,
             percepts={agent: present.digest() for agent, present in self.board.sets.items()},
             paused=self.desk.paused,
+            ordered=self.desk.ordered,
             notes=self.notes(),
-            coded=tuple(note for note in self._warnings() if isinstance(note, Note)),
         )
 
-    def notes(self) -> tuple[str, ...]:
-        """Warnings that hold now, in words."""
-        return tuple(note.text if isinstance(note, Note) else note for note in self._warnings())
-
-    def _warnings(self) -> list[str | Note]:
-        blocked = [f"no action is taken: {self.desk.blocked}"] if self.desk.blocked else []
-        ledger = [self.ledger.note] if self.ledger.note else []
-        return [*self.driver.notes(), *self.orders.notes(), *blocked, *ledger]
+    def notes(self) -> tuple[Note, ...]:
+        """Return the warnings that hold now."""
+        ledger = () if self.ledger.note is None else (self.ledger.note,)
+        return (*self.driver.notes(), *self.orders.notes(), *ledger)

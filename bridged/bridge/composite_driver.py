@@ -215,12 +215,12 @@ class Body:
             counters.update(driver.counters())
         return dict(counters)
 
-    def notes(self) -> list[str | Note]:
-        """Warnings of all drivers, and of those that do not run."""
-        notes: list[str | Note] = [upkeep.problem for upkeep in self._upkeep.values() if upkeep.problem]
+    def notes(self) -> list[Note]:
+        """Return the warnings of all drivers, and of those that do not run."""
+        notes = [Note("driver_down", one.problem, name) for name, one in self._upkeep.items() if one.problem]
         notes += [note for driver in self._drivers.values() for note in driver.notes()]
         if self._halt is not None and (said := _not_done(self._halt)):
-            notes.append(f"the robot may be moving: {said}")
+            notes.append(Note("may_be_moving", f"the robot may be moving: {said}"))
         return notes
 
     def _known_orders(self) -> frozenset[Order]:

@@ -87,9 +87,9 @@ class Orders:
         self._back_at: float | None = None
         """Since when the agent that was lost is back, in mission seconds; none = it is not."""
         self._alarm: Note | None = None
-        self._left = ""
-        self._unheard = ""
-        self._deferred = ""
+        self._left: Note | None = None
+        self._unheard: Note | None = None
+        self._deferred: Note | None = None
         self._stopping = False
         self._secured = False
         """Whether the robot does what it was ordered at the end of the bridge."""
@@ -99,10 +99,14 @@ class Orders:
             told = "as a former life of the bridge was told: no action is taken until `release`"
             log.warning("robot=%s %s, %s", desk.robot, desk.blocked, told)
 
-    def notes(self) -> list[str | Note]:
-        """Warnings that hold now."""
-        left = self._left if self._driver.overridden else ""
-        return [note for note in (left, self._unheard, self._deferred, self._alarm) if note]
+    def notes(self) -> list[Note]:
+        """Return the warnings that hold now."""
+        left, blocked = self._left if self._driver.overridden else None, None
+        if self._desk.blocked:
+            text = f"no action is taken: {self._desk.blocked}"
+            ordered = Note("operator_order", text, self._desk.ordered or "")
+            blocked = Note("bridge_stops", text) if self._stopping else ordered
+        return [note for note in (left, self._unheard, self._deferred, self._alarm, blocked) if note is not None]
 
     @property
     def unattended(self) -> bool:
@@ -266,7 +270,7 @@ class Orders:
         does = f"it is brought to safety ({', '.join(step.order for step in steps)})" if steps else "on_idle is none"
         why = f"agent {agent} is {'lost' if lost else 'there and intends nothing'}"
         text = f"in the air without anybody in charge: {why}; {does}"
-        self._alarm = Note(code=UNATTENDED, text=text, value=round(seconds, 1))
+        self._alarm = Note(UNATTENDED, text, value=round(seconds, 1))
         if first:
             log.error("robot=%s %s", self._desk.robot, text)
             if steps:
@@ -280,7 +284,7 @@ class Orders:
             self._desk.lease.closed = ""
             if self._execution is not None:  # before the next action begins, and not when the task ends
                 self._calls.stop(self._execution, Outcome("cancelled", "called off"), hold=False)
-        self._left = self._unheard = self._deferred = ""
+        self._left = self._unheard = self._deferred = None
         self._back_at = None
 
     def _taken(self) -> None:
@@ -328,11 +332,11 @@ class Orders:
             if not self._may_move:  # it was landed meanwhile
                 return
         if self._never_heard and not self._driver.active:
-            self._unheard = f"{why}; the robot was never heard: it is brought to safety when it is"
-            log.error("robot=%s %s", self._desk.robot, self._unheard)
+            self._unheard = Note("never_heard", f"{why}; the robot was never heard: it is brought to safety when it is")
+            log.error("robot=%s %s", self._desk.robot, self._unheard.text)
             while self._never_heard:  # noqa: ASYNC110 - drivers do not tell when
                 await asyncio.sleep(LOOK)
-            self._unheard = ""
+            self._unheard = None
         outcome = Outcome("succeeded")
         for step in steps:
             await self._leave_time_to_take_control()
@@ -351,8 +355,10 @@ class Orders:
             if self._driver.under_way in COMING:
                 log.info("robot=%s %s; it comes home in %s, %s", self._desk.robot, why, mode, others)
                 return
-            self._left = f"{why}; the vehicle is left in {mode}, {others}: nothing is ordered"
-            log.error("robot=%s %s", self._desk.robot, self._left)
+            self._left = Note(
+                "left_to_others", f"{why}; the vehicle is left in {mode}, {others}: nothing is ordered", mode
+            )
+            log.error("robot=%s %s", self._desk.robot, self._left.text)
 
     @property
     def _operator_has_it(self) -> str:
@@ -364,11 +370,11 @@ class Orders:
     async def _wait_for_operator(self, why: str) -> None:
         """Wait while the operator has a robot that may move; an agent that is back may take control after that."""
         while self._may_move and (has := self._operator_has_it):
-            if (said := f"{why}; {has}") != self._deferred:
-                self._deferred = said
-                log.error("robot=%s %s", self._desk.robot, said)
+            if (deferred := Note("safety_deferred", f"{why}; {has}")) != self._deferred:
+                self._deferred = deferred
+                log.error("robot=%s %s", self._desk.robot, deferred.text)
             await asyncio.sleep(LOOK)
-        self._deferred = ""
+        self._deferred = None
         if self._back_at is not None:
             self._back_at = self._clock.now()
 

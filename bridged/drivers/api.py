@@ -198,8 +198,8 @@ class Driver(Protocol):
     def counters(self) -> dict[str, float]:
         """Figures for health."""
 
-    def notes(self) -> Sequence[str | Note]:
-        """Warnings that hold now, in words; with a code where programs act on them."""
+    def notes(self) -> Sequence[Note]:
+        """Return the warnings that hold now: docs/health.md lists the codes."""
 
 
 @runtime_checkable

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from bridged.drivers.api import Execution, Order, Outcome, Reading, Setup, Value
 from schemas.manifest.loader import ActionEntry, Manifest
+from schemas.wire.records import Note
 
 
 class PlainDriver:
@@ -93,6 +94,6 @@ class PlainDriver:
         """No figures."""
         return {}
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[Note]:
         """No warnings."""
         return []

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 
 from schemas.wire import keys
-from schemas.wire.records import VERSION
+from schemas.wire.records import VERSION, Note
 
 HEARD = 60.0
 """Wall seconds after its last record for which a stranger is told of."""
@@ -30,20 +30,20 @@ class Strangers:
         if who not in self._heard:
             if len(self._heard) >= MOST:
                 return
-            log.error("other_version %s", _in_words(who, said))
+            log.error("other_version %s", _text(who, said))
         self._heard[who] = (said, self._now())
 
-    def notes(self) -> tuple[str, ...]:
-        """Return what holds now, in words."""
+    def notes(self) -> tuple[Note, ...]:
+        """Return a note for each sender heard lately."""
         self._forget()
-        return tuple(_in_words(who, said) for who, (said, _) in self._heard.items())
+        return tuple(Note("other_version", _text(who, said), who) for who, (said, _) in self._heard.items())
 
     def _forget(self) -> None:
         since = self._now() - HEARD
         self._heard = {who: met for who, met in self._heard.items() if met[1] >= since}
 
 
-def _in_words(who: str, said: str) -> str:
+def _text(who: str, said: str) -> str:
     return (
         f"{who}: records of version {said or '?'}, this daemon speaks version {VERSION}: they are not understood;"
         " install releases of Argosy that go together (docs/versions.md)"

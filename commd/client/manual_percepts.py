@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
-from schemas.wire.records import Perception
+from schemas.wire.records import Note, Perception
 from schemas.wire.terms import Map, OpenList, Queue, Set, Source, Structure, Term, Variable
 
 MOST = 1000
@@ -65,14 +65,15 @@ class HandPercepts:
         log.info("agent=%s percept by hand: %s %s", self._agent, given.update, name)
         return changes
 
-    def notes(self) -> tuple[str, ...]:
-        """How many hold, in words: nobody is to forget them."""
+    def notes(self) -> tuple[Note, ...]:
+        """Return a note of how many hold, so that nobody forgets them."""
         count, names = len(self.percepts), self.percepts.names()
         if not count:
             return ()
         more = ", ..." if len(names) > NAMED else ""
         what = "percept by hand holds" if count == 1 else "percepts by hand hold"
-        return (f"{count} {what}, until taken away by hand: {', '.join(names[:NAMED])}{more}",)
+        which = f"{', '.join(names[:NAMED])}{more}"
+        return (Note("percepts_by_hand", f"{count} {what}, until taken away by hand: {which}", which, count),)
 
     def _problem(self, name: str, perception: Perception) -> str:
         if perception.name not in ("", name):

@@ -18,7 +18,7 @@ from commd.bus.errors import BusClosed
 from commd.client.manual_percepts import HandPercepts
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet, differences, tells_of_none
-from schemas.wire.records import Health, Perception
+from schemas.wire.records import Health, Note, Perception
 
 log = logging.getLogger("percepts")
 
@@ -163,7 +163,7 @@ class Perceiving:
         if self._reported and self.percepts.needs_repair(self._reported):
             self._doubt.set()
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Note, ...]:
         """What people should know now."""
         return self._by_hand.notes()
 

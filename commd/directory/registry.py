@@ -15,7 +15,7 @@ from typing import TypeAlias
 import msgspec
 
 from schemas.wire.names import check_name
-from schemas.wire.records import BoardServices
+from schemas.wire.records import BoardServices, Note
 
 log = logging.getLogger("directory")
 
@@ -91,13 +91,14 @@ class Services:
             homes.setdefault(name, board)
         return homes
 
-    def doubled(self) -> list[str]:
-        """The agents that have joined two boards, in words: they did while the boards could not see one another."""
+    def doubled(self) -> list[Note]:
+        """Return the agents that have joined two boards: they did while the boards could not see one another."""
         first: dict[str, str] = {}
         found = []
         for name, board in self.joined():
             if first.setdefault(name, board) != board:
-                found.append(f"agent `{name}` has joined two boards: {first[name]} and {board}")
+                text = f"agent `{name}` has joined two boards: {first[name]} and {board}"
+                found.append(Note("agent_twice", text, name))
         return found
 
     def providers(self, service: str) -> tuple[str, ...]:

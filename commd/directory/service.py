@@ -30,7 +30,7 @@ from schemas.mission.access_rules import made_on
 from schemas.mission.model import THIS_MACHINE, Mission
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
-from schemas.wire.records import BoardServices, Health, Message, ServiceRequest
+from schemas.wire.records import BoardServices, Health, Message, Note, ServiceRequest
 from schemas.wire.terms import Atom, Structure, Term
 
 ASK_EVERY = 30.0
@@ -115,19 +115,20 @@ class Directory:
     async def _ask_all(self, boards: Sequence[str]) -> None:
         await asyncio.gather(*map(self._asked, boards))
 
-    def notes(self) -> list[str]:
-        """What is wrong now, in words."""
-        twice = len(self._boards.get(self._board, ())) > 1
-        doubles = [f"another commd serves board `{self._board}` as well"] if twice else []
-        return [*([self._unread] if self._unread else []), *doubles, *self.services.doubled()]
+    def notes(self) -> tuple[Note, ...]:
+        """Return what is wrong now."""
+        notes = [Note("directory_unread", self._unread)] if self._unread else []
+        if len(self._boards.get(self._board, ())) > 1:
+            notes.append(Note("board_twice", f"another commd serves board `{self._board}` as well"))
+        notes += self.services.doubled()
+        return (*notes, self._witness.note) if self._witness.note is not None else tuple(notes)
 
     def health(self) -> Health:
         """Return what is counted and what is wrong, for the daemon's health."""
         counters = {f"directory_{name}": float(count) for name, count in sorted(self.counters.items())}
         counters["boards_there"] = float(sum(map(bool, self._boards.values())))
         counters["names_known"] = float(len(self._homes))
-        coded = () if self._witness.note is None else (self._witness.note,)
-        return Health(counters=counters, notes=(*self.notes(), *(note.text for note in coded)), coded=coded)
+        return Health(counters=counters, notes=self.notes())
 
     # --- its life ---
 
@@ -312,9 +313,9 @@ class Directory:
     def _now_is(self, services: Services) -> None:
         self.services, self._homes = services, services.homes()
         for double in services.doubled():
-            if double not in self._said_doubles:
-                self._said_doubles.add(double)
-                log.error("%s", double)
+            if double.text not in self._said_doubles:
+                self._said_doubles.add(double.text)
+                log.error("%s", double.text)
 
     # --- the other boards ---
 

@@ -22,7 +22,7 @@ from schemas import geo
 from schemas.geo import Position
 from schemas.mission.model import Mission, Radio
 from schemas.wire import keys
-from schemas.wire.records import Health, Perception
+from schemas.wire.records import Health, Note, Perception
 from schemas.wire.terms import to_float
 
 log = logging.getLogger("radio")
@@ -116,7 +116,7 @@ class RadioAir:
         """Return what became of the transmissions, for the daemon's health."""
         return Health(
             counters={name: float(count) for name, count in sorted(self.counters.items())},
-            notes=(f"mail between boards is degraded as the mission declares: {described(self._radio)}",),
+            notes=(Note("radio_degraded", f"mail between boards is degraded as declared: {described(self._radio)}"),),
         )
 
     async def carries(self, sender: str, receiver: str, size: int) -> bool:

@@ -72,4 +72,4 @@ class MailWitness:
             "it: mail taken since then is lost here, what it holds goes out again"
         )
         log.error("event=%s board=%s by=%.0fs seen_by=%s: %s", WENT_BACK, self._board, behind, said.board, text)
-        self.note = Note(code=WENT_BACK, text=text, value=behind)
+        self.note = Note(WENT_BACK, text, value=behind)

@@ -31,7 +31,7 @@ from schemas.mission.model import RESERVED, MailRules
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.names import check_name
-from schemas.wire.records import Health, Mail, Mailboxes, Message, Receipt, Refusal
+from schemas.wire.records import Health, Mail, Mailboxes, Message, Note, Receipt, Refusal
 
 log = logging.getLogger("mail")
 
@@ -300,10 +300,11 @@ class Mailroom:
         counters = self.counters_now
         counters["waiting"] = self.waiting
         counters["dead"] = self._tally.dead
-        notes = [f"a corrupt mail file was set aside: {name}" for name in self.store.set_aside]
-        notes += [f"{self.store.path}: {told}" for told in self.store.damaged]
+        aside = "a corrupt mail file was set aside: "
+        notes = [Note("mail_file_set_aside", aside + name, name) for name in self.store.set_aside]
+        notes += [Note("mail_file_damaged", f"{self.store.path}: {why}") for why in self.store.damaged]
         if self.store.note:
-            notes.append(self.store.note)
+            notes.append(Note("mail_refused", self.store.note))
         return Health(counters={name: float(count) for name, count in sorted(counters.items())}, notes=tuple(notes))
 
 

@@ -31,7 +31,7 @@ from schemas.files.findings import Findings
 from schemas.version import RELEASE
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
-from schemas.wire.records import VERSION, BoardServices, Health
+from schemas.wire.records import VERSION, BoardServices, Health, Note
 
 HEALTH_PERIOD = 1.0
 """Wall seconds between two health records."""
@@ -169,10 +169,11 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             health = details()
         except Exception as error:  # a defect in a figure must not end the record that others live by
             log.exception("defect in argosy: health of %s", name)
-            health = Health(notes=(f"defect in argosy: {type(error).__name__}: {error}",))
+            health = Health(notes=(Note("defect", f"defect in argosy: {type(error).__name__}: {error}", "health"),))
         used = resource.getrusage(resource.RUSAGE_SELF)
         words, age, errors = _last_error(bus, name)
-        notes = (*health.notes, *bus.strangers.notes(), *filter(None, (bus.access.note,)))
+        denied = [Note("access_denied", bus.access.note)] if bus.access.note else []
+        notes = (*health.notes, *bus.strangers.notes(), *denied)
         told = Health(
             header=bus.header("health", name),
             daemon=bus.daemon,
@@ -183,8 +184,8 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             bad_input=bus.counters["bad_input"] + health.bad_input,
             counters=_with_unknown_fields(health.counters, bus.counters["unknown_fields"]),
             percepts=health.percepts,
-            notes=tuple(one_line(str(note)) for note in notes[:NOTES]),
-            coded=tuple(replace(note, text=one_line(note.text)) for note in health.coded[:NOTES]),
+            ordered=health.ordered,
+            notes=tuple(replace(note, text=one_line(note.text), about=one_line(note.about)) for note in notes[:NOTES]),
             version=RELEASE,
             restarts=bus.restarts,
             lag=round(max(loop.worst, health.lag), 3),
@@ -198,7 +199,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             bus.counters["unsendable"] += 1
             log.error("health of %s cannot be told: %s", name, bad)
             plain = {field: getattr(told, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
-            told = Health(**plain, notes=(one_line(f"its health cannot be told: {bad}"),))
+            told = Health(**plain, notes=(Note("health_unsendable", one_line(f"its health cannot be sent: {bad}")),))
         bus.put(keys.health(bus.fleet, name, bus.daemon), told, urgent=True)
         await asyncio.sleep(HEALTH_PERIOD)
 

@@ -287,7 +287,7 @@ class Admission:
         self._sessions: Counter[str] = Counter()
         self._all: set[_Connection] = set()
         self.counters: Counter[str] = Counter()
-        self._forged: dict[str, tuple[float, str]] = {}
+        self._forged: dict[str, tuple[float, Note]] = {}
         self._loop = asyncio.new_event_loop()
         self._tasks: set[asyncio.Task[None]] = set()
         self._thread = Thread(target=self._run, name="admission", daemon=True)
@@ -318,11 +318,8 @@ class Admission:
     def health(self) -> Health:
         """Tell how many were kept out or cut off, and of forged ids."""
         now = time.monotonic()
-        told = [text for at, text in list(self._forged.values()) if now - at < REMEMBERED]
-        coded = tuple(Note(code=FORGED, text=text) for text in told)
-        return Health(
-            notes=tuple(told), coded=coded, counters={name: float(count) for name, count in dict(self.counters).items()}
-        )
+        notes = tuple(note for at, note in list(self._forged.values()) if now - at < REMEMBERED)
+        return Health(notes=notes, counters={name: float(count) for name, count in dict(self.counters).items()})
 
     # on the loop of its own
 
@@ -409,11 +406,12 @@ class Admission:
         whose = f"of `{owner}`" if owner else "of this board's daemons"
         text = f"`{name}` at {address} came with the session id {whose}, and was cut off: revoke its keys if it goes on"
         self.counters[FORGED] += 1
-        if time.monotonic() - self._forged.get(text, (-REMEMBERED, ""))[0] >= tls_rejections.TELL:
+        about = f"{name} {address} {owner or 'board'}"
+        if about not in self._forged or time.monotonic() - self._forged[about][0] >= tls_rejections.TELL:
             log.error("security event=%s certificate=%s id_of=%s address=%s", FORGED, name, owner or "board", address)
         if len(self._forged) >= tls_rejections.REASONS:
             self._forged.clear()
-        self._forged[text] = time.monotonic(), text
+        self._forged[about] = time.monotonic(), Note(FORGED, text, about)
 
     def _settle(self, connection: _Connection) -> None:
         """Its handshake is over."""

@@ -19,7 +19,7 @@ from commd.bus.tls import SOON, Tls, day, identity_of
 from commd.router import tls_rejections
 from schemas.files.findings import Findings
 from schemas.mission.model import Mission
-from schemas.wire.records import Health
+from schemas.wire.records import Health, Note
 
 LOOK = 5.0
 """Wall seconds between two looks; a link that is missing at two of them is asked about."""
@@ -44,16 +44,20 @@ class Links:
         self._missing: set[str] = set()
         self._why: dict[str, str] = {}
         self._known: set[str] = set()
-        self._ending: tuple[str, ...] = ()
+        self._ending: tuple[Note, ...] = ()
         self._read_again, self._said = 0.0, (False, False)
         self._links, self._full = 0, ""
         self._defect = ""
 
     def health(self) -> Health:
         """Tell which links are missing, that the certificate ends or the room does, and how often one was refused."""
-        missing = (f"no link to {board}: {why}" for board, why in sorted(self._why.items()))
-        notes = (*self._ending, *filter(None, (self._full, self._defect)), *missing)
-        return Health(notes=notes, counters={"links": float(self._links), **tls_rejections.counters})
+        notes = list(self._ending)
+        if self._full:
+            notes.append(Note("links_full", self._full, value=self._links))
+        if self._defect:
+            notes.append(Note("defect", self._defect, "links"))
+        notes += (Note("link_missing", f"no link to {one}: {why}", one) for one, why in sorted(self._why.items()))
+        return Health(notes=tuple(notes), counters={"links": float(self._links), **tls_rejections.counters})
 
     async def watch(self) -> None:
         """Look, ask and tell, for ever."""
@@ -90,7 +94,7 @@ class Links:
             else:
                 log.warning("%s", text)
         self._said = over, bool(text)
-        self._ending = (text,) if text else ()
+        self._ending = (Note("keys_refused" if over else "certificate_ends", text),) if text else ()
         self._read_again = time.monotonic() + (READ_SOON if text else READ_AGAIN)
 
     def _count(self, linked: Counter[str]) -> None:

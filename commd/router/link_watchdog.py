@@ -85,19 +85,16 @@ class LinkWatchdog:
     def health(self) -> Health:
         """Tell which links were renewed of late."""
         now = time.monotonic()
-        coded = tuple(
+        notes = tuple(
             Note(
-                code=RENEWED,
-                text=f"the link to {board} was made again: it was up, but nothing that {board} serves was known here",
+                RENEWED,
+                f"the link to {board} was made again: it was up, but nothing that {board} serves was known here",
+                board,
             )
             for board, at in sorted(self._renewed.items())
             if now - at < REMEMBERED
         )
-        return Health(
-            notes=tuple(note.text for note in coded),
-            coded=coded,
-            counters={name: float(count) for name, count in self.counters.items()},
-        )
+        return Health(notes=notes, counters={name: float(count) for name, count in self.counters.items()})
 
     def _token(self, key: str, alive: bool) -> None:
         if (parsed := keys.parse(key)) is not None and parsed[1] in self._boards:

@@ -306,18 +306,22 @@ class LiveManifest(Record, frozen=True, kw_only=True):
     """Why a change was refused, all of it; none = it is in effect."""
 
 
-class Note(Record, frozen=True, kw_only=True):
-    """A warning that programs act on."""
+class Note(Record, frozen=True, kw_only=False):
+    """A warning that holds now: a code for programs, a text for people."""
 
     code: str
-    """What programs know it by: `autopilot_unknown`, `robot_unattended` (its figure: for so many mission seconds),
-    `session_id_forged`, `two_vehicles`, `foreign_packets` (its figure: so many so far), `vehicle_moved`,
-    `signatures_forgotten`, `state_damaged`, `state_went_back`, `set_aside`, `link_renewed`, `mail_went_back` (its
-    figure: by so many seconds)."""
+    """The kind of warning; docs/health.md lists the codes."""
     text: str
-    """For people."""
+    """For people; it changes with releases and while the warning holds."""
+    about: str = ""
+    """The board, file, link, system, function or key concerned; empty = the daemon's own agent, robot or board."""
     value: float | None = None
-    """The figure that it is about."""
+    """A figure that may change while the warning holds, such as seconds or a count."""
+
+    @property
+    def identity(self) -> tuple[str, str]:
+        """What two records of the same warning have in common, whatever text and value have become."""
+        return self.code, self.about
 
 
 class Health(Record, frozen=True, kw_only=True):
@@ -339,10 +343,10 @@ class Health(Record, frozen=True, kw_only=True):
     """Digest of the present percept set per agent (bridges only)."""
     paused: bool = False
     """The operator has paused the robot (bridges only)."""
-    notes: tuple[str, ...] = ()
-    """Warnings in words that hold now."""
-    coded: tuple[Note, ...] = ()
-    """Those of the notes that programs act on."""
+    ordered: Literal["hold", "land", "rtl"] | None = None
+    """The operator's order that is in force until `release` (bridges only)."""
+    notes: tuple[Note, ...] = ()
+    """Warnings that hold now."""
     version: str = ""
     """Of Argosy; empty = it does not say."""
     restarts: int | None = None

@@ -124,7 +124,7 @@ async def forged_session_id(world: World) -> Row:
         row.expect(back < BACK, f"pi2 is linked again within {BACK:g} s, not {back:.1f} s")
         row.seen.append(f"pi2 is heard at pi1 {back:.1f} s after its network is back")
         health = await health_of(member, "pi1", "commd")
-        row.expect(FORGED in {note.code for note in health.coded}, "health has the security event")
+        row.expect(FORGED in {note.code for note in health.notes}, "health has the security event")
         event = next((line for line in world.commd["pi1"].lines if f"event={FORGED}" in line), "")
         row.seen.append(f"health of pi1: code `{FORGED}`, {health.counters.get(FORGED, 0):g} times; its log: `{event}`")
         daemons = [zid for zid in await _ids(member) if owner_of(zid, []) == "" and zid != member.zid]

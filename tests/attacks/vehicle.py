@@ -106,7 +106,7 @@ async def signed_packets_again(world: World) -> Row:
 
 
 def _told(ride: Ride, code: str) -> Note | None:
-    return next((note for note in ride.driver.notes() if isinstance(note, Note) and note.code == code), None)
+    return next((note for note in ride.driver.notes() if note.code == code), None)
 
 
 VEHICLE: tuple[Attack, ...] = (telemetry_from_elsewhere, signed_packets_again)

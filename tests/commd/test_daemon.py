@@ -23,7 +23,7 @@ from commd.directory.service import Directory
 from commd.process.process import _run, report_health
 from schemas.mission.model import load_mission
 from schemas.wire import keys
-from schemas.wire.records import BoardServices, Health, Receipt, Record, ServiceRequest
+from schemas.wire.records import BoardServices, Health, Note, Receipt, Record, ServiceRequest
 from tests.commd.offices import ask, message
 from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
 from tests.support.processes import running
@@ -50,12 +50,12 @@ def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(endpoint: st
         observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
         heard: list[Health] = []
         observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
-        details = Mock(side_effect=[KeyError("figure"), Health(notes=("all is well",))])
+        details = Mock(side_effect=[KeyError("figure"), Health(notes=(Note("well", "all is well"),))])
         await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
         reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), details))
         await until(lambda: len(heard) == 2, "health goes on")
         reporting.cancel()
-        assert [one.notes for one in heard] == [("defect in argosy: KeyError: 'figure'",), ("all is well",)]
+        assert [note.identity for one in heard for note in one.notes] == [("defect", "health"), ("well", "")]
 
     on_a_bus(endpoint, body)
 
@@ -78,7 +78,7 @@ def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_lives(en
         await until(lambda: len(heard) == 1, "health goes on")
         reporting.cancel()
         assert heard[0].pid == os.getpid()
-        assert [note.partition(": ")[0] for note in heard[0].notes] == ["its health cannot be told"]
+        assert [note.code for note in heard[0].notes] == ["health_unsendable"]
 
     on_a_bus(endpoint, body)
 
@@ -107,12 +107,13 @@ def test_warnings_of_health_are_lines_of_unicode_and_bounded(endpoint: str) -> N
         heard: list[Health] = []
         observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
         await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
-        notes = ("no file \udcff.jpg", *("x" * 10_000 for _ in range(1000)))
+        texts = ("no file \udcff.jpg", *("x" * 10_000 for _ in range(1000)))
+        notes = tuple(Note("x", text, text) for text in texts)
         reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: Health(notes=notes)))
         await until(lambda: len(heard) == 1, "health goes on")
         reporting.cancel()
-        assert heard[0].notes[0] == r"no file \udcff.jpg"
-        assert sum(map(len, heard[0].notes)) < 400_000
+        assert heard[0].notes[0] == Note("x", r"no file \udcff.jpg", r"no file \udcff.jpg")
+        assert sum(len(note.text) + len(note.about) for note in heard[0].notes) < 800_000
 
     on_a_bus(endpoint, body)
 

@@ -251,9 +251,8 @@ def test_mail_crosses_a_bad_radio_once_and_in_order(
                     lambda: all(key in healths and healths[key].counters.get("radio_lost", 0) > 0 for key in lost),
                     "both boards have lost transmissions",
                 )
-                assert any(
-                    "degraded as the mission declares: loss 0.3, delay 5ms" in one for one in healths[lost[0]].notes
-                )
+                degraded = [note for note in healths[lost[0]].notes if note.code == "radio_degraded"]
+                assert ["loss 0.3, delay 5ms" in note.text for note in degraded] == [True]
 
     bounded(body())
 

@@ -56,8 +56,10 @@ def corrupt_mail(state: Path) -> Row:
             aside = sorted(one.name for one in office.file("pi1").parent.glob("*.corrupt-1"))
             row.expect(aside == ["pi1.mail.corrupt-1"], f"the file is set aside, found {aside}")
             row.expect("mail_store_corrupt" in daemon.text, "the log tells of it")
-            health = await office.told("pi1", lambda it: any("set aside" in note for note in it.notes), "a note")
-            row.seen.append(f"set aside, and told: `{next(note for note in health.notes if 'set aside' in note)}`")
+            health = await office.told(
+                "pi1", lambda it: it.notes[:1] and it.notes[0].code == "mail_file_set_aside", "a note"
+            )
+            row.seen.append(f"set aside, and told: `{health.notes[0].text}`")
             async with office.program("cid") as cid:
                 expect_all(row, await read(cid, 5), list(range(5, 10)))
                 await ann.send("cid", "tell", "after")
@@ -105,8 +107,8 @@ def mail_restored(state: Path) -> Row:
             shutil.rmtree(folder)
             shutil.copytree(copy, folder)
             daemon = await office.start("pi1")
-            health = await office.told("pi1", lambda it: [note.code for note in it.coded] == [WENT_BACK], "a note")
-            row.seen.append(f"told in health, code `{WENT_BACK}`: `{health.coded[0].text}`")
+            health = await office.told("pi1", lambda it: [note.code for note in it.notes] == [WENT_BACK], "a note")
+            row.seen.append(f"told in health, code `{WENT_BACK}`: `{health.notes[0].text}`")
             row.expect(f"event={WENT_BACK} board=pi1 " in daemon.text, "the log tells of it")
             for number in range(6, 8):
                 await ann.send("bob", "tell", number)
@@ -222,7 +224,7 @@ def full_disk(state: Path) -> Row:
             assert failed is not None
             row.seen.append(f"with the disk full, `send` fails after {number - 10} more: nothing is acknowledged")
             health = await office.told("pi1", lambda it: bool(it.notes), "a note in the health record")
-            row.seen.append(f"told: `{health.notes[0].replace(str(state), 'DIR')}`")
+            row.seen.append(f"told: `{health.notes[0].text.replace(str(state), 'DIR')}`")
             disk.free()
             await ann.send_again(failed)
             for after in range(number + 1, number + 11):

@@ -1,7 +1,7 @@
 // The list of agents with their robots: how each is, what it intends and does, and its stop buttons.
 
 import { el, keyed, put, say, shortened } from "./dom.js";
-import { allow, orderButtons } from "./head.js";
+import { allow, noteKey, orderButtons } from "./head.js";
 import { ago } from "./time.js";
 import { byName, hasEnded, isLeft, isThere, nameTones, rounded, stateOf, toneOf } from "./tones.js";
 
@@ -28,8 +28,7 @@ export class Agents {
     const shown = rows.filter((row) => words.every((word) => row.words.includes(word)));
     if (this.sort.value === "trouble") shown.sort((one, other) => other.trouble - one.trouble);
     keyed(this.list, shown, (row) => row.key, (row) => this._make(row), (node, row) => this._update(node, row, wire));
-    const alarms = new Set((wire.get("head")?.alarms ?? []).map((one) => one.text)); // they stand above everything
-    keyed(this.shared, (wire.get("head")?.notes ?? []).filter((one) => !alarms.has(one.text)), (one) => one.text, () => el("li", {}), (node, one) => say(node, `⚠ ${one.names.join(", ")}: ${one.text}`));
+    keyed(this.shared, wire.get("head")?.notes ?? [], noteKey, () => el("li", {}), (node, one) => say(node, `⚠ ${one.names.join(", ")}: ${one.text}`));
     say(this.none, rows.length === 0 ? "no agent and no robot yet" : shown.length === 0 ? "nobody is like that" : "");
   }
 
@@ -76,8 +75,9 @@ export class Agents {
     put(node.doing, "title", action ? `${action.text} ${action.state}` : null);
     put(node.vehicle, "hidden", !robot);
     if (robot) this._vehicle(node, robot, wire);
-    const alarms = robot?.alarms ?? []; // first: what is cut off at the end of the line is not seen
-    const notes = [...alarms, ...(agent?.notes ?? []), ...(robot?.notes ?? []).filter((one) => !alarms.includes(one))];
+    const all = [...(agent?.notes ?? []), ...(robot?.notes ?? [])];
+    const alarms = all.filter((one) => one.level === "error"); // first: what is cut off at the end of the line is not seen
+    const notes = [...alarms, ...all.filter((one) => one.level !== "error")].map((one) => one.text);
     say(node.notes, notes.length ? `⚠ ${notes.join(" · ")}` : "");
     put(node.notes, "class", `notes data${alarms.length ? " bad" : ""}`);
     put(node.notes, "title", notes.join("\n"));

@@ -121,10 +121,15 @@ function banners(head, wire, actions) {
   if (defect) found.push(["bad", `${defect.text}. What is below does not change any more`, null, "defect"]);
   if (head.run?.silent && !wire.problem) found.push(["warn", `argosy run has not been heard for ${wall(wire, wire.now() - head.run.silent)}: nobody watches over this run`, null, "watched"]);
   if (head.mission_differs) found.push(["warn", `The fleet runs another mission than ${head.mission_differs}, with which argosy ui was started: that of the fleet counts here`, null, "mission"]);
-  for (const alarm of head.alarms ?? []) found.push(["bad", `${alarm.names.join(", ")}: ${alarm.text}`, null, `alarm ${alarm.text}`]);
+  for (const alarm of head.alarms ?? []) found.push(["bad", `${alarm.names.join(", ")}: ${alarm.text}`, null, `alarm ${noteKey(alarm)}`]);
   for (const line of head.unreached ?? []) found.push(["warn", line]);
   if (!isOver(head.run)) for (const [formula, holds] of Object.entries(head.failed ?? {})) if (holds) found.push(["bad", `The mission has failed: ${formula}`]);
   return found;
+}
+
+// The same as long as a warning of the same members holds, whatever its text becomes
+export function noteKey({ code, about = "", names }) {
+  return [code, about, ...names].join(" ");
 }
 
 const PHASES = {

@@ -235,7 +235,7 @@ class MavlinkDriver:
         }
         return counters if self._link is None else counters | self._link.counters(self._rider)
 
-    def notes(self) -> list[str | Note]:
+    def notes(self) -> list[Note]:
         """Warnings that hold now."""
         of_link = [] if self._link is None else self._link.notes(self._rider)
         return [*of_link, *self._conversation.notes()]

@@ -239,22 +239,27 @@ class Conversation:
         """Wall seconds since the last HEARTBEAT; infinite before the first."""
         return self.flight.to_wall(self.flight.now - self.vehicle.heard_at)
 
-    def notes(self) -> list[str | Note]:
-        """Warnings that hold now."""
+    def notes(self) -> list[Note]:
+        """Return the warnings that hold now."""
         now = self.flight.now
         if not self.vehicle.heartbeats and self.flight.to_wall(now - self._listening_since) < PATIENCE_AT_START:
-            return [*self.failsafe.notes()]
-        rebooted = [Note(code="vehicle_rebooted", text="the vehicle rebooted")] if now < self._rebooted_until else []
+            return self.failsafe.notes()
+        rebooted = [Note("vehicle_rebooted", "the vehicle rebooted")] if now < self._rebooted_until else []
+        system = str(self.identity.vehicle)
+        silent = [] if self.vehicle.connected else [Note("no_heartbeat", f"no heartbeat from system {system}", system)]
         if refusal := self.vehicle.not_commanded:
-            said = f"no heartbeat from system {self.identity.vehicle}"
-            return [Note(code="autopilot_unknown", text=refusal), *([] if self.vehicle.connected else [said])]
-        if not self.vehicle.connected:
-            return [*rebooted, f"no heartbeat from system {self.identity.vehicle}", *self.failsafe.notes()]
+            return [Note("autopilot_unknown", refusal), *silent]
+        if silent:
+            return [*rebooted, *silent, *self.failsafe.notes()]
         late = now - self.vehicle.heard_at > self.flight.wait(*HEARTBEAT_LATE)
-        own = (self.vehicle.contradiction, self.flight.plan.broken, self._limits.outside)
-        trouble = [task.trouble for task in self._tasks]
+        own = (
+            Note("other_vehicle_kind", self.vehicle.contradiction),
+            Note("mission_broken", self.flight.plan.broken),
+            Note("outside_limits", self._limits.outside),
+            *(Note("hold_failed", task.trouble) for task in self._tasks),
+        )
         unsent = [] if late else self.streams.notes()
-        return [*rebooted, *(one for one in (*own, *trouble) if one), *unsent, *self.failsafe.notes()]
+        return [*rebooted, *(note for note in own if note.text), *unsent, *self.failsafe.notes()]
 
     def _step(self) -> None:
         """Let every procedure look at the flight once; one that others have overridden waits only for its end."""

@@ -19,6 +19,7 @@ from bridged.drivers.python.worker_threads import Raised, Result, Returned, Work
 from bridged.drivers.simple import PlainDriver
 from schemas.files.findings import Findings
 from schemas.manifest.loader import ActionEntry, Manifest
+from schemas.wire.records import Note
 
 RATE = 1.0
 """Calls in a second of the mission of a percept's function for which the manifest has no `rate`."""
@@ -134,14 +135,19 @@ class PythonDriver(PlainDriver):
             "calls_hanging": sum(worker.hangs for worker in workers),
         }
 
-    def notes(self) -> list[str]:
-        """Which functions hang, and which fail."""
+    def notes(self) -> list[Note]:
+        """Return which functions hang, and which fail."""
+        then = "and is not called until it does"
         hang = [
-            f"`{worker.name}` hangs: it has not returned within {worker.bound:.1f} s, and is not called until it does"
+            Note(
+                "function_hangs",
+                f"`{worker.name}` hangs: it has not returned within {worker.bound:.1f} s, {then}",
+                worker.name,
+            )
             for worker in self._workers.values()
             if worker.hangs
         ]
-        return hang + [f"`{name}` fails: {why}" for name, why in self._failing.items()]
+        return hang + [Note("function_fails", f"`{name}` fails: {why}", name) for name, why in self._failing.items()]
 
     def _returned(self, call: Call, result: Result) -> None:
         """A call came back, for an action that waits for it or is over already."""

@@ -18,6 +18,7 @@ from bridged.drivers.zenoh.replies import read_reply
 from bridged.drivers.zenoh.subscriptions import Sources
 from commd.bus.raw import Querier
 from schemas.manifest.loader import ActionEntry, Manifest
+from schemas.wire.records import Note
 
 DISCOVERY = 1.0
 """Wall seconds that a listener or a server may take to be seen: declarations travel after a start or a reconnect."""
@@ -133,10 +134,11 @@ class ZenohDriver(PlainDriver):
             **self._counts,
         }
 
-    def notes(self) -> list[str]:
-        """What is not heard, and what cannot be read."""
+    def notes(self) -> list[Note]:
+        """Return what is not heard, and what cannot be read."""
         now = self._clock.wall()
-        return [note for source in self._sources.by_name.values() if (note := source.note(now))]
+        notes = (source.note(now) for source in self._sources.by_name.values())
+        return [note for note in notes if note is not None]
 
     def _key(self, name: str) -> str:
         return f"{self._prefix}/{name}" if self._prefix else name

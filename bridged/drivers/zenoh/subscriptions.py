@@ -12,6 +12,7 @@ from bridged.drivers.zenoh.payload_codecs import DEFAULT, BadPayload, codec_for
 from commd.bus.raw import LARGEST, RawBus, Sample, Subscription
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest
+from schemas.wire.records import Note
 
 PATIENCE = 5.0
 """Wall seconds after which it is told that nothing has come on a key."""
@@ -35,21 +36,24 @@ class Source:
     """What was wrong with the first that could not be read."""
     subscription: Subscription | None = field(default=None, repr=False)
 
-    def note(self, now: float) -> str:
-        """What people should know of it now; empty if all is well."""
+    def note(self, now: float) -> Note | None:
+        """Return what is wrong with it at `now` (wall seconds); None if all is well."""
         if self.unreadable:
             many = f"{self.unreadable} of {self.samples} samples cannot be read"
-            return f"{self.key}: {many}, the first: {self.problem}"
+            text = f"{self.key}: {many}, the first: {self.problem}"
+            return Note("samples_unreadable", text, self.key, self.unreadable)
         too_large = 0 if self.subscription is None else self.subscription.too_large
         if too_large:
-            return f"{self.key}: {too_large} samples have more than {LARGEST} bytes and are not read"
+            text = f"{self.key}: {too_large} samples have more than {LARGEST} bytes and are not read"
+            return Note("samples_too_large", text, self.key, too_large)
         if not self.samples:
-            waited = now - self.since
-            return f"nothing has come on {self.key} for {waited:.0f} s since the start" if waited > PATIENCE else ""
+            waited = round(now - self.since)
+            text = f"nothing has come on {self.key} for {waited} s since the start"
+            return Note("source_never_heard", text, self.key, waited) if now - self.since > PATIENCE else None
         silence = now - self.heard
         if self.ttl is not None and silence > max(self.ttl, PATIENCE):
-            return f"{self.key} has been silent for {silence:.0f} s"
-        return ""
+            return Note("source_silent", f"{self.key} has been silent for {silence:.0f} s", self.key, round(silence))
+        return None
 
 
 class Sources:

@@ -22,6 +22,7 @@ from schemas.wire.terms import Structure
 from tests.agentd.hosts import host_on
 from tests.agentd.mail.test_mail_client import a_desk, numbered
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+from tests.support.notes import identities
 
 HEARS = "+!kqml_received(S, tell, N, _) <- +got(N); .print(got(N)).\n"
 
@@ -139,7 +140,9 @@ def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_the
         )
         await hand_over(desk_bus, numbered(1), goal)
         await until(lambda: "said(7)" in agent.prints, "the mind goes on")
-        assert "b cannot be kept, and its mail waits: database or disk is full" in agent.host.health().notes[0]
+        (note,) = agent.host.health().notes
+        assert note.code == "state_not_kept"
+        assert "database or disk is full" in note.text
         await asyncio.sleep(0.3)
         assert taken == []
         agent.disk.full = ""
@@ -163,7 +166,9 @@ def test_a_save_that_does_not_end_is_told_and_no_action_waits_for_it_or_is_remem
         agent.disk.open.clear()
         agent.tell(Told("a", "tell", 1.0))
         await until(lambda: bool(agent.host.health().notes), "the hanging disk is told")
-        assert "b cannot be kept, and its mail waits: the disk has not answered" in agent.host.health().notes[0]
+        (note,) = agent.host.health().notes
+        assert note.code == "state_not_kept"
+        assert "the disk has not answered" in note.text
         keeping = agent.host._keeping
         assert keeping is not None
         for number in range(100):
@@ -325,10 +330,9 @@ def test_what_cannot_be_read_of_mail_and_actions_is_told_and_left_out_once(endpo
             database.commit()
         again = await host_on(bus, "a", program, tmp_path, others=("c",))
         await until(lambda: any(saving.delivered for saving in again.disk.savings), "they are removed")
-        notes = again.host.health().notes
-        assert ["message 1 to c cannot be read" in notes[0], "which may have begun, cannot be read" in notes[1]] == [
-            True,
-            True,
+        assert identities(again.host.health().notes) == [
+            ("state_damaged", "message 1 to c"),
+            ("state_damaged", "action a:1:1"),
         ]
         desk = await a_desk(connect)
         again.host.hurry()

@@ -322,8 +322,8 @@ def test_a_corrupt_file_is_set_aside_and_told_and_a_new_one_made(path: Path, dam
     again = Checkpoint.open(path, "scout")
     assert again.read() is None
     (note,) = again.notes
-    assert "mind.sqlite.corrupt-1" in note
-    assert "scout begins anew" in note
+    assert note.identity == ("state_damaged", "file")
+    assert "mind.sqlite.corrupt-1" in note.text
     again.save(FULL)
     assert again.read() is not None
     assert path.with_name("mind.sqlite.corrupt-1").read_bytes() == before
@@ -335,7 +335,7 @@ def test_each_corrupt_file_is_set_aside_under_a_name_of_its_own(path: Path) -> N
         path.write_bytes(b"garbage" * 300)
         checkpoint = Checkpoint.open(path, "scout")
         checkpoint.close()
-        assert f"corrupt-{number}:" in checkpoint.notes[0]
+        assert f"corrupt-{number}:" in checkpoint.notes[0].text
     assert len(list(path.parent.glob("*.corrupt-?"))) == 3
 
 
@@ -353,7 +353,7 @@ def test_a_database_of_something_else_is_set_aside(path: Path) -> None:
     other.execute("CREATE TABLE belief (x)")
     other.commit()
     other.close()
-    assert "a database of something else" in Checkpoint.open(path, "scout").notes[0]
+    assert "a database of something else" in Checkpoint.open(path, "scout").notes[0].text
 
 
 def test_a_file_of_a_newer_version_is_refused_and_left_alone(path: Path) -> None:

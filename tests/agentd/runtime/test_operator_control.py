@@ -64,7 +64,7 @@ def test_a_paused_mind_stands_still_until_it_goes_on(tmp_path: Path, endpoint: s
         assert view.paused_for is not None
         assert 590 < view.paused_for <= 600
         (note,) = bob.agent.host.health().notes
-        assert note.startswith("paused by the operator for 0 s; it goes on by itself in ")
+        assert (note.code, note.value) == ("mind_paused", 0)
         cycle, before = view.cycle, count(bob.agent)
         await asyncio.sleep(0.3)
         assert (bob.agent.host.view().cycle, count(bob.agent)) == (cycle, before)
@@ -178,8 +178,8 @@ def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(tmp_pa
         means = "; until then nobody reacts to what uav1 does and tells"
         assert await bob.order("pause") == Outcome(ok=True, reason=f"it goes on by itself in 60 s{means}")
         [note] = bob.agent.host.health().notes
-        assert note.startswith("paused by the operator for 0 s; it goes on by itself in ")
-        assert note.endswith(means)
+        assert note.code == "mind_paused"
+        assert note.text.endswith(means)
         await bob.agent.end()
 
     on_a_bus(endpoint, body)
@@ -270,9 +270,9 @@ def test_nobody_forgets_a_paused_mind(tmp_path: Path, endpoint: str, monkeypatch
         assert outcome == Outcome(ok=True, reason="it goes on by itself in 0.5 s")
         before = count(bob.agent)
         await until(lambda: count(bob.agent) != before, "it goes on by itself")
-        assert bob.agent.host.health().notes == (
-            "paused by the operator, it went on by itself: a pause lasts at most 0.5 s",
-        )
+        (note,) = bob.agent.host.health().notes
+        assert note.code == "mind_went_on"
+        assert note.text.endswith("a pause lasts at most 0.5 s")
         await bob.agent.end()
 
     on_a_bus(endpoint, body)
@@ -288,7 +288,8 @@ def test_a_pause_ends_when_too_much_waits(tmp_path: Path, endpoint: str, monkeyp
             bob.agent.host.take(PerceptReplaced(term(f"at({number})")))
         await until(lambda: "at(10)[source(percept)]" in bob.agent.beliefs, "it goes on by itself")
         (note,) = bob.agent.host.health().notes
-        assert note.endswith("it went on by itself: more than 10 inputs waited for it")
+        assert note.code == "mind_went_on"
+        assert note.text.endswith("more than 10 inputs waited for it")
         await bob.agent.end()
 
     on_a_bus(endpoint, body)

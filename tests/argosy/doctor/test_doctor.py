@@ -90,7 +90,7 @@ def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        ({"notes": ("the disk is slow",)}, "agentd a: the disk is slow"),
+        ({"notes": (Note("slow", "the disk is slow"),)}, "agentd a: the disk is slow"),
         ({"restarts": 3, "last_error": "killed"}, "agentd a was started again 3 times since its board started; killed"),
         ({"errors": 2, "last_error": "disk full", "last_error_age": 7.2}, "2 errors, the last 7 s ago: disk full"),
         ({"drops": 60}, "agentd a is dropping: 50 within 10 s"),
@@ -103,28 +103,24 @@ def test_what_a_daemon_complains_of_is_a_warning(facts: Facts, more: dict[str, A
 
 
 @pytest.mark.parametrize(
-    ("note", "do"),
-    [
-        ("failsafe: none: if this bridge dies, nothing brings the vehicle home", "`failsafe: {gcs: bridge}`"),
-        ("no action is taken: operator: rtl", "`argosy stop release`"),
-    ],
+    ("code", "do"), [("failsafe_none", "`failsafe: {gcs: bridge}`"), ("operator_order", "`argosy stop release`")]
 )
-def test_what_is_to_be_done_about_a_known_warning_is_said_and_no_unit_named(facts: Facts, note: str, do: str) -> None:
-    found = only(daemons(replace(facts, rows=[row("uav", "bridged", notes=(note,))])), "warning")
+def test_what_is_to_be_done_about_a_known_warning_is_said_and_no_unit_named(facts: Facts, code: str, do: str) -> None:
+    found = only(daemons(replace(facts, rows=[row("uav", "bridged", notes=(Note(code, "any text"),))])), "warning")
     assert do in found.do
     assert "systemctl" not in found.do
 
 
 def test_a_vehicle_whose_autopilot_is_not_commanded_is_an_error(facts: Facts) -> None:
     note = Note(code="autopilot_unknown", text="the autopilot of the vehicle is PX4")
-    found = only(daemons(replace(facts, rows=[row("uav", "bridged", notes=(note.text,), coded=(note,))])), "error")
+    found = only(daemons(replace(facts, rows=[row("uav", "bridged", notes=(note,))])), "error")
     assert found.text == "bridged uav: the autopilot of the vehicle is PX4"
     assert "Only ArduPilot is flown" in found.do
 
 
 def test_a_robot_that_nobody_attends_is_an_error_and_told_once(facts: Facts) -> None:
     note = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.5)
-    said = daemons(replace(facts, rows=[row("uav", "bridged", notes=("other", note.text), coded=(note,))]))
+    said = daemons(replace(facts, rows=[row("uav", "bridged", notes=(Note("other", "other"), note))]))
     found = only(said, "error")
     assert found.text == "bridged uav: in the air without anybody in charge"
     assert "argosy stop land|rtl" in found.do

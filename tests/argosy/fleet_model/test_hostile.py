@@ -10,7 +10,7 @@ from argosy.fleet_model import steady_clock
 from argosy.fleet_model.roster import MOST
 from schemas.wire import keys
 from schemas.wire.mind_records import Deed, MindView
-from schemas.wire.records import ActionStatus
+from schemas.wire.records import ActionStatus, Note
 from schemas.wire.terms import Number, Term
 from tests.argosy.fleet_model.fleet import FLEET, HOME, rescue
 
@@ -68,7 +68,7 @@ def test_what_is_kept_of_a_record_is_short_and_no_command() -> None:
     fleet.model.status(keys.status(FLEET, "scout", "goto"), status)
     fleet.percept("scout", "state", text, True, True).percept("scout", "holder", text)
     fleet.percept("scout", "override", text).percept("scout", text, *HOME)
-    fleet.told("uav1", "bridged", notes=(f"no action is taken: operator: {text}",))
+    fleet.told("uav1", "bridged", notes=(Note(text, text, text),))
     model = fleet.model
     seen = model.robots["uav1"].seen
     for one in [seen.mode, seen.holder, seen.override, seen.operator]:

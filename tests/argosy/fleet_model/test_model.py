@@ -32,7 +32,7 @@ def test_a_mission_says_who_should_be_there() -> None:
     assert model.agents["scout"].there
     assert model.agents["rescuer1"].standing == "missing"
     assert model.agents["rescuer1"].robot == "uav2"
-    assert model.boards["pi3"].notes[0].startswith("the mission has it")
+    assert [note.code for note in model.boards["pi3"].notes] == ["missing"]
 
 
 def test_a_service_list_tells_on_which_board_an_agent_lives_whichever_is_heard_first() -> None:
@@ -119,10 +119,9 @@ def test_a_lost_vehicle_is_stale_however_well_its_bridge_is() -> None:
     assert fleet.model.robots["uav1"].seen.armed
 
 
-def test_an_order_of_the_operator_is_known_by_the_notes_of_the_bridge() -> None:
-    fleet = rescue().told("uav1", "bridged", notes=("no action is taken: operator: hold",))
+def test_an_order_of_the_operator_is_known_by_the_health_of_the_bridge() -> None:
+    fleet = rescue().told("uav1", "bridged", ordered="hold")
     assert fleet.model.robots["uav1"].seen.operator == "hold"
-    assert texts(fleet)[-1] == "uav1: no action is taken: operator: hold"
     assert fleet.told("uav1", "bridged").model.robots["uav1"].seen.operator == ""
 
 

@@ -91,16 +91,22 @@ def test_a_robot_that_is_no_vehicle_is_known_by_its_percepts() -> None:
 
 def test_a_warning_of_a_daemon_is_told_while_it_is_new() -> None:
     recording = Recording()
-    for notes in (("no failsafe is on",), ("no failsafe is on",), ()):
+    none = Note("failsafe_none", "no failsafe is on")
+    for notes in ((none,), (none,), ()):
         recording.health("uav1", "bridged", notes=notes)
     for seconds in (6, 7):
-        recording.health("uav1", "bridged", notes=(f"nothing has come on pose for {seconds} s", f"{seconds} of 9 cut"))
-    assert recording.lines == ["uav1: no failsafe is on", "uav1: nothing has come on pose for 6 s", "uav1: 6 of 9 cut"]
+        silent = [Note("source_silent", f"{key} silent for {seconds} s", key, seconds) for key in ("pose", "scan")]
+        recording.health("uav1", "bridged", notes=tuple(silent))
+    assert recording.lines == [
+        "uav1: no failsafe is on",
+        "uav1: pose silent for 6 s",
+        "uav1: scan silent for 6 s",
+    ]
 
 
 def test_an_alarm_is_told_as_an_error() -> None:
     recording = Recording()
-    recording.health("uav1", "bridged", notes=("alone",), coded=(Note(code="robot_unattended", text="alone"),))
+    recording.health("uav1", "bridged", notes=(Note("robot_unattended", "alone"),))
     assert recording.status.journal.entries[-1].level == "error"
     assert recording.lines == ["uav1: alone"]
 

@@ -100,7 +100,7 @@ def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(preve
     recording.status.timeout_at = 500.0
     recording.action(1, "goto", "succeeded", -27.603683, -48.518052, 40)
     alarm = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.0)
-    recording.health("uav1", "bridged", notes=(alarm.text,), coded=(alarm,))
+    recording.health("uav1", "bridged", notes=(alarm,))
     recording.health("uav1", "bridged")
     recording.picture.mind(MindView(agent="uav", cycle=7))
     recording.health("uav", "agentd", idle=prevented != "intends something")
@@ -208,7 +208,7 @@ def test_what_ran_on_a_bridge_that_died_has_ended_and_restarts_are_summed_up() -
 def test_a_vehicle_whose_autopilot_is_not_commanded_ends_the_run_at_the_start() -> None:
     recording = Recording()
     said = "the autopilot of the vehicle is PX4"
-    recording.health("uav1", "bridged", notes=(said,))
+    recording.health("uav1", "bridged", notes=(Note("another_code", said),))
     assert look(recording) is None, "programs read the code, not the words"
-    recording.health("uav1", "bridged", notes=(said,), coded=(Note(code="autopilot_unknown", text=said),))
+    recording.health("uav1", "bridged", notes=(Note("autopilot_unknown", said),))
     assert look(recording) == Ending(1, f"failed at the start: uav1: {said}")

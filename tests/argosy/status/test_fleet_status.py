@@ -21,7 +21,7 @@ from argosy.status.table import table
 from schemas.humanize import json_lines, span
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
-from schemas.wire.records import Health
+from schemas.wire.records import Health, Note
 from tests.support.processes import ROOT, Daemon
 
 MISSION = """\
@@ -88,7 +88,7 @@ def test_a_daemon_comes_tells_falls_silent_and_goes(mission: Mission) -> None:
     assert trial.standings()["agentd a"] == "missing", "what it told before it went holds no longer"
     trial.at += 1
     (gone,) = [row for row in trial.roll.rows() if row.name == "a"]
-    assert gone.notes == ("the mission has it, and it is not there; last heard 1 s ago",)
+    assert [(note.code, note.value) for note in gone.notes] == [("missing", 1.0)]
     trial.tells("a", "agentd")
     assert trial.standings()["agentd a"] == "unclaimed", "it tells, and has no token"
     trial.at += SILENT + 0.1
@@ -159,7 +159,11 @@ def test_a_line_tells_everything_in_keys_and_values_and_takes_no_line_breaks_fro
     trial = Trial(mission)
     trial.alive("uav", "bridged")
     facts: dict[str, Any] = {"version": "0.1.0", "uptime": 75.4, "lag": 0.0123, "drops": 3, "bad_input": 1}
-    words = {"last_error": 'the "link"\nbroke', "notes": ("no failsafe",), "errors": 2}
+    words = {
+        "last_error": 'the "link"\nbroke',
+        "notes": (Note("failsafe_none", "no failsafe", value=1.0),),
+        "errors": 2,
+    }
     trial.tells("uav", "bridged", restarts=4, **facts, **words)
     (row,) = [row for row in trial.roll.rows() if row.name == "uav"]
     assert line(row) == (
@@ -168,6 +172,7 @@ def test_a_line_tells_everything_in_keys_and_values_and_takes_no_line_breaks_fro
     )
     told = to_json("trial", [row], True)["daemons"][0]
     assert (told["restarts"], told["standing"], told["board"]) == (4, "up", "pi2")
+    assert told["notes"] == ({"code": "failsafe_none", "text": "no failsafe", "value": 1.0},)
 
 
 def test_no_name_on_the_bus_reaches_a_terminal_as_a_command() -> None:

@@ -16,7 +16,7 @@ from argosy.__main__ import main
 from argosy.fleet_model.fleet_status import Row
 from argosy.status import metrics_command
 from argosy.status.metrics_command import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page, _is_loopback
-from schemas.wire.records import Health
+from schemas.wire.records import Health, Note
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 
@@ -35,7 +35,7 @@ def samples(page: str) -> dict[tuple[str, tuple[str, ...]], float]:
 
 def test_prometheus_reads_every_figure_and_every_label_as_it_was_told() -> None:
     health = Health(
-        version=UGLY, uptime=7.5, lag=0.25, drops=3, restarts=2, errors=1, notes=("x",), counters={"m": 4.0}
+        version=UGLY, uptime=7.5, lag=0.25, drops=3, restarts=2, errors=1, notes=(Note("x", "x"),), counters={"m": 4.0}
     )
     rows = [
         Row("uav", "bridged", "pi1", "up", health, 0.4),

@@ -44,6 +44,7 @@ from schemas.wire.records import (
     Mailboxes,
     ManifestChange,
     Message,
+    Note,
     Outcome,
     Perception,
     Queue,
@@ -90,7 +91,15 @@ RECORDS: list[tuple[str, Record, str]] = [
     ("uav/cancel", Cancel(id="i"), "cancel i"),
     (
         "uav1/health/bridged",
-        Health(header=HEADER, daemon="bridged", uptime=61.2, cpu=1.25, drops=2, lag=0.5, notes=("low disk", "no GPS")),
+        Health(
+            header=HEADER,
+            daemon="bridged",
+            uptime=61.2,
+            cpu=1.25,
+            drops=2,
+            lag=0.5,
+            notes=(Note("a", "low disk"), Note("b", "no GPS")),
+        ),
         "bridged up 61 s, cpu 1.2 s, dropped 2, behind 0.5 s; low disk; no GPS",
     ),
     (

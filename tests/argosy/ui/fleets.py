@@ -51,8 +51,8 @@ class Robot:
 
     def healthy(self) -> None:
         """Tell that it is well, and whom it serves."""
-        notes = ("failsafe: none", *(note.text for note in self.warnings)) if self.warnings else ()
-        told = Health(daemon="bridged", percepts={self.agent: "b:1:0"}, notes=notes, coded=self.warnings)
+        notes = (Note("failsafe_none", "failsafe: none"), *self.warnings) if self.warnings else ()
+        told = Health(daemon="bridged", percepts={self.agent: "b:1:0"}, notes=notes)
         self.bus.put(keys.health(FLEET, self.name, "bridged"), told)
 
     def gone(self, name: str) -> None:

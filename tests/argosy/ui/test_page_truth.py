@@ -439,8 +439,8 @@ def test_what_several_say_in_the_same_words_is_said_once_and_an_alarm_above_ever
             craft, _, seen = await paged(stack, endpoint, "uav1", "uav2")
             alone = Note(code="robot_unattended", text="in the air, and its agent intends nothing")
             for robot in craft:
-                notes = ("failsafe: none", alone.text) if robot.name == "uav1" else ("failsafe: none",)
-                told = Health(daemon="bridged", notes=notes, coded=(alone,) if len(notes) > 1 else ())
+                none = Note("failsafe_none", "failsafe: none")
+                told = Health(daemon="bridged", notes=(none, alone) if robot.name == "uav1" else (none,))
                 stack.callback(
                     asyncio.create_task(_again(robot.bus, keys.health("sar", robot.name, "bridged"), told)).cancel
                 )

@@ -32,6 +32,7 @@ from schemas.wire.records import (
     Health,
     Mailboxes,
     Message,
+    Note,
     Perception,
     Queue,
     Refusal,
@@ -120,8 +121,11 @@ async def _mission(query: Query[RunningMission]) -> None:
 
 def _say(bus: Bus) -> None:
     for name, daemon in ((AGENT, "agentd"), ("pi1", "commd")):
-        bus.put(keys.health(FLEET, name, daemon), Health(daemon=daemon, notes=(BAD,)))
-    bus.put(keys.health(FLEET, ROBOT, "bridged"), Health(daemon="bridged", percepts={AGENT: "b:1:0"}, notes=(BAD,)))
+        bus.put(keys.health(FLEET, name, daemon), Health(daemon=daemon, notes=(Note(BAD, BAD, BAD),)))
+    bus.put(
+        keys.health(FLEET, ROBOT, "bridged"),
+        Health(daemon="bridged", percepts={AGENT: "b:1:0"}, notes=(Note(BAD, BAD),)),
+    )
     bus.put(keys.run(FLEET, "h"), RunState(phase="failed", why=BAD, report=BAD, recording=BAD, dead=(BAD,)))
     none = Number("Infinity")
     _percept(bus, "state", f"{BAD}GUIDED", True, True)

@@ -350,7 +350,8 @@ def test_that_there_is_no_router_is_said_with_the_reason() -> None:
 def test_a_note_of_several_robots_is_said_once() -> None:
     fleet = flying().comes("uav2", "bridged")
     for robot in ("uav1", "uav2"):
-        fleet.told(robot, "bridged", notes=("failsafe: none",), percepts={"scout": "x"} if robot == "uav1" else {})
+        none = (Note("failsafe_none", "failsafe: none"),)
+        fleet.told(robot, "bridged", notes=none, percepts={"scout": "x"} if robot == "uav1" else {})
 
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
         assert "!  uav1, uav2: failsafe: none" in text_of(app)
@@ -361,7 +362,8 @@ def test_a_note_of_several_robots_is_said_once() -> None:
 def test_an_alarm_stands_before_other_notes_and_looks_like_an_error() -> None:
     alarm = Note(code="robot_unattended", text="in the air without anybody in charge")
     fleet = flying()
-    fleet.told("uav1", "bridged", notes=("failsafe: none", alarm.text), coded=(alarm,), percepts={"scout": "x"})
+    notes = (Note("failsafe_none", "failsafe: none"), alarm)
+    fleet.told("uav1", "bridged", notes=notes, percepts={"scout": "x"})
     rows = [row.text for row in overview(fleet.model, 100, UNICODE) if row.text.plain.startswith("!")]
     assert [row.plain for row in rows] == [f"!  uav1: {alarm.text}", "!  uav1: failsafe: none"]
     assert [[str(one.style) for one in row.spans] for row in rows] == [[BAD], [WARN]]

@@ -281,8 +281,9 @@ def test_a_bit_of_the_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> Non
     data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
     path.write_bytes(bytes(data))
     again = Ledger(path)
-    assert "damaged" in again.note
+    assert again.note is not None
+    assert (again.note.code, again.note.value) == ("ledger_damaged", 1)
     again.close()
     well = Ledger(path)
-    assert well.note == ""
+    assert well.note is None
     well.close()

@@ -23,7 +23,7 @@ from schemas.manifest.loader import find_manifest
 from schemas.mission.model import Mission, read_mission
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
-from schemas.wire.records import Health, Perception
+from schemas.wire.records import Health, Note, Perception
 from schemas.wire.terms import Atom
 from tests.bridged.airfield import Airfield, on_the_airfield, until
 from tests.bridged.plugins import install
@@ -32,6 +32,7 @@ from tests.bridged.sky import MISSION
 from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
 from tests.support.buses import Connect, on_a_bus, served
+from tests.support.notes import identities
 from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
 
@@ -127,7 +128,7 @@ def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are_refus
     async def body(workshop: Workshop) -> None:
         await failing(workshop, sonar, KeyError("depth"))
         said = "driver `sonar` does not run: KeyError: 'depth'; it is not run again before the bridge is restarted"
-        assert workshop.bridge.health().notes == (said,)
+        assert workshop.bridge.health().notes == (Note("driver_down", said, "sonar"),)
         assert workshop.present("range") == [], "what it told holds no longer"
         status = await workshop.do("ping")
         assert (status.state, status.reason) == ("refused", said)
@@ -147,15 +148,15 @@ def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_driver_
     async def body(field: Airfield) -> None:
         async with field.router(), field.client() as agent:
             daemon = field.start()
-            notes: list[str] = []
+            notes: list[tuple[str, str]] = []
             agent.subscribe(
-                keys.health("test", "uav1", "bridged"), Health, lambda _, health: notes.extend(health.notes)
+                keys.health("test", "uav1", "bridged"), Health, lambda _, health: notes.extend(identities(health.notes))
             )
             await served(agent, keys.action("test", "uav", "takeoff"))
             await field.take_off(agent)
             sonar.trouble.append(RuntimeError("a defect"))
             sonar.echo.set()
-            await until(lambda: any("driver `sonar` does not run" in note for note in notes), "it is told")
+            await until(lambda: ("driver_down", "sonar") in notes, "it is told")
             assert not daemon.done()
             assert (await field.do(agent, "takeoff", 10)).state in ("succeeded", "refused", "failed")
             field.stop.set()
@@ -240,8 +241,7 @@ def test_a_link_that_cannot_be_opened_at_the_start_takes_no_other_robot_down_and
 
         try:
             await until(lambda: link("a2") == [Atom("down")], "the missing device is told to its agent")
-            said = f"driver `mavlink` does not run: link serial:{device}:57600 cannot be opened: no such file or"
-            await until(lambda: any(note.startswith(said) for note in health.notes), "and to people")
+            await until(lambda: ("driver_down", "mavlink") in identities(health.notes), "and to people")
             await until(first_is_heard, "the other robot is served")
             far, near = pty.openpty()
             device.symlink_to(os.ttyname(near))
@@ -252,7 +252,7 @@ def test_a_link_that_cannot_be_opened_at_the_start_takes_no_other_robot_down_and
                 return link("a2") == [Atom("up")]
 
             await until(second_is_heard, "the device is plugged in", 20)
-            await until(lambda: not any("does not run" in note for note in health.notes), "the note is taken back")
+            await until(lambda: ("driver_down", "mavlink") not in identities(health.notes), "the note is taken back")
         finally:
             stop.set()
             vehicle.close()
@@ -307,8 +307,8 @@ def test_a_driver_that_ends_by_itself_is_a_failure_in_words(sonar: Any, tmp_path
     async def body(workshop: Workshop) -> None:
         await workshop.perceives("range", 2.5)
         sonar.echo.set()
-        said = "driver `sonar` does not run: RuntimeError: driver `sonar` of bench has ended by itself"
-        await until(lambda: any(note.startswith(said) for note in workshop.bridge.health().notes), "it is told")
+        await until(lambda: identities(workshop.bridge.health().notes) == [("driver_down", "sonar")], "it is told")
+        assert "driver `sonar` of bench has ended by itself" in workshop.bridge.health().notes[0].text
 
     in_the_workshop(Workshop(tmp_path, checked(BENCH)), body)
 

@@ -99,9 +99,9 @@ class Turtle:
         """How often it was told to stop."""
         return self.commands.count(b'{"v":0}')
 
-    def notes(self) -> str:
-        """What health says."""
-        return "; ".join(self.bridge.health().notes)
+    def notes(self) -> dict[str, str]:
+        """The texts of what health warns of, by code."""
+        return {note.code: note.text for note in self.bridge.health().notes}
 
 
 def with_a_turtle(endpoint: str, state: Path, body: Callable[[Turtle], Coroutine[Any, Any, None]]) -> None:
@@ -126,7 +126,7 @@ def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on
         turtle.bridge.step()
         assert not pen[-1].final
         await until(lambda: not turtle.bridge.driver.active, "it holds")
-        assert turtle.notes() == ""
+        assert turtle.notes() == {}
 
     with_a_turtle(endpoint, tmp_path, body)
 
@@ -137,8 +137,8 @@ def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(endpoin
         going = await turtle.ask("a", "goto", 1.0)
         status = turtle.bridge.desk.cancel("a", going[-1].id)
         assert status.reason == "cancelled by a; hold is not confirmed yet"
-        said = "the robot may be moving: `stop` failed: nobody listens on t/cmd"
-        await until(lambda: said in turtle.notes(), "the failure is told")
+        await until(lambda: "may_be_moving" in turtle.notes(), "the failure is told")
+        assert turtle.notes()["may_be_moving"].endswith("`stop` failed: nobody listens on t/cmd")
         assert turtle.bridge.driver.active, "it is not left alone"
 
     with_a_turtle(endpoint, tmp_path, body)
@@ -153,7 +153,10 @@ def test_a_hold_that_is_never_answered_is_given_up_after_its_patience(
         turtle.hears.close()
         going = await turtle.ask("a", "goto", 1.0)
         turtle.bridge.desk.cancel("a", going[-1].id)
-        await until(lambda: "`stop` timed out: not done within 0.3 s" in turtle.notes(), "the failure is told")
+        await until(
+            lambda: turtle.notes().get("may_be_moving", "").endswith("timed out: not done within 0.3 s"),
+            "the failure is told",
+        )
 
     with_a_turtle(endpoint, tmp_path, body)
 

@@ -18,6 +18,7 @@ from tests.bridged.bridge.test_safety_orders import HOME_AT_LAST, mode_of, passi
 from tests.bridged.drivers.mavlink.actions.test_mission_actions import TOUR
 from tests.bridged.drivers.mavlink.vehicle.test_vehicle_kinds import PLANE, sky_of
 from tests.bridged.sky import GOAL, MISSION, Sky
+from tests.support.notes import identities
 
 FAR = (-27.600683, -48.518052, 40)
 """370 m away: half a minute of flight."""
@@ -304,8 +305,7 @@ def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky) -> None:
         sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
         await passing(sky, 20)
         assert mode_of(sky) == "BRAKE"
-        said = "agent uav is lost; the robot is paused: it is brought to safety on `continue`"
-        assert said in sky.bridge.health().notes
+        assert ("safety_deferred", "") in identities(sky.bridge.health().notes)
         await resume(sky)
         for _ in range(40):
             await passing(sky, 1)

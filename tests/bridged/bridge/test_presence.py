@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import Orders, Step
 from tests.bridged.sky import MISSION, Sky, is_command
+from tests.support.notes import identities
 
 
 def test_our_heartbeats_go_with_the_vehicles_own_so_that_an_idle_bridge_wakes_once_for_both(
@@ -38,8 +39,7 @@ def test_by_default_we_speak_as_the_vehicles_companion_and_what_was_switched_off
     assert {(one.get_srcSystem(), one.get_srcComponent(), one.type, one.autopilot) for one in beats} == {
         (1, 191, 18, 8)
     }
-    told = ["failsafe: none: if this bridge dies, nothing brings the vehicle home"]
-    assert sky.driver.notes() == (told if failsafe else [])
+    assert identities(sky.driver.notes()) == ([("failsafe_none", "")] if failsafe else [])
 
 
 def watched(tmp_path: Path) -> Sky:
@@ -51,9 +51,7 @@ def test_with_failsafe_bridge_we_are_the_ground_station_and_read_its_parameter_b
     sky.wait(3)
     beats = [one for one in sky.sent if one.get_type() == "HEARTBEAT"]
     assert {(one.get_srcSystem(), one.get_srcComponent()) for one in beats} == {(255, 190)}
-    assert sky.driver.notes() == [
-        "failsafe: FS_GCS_ENABLE is 0 on the vehicle: its ground-station failsafe is off",
-    ]
+    assert identities(sky.driver.notes()) == [("failsafe_off", "")]
     sky.vehicle.copter.parameters.set("FS_GCS_ENABLE", 1)
     again = Sky(
         tmp_path / "2",
@@ -96,4 +94,4 @@ def test_a_vehicle_that_does_not_tell_its_failsafe_is_a_warning(tmp_path: Path) 
     sky = watched(tmp_path)
     sky.we_hear = lambda message: message.get_type() != "PARAM_VALUE"
     sky.wait(8)
-    assert sky.driver.notes() == ["failsafe: the vehicle does not tell FS_GCS_ENABLE"]
+    assert identities(sky.driver.notes()) == [("failsafe_unknown", "")]

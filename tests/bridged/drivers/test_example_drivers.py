@@ -14,6 +14,7 @@ from schemas.manifest.loader import Manifest, load_manifest, read_manifest
 from tests.bridged.plugins import install
 from tests.bridged.workshop import Workshop, in_the_workshop
 from tests.support.buses import until
+from tests.support.notes import identities
 from tests.support.ports import free_port
 
 LAMP = Path(__file__).parents[3] / "examples" / "lamp"
@@ -93,8 +94,8 @@ def test_what_is_wrong_with_a_manifest_is_told_by_the_driver_at_its_line() -> No
 
 def test_a_board_without_the_hardware_says_so(lamp: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def body(workshop: Workshop) -> None:
-        wanted = "`board.temperature` fails: "
-        await until(lambda: any(note.startswith(wanted) for note in workshop.bridge.health().notes), "it is told")
+        wanted = [("function_fails", "board.temperature")]
+        await until(lambda: identities(workshop.bridge.health().notes) == wanted, "it is told")
         assert workshop.present("temperature") == []
 
     monkeypatch.setattr(import_module("board_functions"), "ZONE", tmp_path / "none")

@@ -19,6 +19,7 @@ from commd.bus.bus import Bus, open_bus
 from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, _Queue
 from schemas.manifest.loader import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
+from tests.support.notes import identities
 
 
 @pytest.fixture(autouse=True)
@@ -90,8 +91,8 @@ def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(endpoin
         await until(lambda: pond.driver.counters()["samples_unreadable"] == 5, "the bad ones are counted")
         assert fields(pond) == [{"on": True}]
         (note,) = pond.driver.notes()
-        assert note.startswith("lamp/state: 5 of 6 samples cannot be read, the first: ")
-        assert len(note) < 400
+        assert (note.identity, note.value) == (("samples_unreadable", "lamp/state"), 5)
+        assert len(note.text) < 400
 
     in_a_pond(endpoint, body)
 
@@ -101,7 +102,9 @@ def test_a_payload_that_is_too_large_is_not_taken_in(endpoint: str) -> None:
         await pond.publish("lamp/state", b'"' + b"x" * LARGEST + b'"', b"1")
         await until(lambda: bool(pond.readings), "the small sample is read")
         assert fields(pond) == [{"data": 1}]
-        assert pond.driver.notes() == ["lamp/state: 1 samples have more than 65536 bytes and are not read"]
+        assert [(note.identity, note.value) for note in pond.driver.notes()] == [
+            (("samples_too_large", "lamp/state"), 1)
+        ]
 
     in_a_pond(endpoint, body)
 
@@ -111,7 +114,7 @@ def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest.Monke
 
     async def body(pond: Pond) -> None:
         await until(lambda: bool(pond.driver.notes()), "the silence is told")
-        assert pond.driver.notes() == ["nothing has come on lamp/state for 0 s since the start"]
+        assert identities(pond.driver.notes()) == [("source_never_heard", "lamp/state")]
         assert not pond.driver.heard
         assert pond.driver.silence == math.inf
         await pond.publish("lamp/state", b"1")

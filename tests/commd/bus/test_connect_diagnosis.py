@@ -30,6 +30,7 @@ from commd.router.link_monitor import Links, dates
 from schemas.mission.model import read_mission
 from tests.support.buses import until
 from tests.support.fleet_keys import FleetKeys
+from tests.support.notes import identities
 
 Port = Callable[[], int]
 TWO = 'mission: m\nboards: {pi1: {address: "ONE"}, pi2: {address: "TWO"}}\nagents: {a: {program: a.asl, board: pi1}}\n'
@@ -201,10 +202,12 @@ def test_a_board_tells_which_link_is_missing_and_why_until_it_is_there(fleet: Fl
             links = Links(bus, mission, "pi1", tls, look=0.05)
             watching = asyncio.create_task(links.watch())
             await until(lambda: bool(links.health().notes), "the link is missed")
-            assert links.health().notes == ("no link to pi2: is commd running? Nobody listens there",)
+            assert identities(links.health().notes) == [("link_missing", "pi2")]
             async with router(free_port, old, at=f"tls/{two}", name="pi2"):
                 expired = "no link to pi2: its certificate, `pi2`, expired on"
-                await until(lambda: str(*links.health().notes).startswith(expired), "the certificate is called expired")
+                await until(
+                    lambda: links.health().notes[0].text.startswith(expired), "the certificate is called expired"
+                )
             async with router(free_port, fleet.make("pi2"), at=f"tls/{two}", dials=f"tls/{one}", name="pi2"):
                 await until(lambda: not links.health().notes, "the link is there")
                 assert bus.linked() == {"pi2"}
@@ -243,8 +246,9 @@ def test_a_board_tells_that_its_router_has_little_room_left_and_who_takes_it(fle
         links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01, most=10)
         watching = asyncio.create_task(links.watch())
         bus.those = Counter({"": 2, "eye": 6})
-        full = "8 of 10 links are taken, `eye` has 6 of them: whoever comes when there are none is refused"
-        await until(lambda: links.health().notes == (full,), "it is told")
+        await until(lambda: identities(links.health().notes) == [("links_full", "")], "it is told")
+        assert links.health().notes[0].value == 8
+        assert "`eye` has 6 of them" in links.health().notes[0].text
         assert links.health().counters["links"] == 8
         bus.those = Counter({"": 2, "eye": 5})
         await until(lambda: links.health().notes == (), "there is room")
@@ -260,8 +264,7 @@ def test_a_watch_over_links_that_fails_says_so_and_goes_on(fleet: FleetKeys, cap
         links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01)
         watching = asyncio.create_task(links.watch())
         bus.those = None
-        defect = "defect in argosy: the watch over the links: OSError: no session"
-        await until(lambda: links.health().notes == (defect,), "it is told")
+        await until(lambda: identities(links.health().notes) == [("defect", "links")], "it is told")
         bus.those = Counter({"": 1})
         await until(lambda: links.health().notes == (), "it goes on")
         watching.cancel()

@@ -46,9 +46,8 @@ def test_the_board_goes_on_alone_and_all_are_told_why(made: timedelta, ends: tim
             found: list[Health] = []
 
             def missed() -> bool:
-                return (
-                    any("no link to pi" in note and "pi3" not in note for note in found[-1].notes) if found else False
-                )
+                notes = found[-1].notes if found else ()
+                return any(note.code == "link_missing" and note.about != "pi3" for note in notes)
 
             async with open_bus(
                 fleet.socket(board), fleet="three", name="x", daemon="agentd", stamp=time.time_ns, patience=10
@@ -59,9 +58,11 @@ def test_the_board_goes_on_alone_and_all_are_told_why(made: timedelta, ends: tim
 
         async def body() -> None:
             first, second = await asyncio.gather(health("pi1"), health("pi2"))
-            assert first.notes[0].startswith(own)
-            assert first.last_error.endswith(first.notes[0]), "its log has it as an error"
-            assert any(note.startswith(f"no link to pi1: {others}") for note in second.notes), second.notes
+            assert first.notes[0].code == "keys_refused"
+            assert first.notes[0].text.startswith(own)
+            assert first.last_error.endswith(first.notes[0].text), "its log has it as an error"
+            (missing,) = [note for note in second.notes if note.identity == ("link_missing", "pi1")]
+            assert missing.text.startswith(f"no link to pi1: {others}")
 
         asyncio.run(asyncio.wait_for(body(), 60))
         assert one.process.poll() is None

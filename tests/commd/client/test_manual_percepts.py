@@ -215,12 +215,14 @@ def test_what_holds_by_hand_is_told_until_it_is_taken_away() -> None:
     by_hand = HandPercepts("uav", True, Counter[str]())
     assert by_hand.notes() == ()
     by_hand.take("argosy/f/uav/percept/battery", Perception(parameters=(0, 10.5, 20)))
-    assert by_hand.notes() == ("1 percept by hand holds, until taken away by hand: battery/3",)
+    [note] = by_hand.notes()
+    assert (note.identity, note.value) == (("percepts_by_hand", "battery/3"), 1)
     for number in range(10):
         by_hand.take(f"argosy/f/uav/percept/c{number}", Perception())
     [note] = by_hand.notes()
-    assert note.startswith("11 percepts by hand hold, until taken away by hand: battery/3, c0/0, ")
-    assert note.endswith(", ...")
+    assert (note.code, note.value) == ("percepts_by_hand", 11)
+    assert note.about.startswith("battery/3, c0/0, ")
+    assert note.about.endswith(", ...")
     for name in ("battery", *(f"c{number}" for number in range(10))):
         by_hand.take(f"argosy/f/uav/percept/{name}", Perception(update="remove"))
     assert by_hand.notes() == ()

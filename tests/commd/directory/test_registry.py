@@ -6,6 +6,7 @@ import pytest
 
 from commd.directory.registry import MOST_SERVICES, Problem, Services, checked
 from schemas.wire.records import BoardServices, Header
+from tests.support.notes import identities
 
 MISSION = {"a": "pi1", "b": "pi2", "c": "pi1"}
 
@@ -115,7 +116,7 @@ def test_an_agent_that_joined_two_boards_that_did_not_see_one_another_is_told_of
     here: Services,
 ) -> None:
     here, _, _ = here.join("kid").heard(says(1, kid=()))
-    assert here.doubled() == ["agent `kid` has joined two boards: pi1 and pi2"]
+    assert identities(here.doubled()) == [("agent_twice", "kid")]
     assert here.homes()["kid"] == "pi1"
 
 

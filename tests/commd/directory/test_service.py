@@ -25,6 +25,7 @@ from schemas.wire.records import BoardServices, Mail, Message, Receipt, Refusal,
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import message, post
 from tests.support.buses import FLEET, session, subscribed, until
+from tests.support.notes import identities
 
 MISSION = """\
 mission: fleet
@@ -255,8 +256,8 @@ def test_two_boards_of_one_name_are_told_of(fleet: Fleet, tmp_path: Path, free_p
     async def body() -> None:
         async with fleet.board("pi2") as pi2, other.board("pi2"):
             async with fleet.board("pi1"):
-                await until(lambda: pi2.notes() == ["another commd serves board `pi2` as well"], "both are seen")
-            await until(lambda: pi2.notes() == [], "they do not see each other any more")
+                await until(lambda: identities(pi2.notes()) == [("board_twice", "")], "both are seen")
+            await until(lambda: pi2.notes() == (), "they do not see each other any more")
 
     run(body())
 
@@ -280,9 +281,9 @@ def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
             await kid.ask("join", stays=True)
         monkeypatch.setattr(Store, "read", read)
         async with fleet.board("pi1") as pi1, fleet.agent("twin", "pi1") as twin:
-            assert pi1.notes() == ["who joined and who offers what is not read yet: disk I/O error"]
+            assert identities(pi1.notes()) == [("directory_unread", "")]
             assert (await twin.ask("join")).problem == "", "nobody is served before it is read"
-            assert pi1.notes() == []
+            assert pi1.notes() == ()
             assert failed == 5
             assert sorted(pi1.names()) == ["a", "b", "c", "kid", "twin"]
 

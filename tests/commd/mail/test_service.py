@@ -22,6 +22,7 @@ from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import Receiver, Time, ask, board, listed, message, post
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+from tests.support.notes import identities
 
 ONE_BOARD = {"a": "pi1", "b": "pi1"}
 
@@ -364,7 +365,8 @@ def test_a_full_disk_acknowledges_nothing_and_loses_nothing(endpoint: str, tmp_p
             big = [message(number, content="x" * 20_000) for number in range(2, 6)]
             assert await post(sender, *big) == "the disk is full"
             assert mailroom.waiting == 0
-            assert any("the disk is full" in note for note in mailroom.health().notes)
+            assert identities(mailroom.health().notes) == [("mail_refused", "")]
+            assert "the disk is full" in mailroom.health().notes[0].text
             assert mailroom.health().counters["db_errors"] == 1
             with pytest.raises(StoreFailed):
                 await mailroom.take(big)
@@ -385,7 +387,7 @@ def test_a_corrupt_file_costs_its_mail_and_nothing_else_and_is_told(endpoint: st
             sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
             assert await post(sender, message(5)) == Receipt(taken=1)
             await until(lambda: receiver.contents == [5], "mail goes on")
-            assert mailroom.health().notes == ("a corrupt mail file was set aside: pi1.mail.corrupt-1",)
+            assert identities(mailroom.health().notes) == [("mail_file_set_aside", "pi1.mail.corrupt-1")]
 
     on_a_bus(endpoint, body)
 

@@ -208,8 +208,9 @@ def test_who_comes_with_another_machines_id_is_cut_off_and_told(free_port: Port,
         own, _ = await made.session("eye", session_id("eye"))
         false, _ = await made.session("eye", session_id(owner))
         assert await closed(false) == b""
-        assert [note.code for note in made.admission.health().coded] == [FORGED]
-        assert f"`eye` at 127.0.0.1 came with the session id {whose}" in made.admission.health().notes[0]
+        (note,) = made.admission.health().notes
+        assert note.identity == (FORGED, f"eye 127.0.0.1 {owner or 'board'}")
+        assert f"came with the session id {whose}" in note.text
         assert made.admission.health().counters[FORGED] == 1
         assert not own[0].at_eof()
 

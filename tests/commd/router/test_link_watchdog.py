@@ -21,6 +21,7 @@ from schemas.wire import keys
 from schemas.wire.records import Receipt
 from tests.attacks.world import NAME, TEXT, World, ask
 from tests.support.buses import FLEET, session, until
+from tests.support.notes import identities
 from tests.support.ports import free_port
 from tests.support.relay import Relay
 from tests.support.secured import Secured
@@ -107,8 +108,7 @@ def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: pytest
                 async with open_link_watchdog(fleet.b, ["a", "c"]) as watchdog:
                     await _holds(fleet.hears, f"b hears a again, {count}")
                 assert watchdog.counters["links_renewed"] >= 1
-                assert [note.code for note in watchdog.health().coded] == [RENEWED]
-                assert "the link to a was made again: " in watchdog.health().notes[0]
+                assert identities(watchdog.health().notes) == [(RENEWED, "a")]
                 assert await ask(fleet.b, "served", None, Receipt) == [Receipt()]
 
     asyncio.run(body())

@@ -20,6 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.mavlink.transport.framing import AUTOPILOT, HEADER_1, HEADER_2, MAGIC_1, Gate, component, source
 from bridged.drivers.mavlink.transport.link import Link, LinkError, Peer, open_link
+from schemas.wire.records import Note
 
 TRY_AGAIN = 5.0
 """Wall seconds between attempts to open a link to a ground station: in flight a free port is waited for, not needed."""
@@ -99,14 +100,15 @@ class GroundStation:
             self.counters.to_station += sent
             self.counters.dropped += not sent
 
-    def notes(self) -> list[str]:
-        """Warnings that hold now."""
-        notes = [self._why] if self._why else []
+    def notes(self) -> list[Note]:
+        """Return the warnings that hold now."""
+        notes = [Note("station_unreached", self._why, str(self.address))] if self._why else []
         if self._echo is not None and asyncio.get_running_loop().time() - self._echo[1] < ECHO_FOR:
-            notes.append(
+            text = (
                 f"packets of {self._echo[0]}/{AUTOPILOT}, the vehicle itself, come from the ground station at "
                 f"{self.address}: they are dropped"
             )
+            notes.append(Note("station_echoes", text, str(self.address)))
         return notes
 
     async def _open(self) -> None:

@@ -62,7 +62,7 @@ class Rider:
     signs: bool = False
     """Whether the last packet of its vehicle that was read bore a signature."""
     stations: list[GroundStation] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
+    problems: list[Note] = field(default_factory=list)
     address: VehicleAddress = field(init=False)
     """Where its vehicle is, on a link at which anybody may call."""
 
@@ -171,38 +171,40 @@ class SharedLink:
         if self.link is not None:
             self.link.send_to(self.link.peers_of(rider.vehicle), message, ids=rider.ids, signing=rider.signing)
 
-    def notes(self, rider: Rider) -> list[str | Note]:
-        """Warnings of the link that hold now, and those of one robot's place at it."""
-        notes: list[str | Note] = [*rider.address.notes(asyncio.get_running_loop().time())]
+    def notes(self, rider: Rider) -> list[Note]:
+        """Return the warnings of the link that hold now, and those of one robot's place at it."""
+        notes, here = [*rider.address.notes(asyncio.get_running_loop().time())], str(self.address)
         if self.link is not None and not self.link.up:
-            notes.append(f"link {self.address} is down: {self.link.why}")
+            notes.append(Note("link_down", f"link {here} is down: {self.link.why}", here))
         since = asyncio.get_running_loop().time() - STRANGE_FOR
         for system, (where, at) in self._strangers.items():
             if at > since and system not in self.riders:
                 ours = ", ".join(map(str, sorted(self.riders)))
                 robots = f"robot is {ours}" if len(self.riders) == 1 else f"robots are {ours}"
-                notes.append(f"heard system {system} at {where}; this link's {robots}")
+                text = f"heard system {system} at {where}; this link's {robots}"
+                notes.append(Note("other_system", text, str(system)))
         for (system, objection, where), at in self._refused.items():
             if at > since and system == rider.vehicle:
-                notes.append(f"{objection} packets of system {system} from {where} are not taken")
+                text = f"{objection} packets of system {system} from {where} are not taken"
+                notes.append(Note("packets_refused", text, f"{objection} {where}"))
         if rider.signs and rider.signing is None:
-            notes.append(
+            text = (
                 f"system {rider.vehicle} signs its packets, and will not listen to unsigned ones: "
                 "the mission gives no `signing`"
             )
-        if self._timestamps is not None and self._timestamps.problem:
-            notes.append(f"timestamps of signatures are not kept: {self._timestamps.problem}")
-        if self._signed.problem:
-            notes.append(f"timestamps of signatures are not kept: {self._signed.problem}")
+            notes.append(Note("signing_missing", text))
+        timestamps = "" if self._timestamps is None else self._timestamps.problem
+        for of, problem in (("sent", timestamps), ("received", self._signed.problem)):
+            if problem:
+                notes.append(Note("signatures_not_kept", f"timestamps of signatures are not kept: {problem}", of))
         if self._signed.damage:
-            notes.append(Note(code="signatures_forgotten", text=self._signed.damage))
+            notes.append(Note("signatures_forgotten", self._signed.damage))
         for station in rider.stations:
             notes += station.notes()
             if station.speaks_as == rider.ids:
                 ids = f"{rider.ids.system}/{rider.ids.component}"
-                notes.append(
-                    f"the ground station at {station.address} speaks as {ids}, as this bridge does: change `ids`"
-                )
+                text = f"the ground station at {station.address} speaks as {ids}, as this bridge does: change `ids`"
+                notes.append(Note("station_same_ids", text, str(station.address)))
         return notes + rider.problems
 
     def counters(self, rider: Rider) -> dict[str, float]:
@@ -299,7 +301,7 @@ class SharedLink:
             station.attach(rider.vehicle, lambda packet: self._pass_on(rider, packet))
         except LinkError as error:
             log.error("%s", error)
-            rider.problems.append(str(error))
+            rider.problems.append(Note("forward_refused", str(error), str(address)))
         else:
             rider.stations.append(station)
 

@@ -77,13 +77,13 @@ class VehicleAddress:
 
     def notes(self, now: float) -> Sequence[Note]:
         """Warnings that hold now."""
-        two = self.two_vehicles(now)
-        all_of_them = (
-            ("two_vehicles", two, None),
-            ("foreign_packets", self._foreign if now < self._foreign_until else "", float(self.foreign)),
-            ("vehicle_moved", self._moved if now < self._moved_until else "", None),
-        )
-        return [Note(code=code, text=text, value=value) for code, text, value in all_of_them if text]
+        two, system = self.two_vehicles(now), str(self._system)
+        notes = [Note("two_vehicles", two, system)] if two else []
+        if now < self._foreign_until:
+            notes.append(Note("foreign_packets", self._foreign, system, self.foreign))
+        if now < self._moved_until:
+            notes.append(Note("vehicle_moved", self._moved, system))
+        return notes
 
     def _heartbeat(self, peer: Peer, now: float) -> None:
         address = str(peer)

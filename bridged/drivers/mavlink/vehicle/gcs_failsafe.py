@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from schemas.mission.model import Failsafe, Ids
+from schemas.wire.records import Note
 
 PARAMETER = "FS_GCS_ENABLE"
 """ArduCopter: 0 = the failsafe is off."""
@@ -90,13 +91,14 @@ class FailsafeCheck:
         if message.param_id == PARAMETER:
             self.value = message.param_value
 
-    def notes(self) -> list[str]:
-        """Warnings that hold now."""
+    def notes(self) -> list[Note]:
+        """Return the warnings that hold now."""
         match self._failsafe.gcs, self.value:
             case "none", _:
-                return ["failsafe: none: if this bridge dies, nothing brings the vehicle home"]
+                return [Note("failsafe_none", "failsafe: none: if this bridge dies, nothing brings the vehicle home")]
             case _, None if self._tries >= TRIES and self._next_at == math.inf:
-                return [f"failsafe: the vehicle does not tell {PARAMETER}"]
+                return [Note("failsafe_unknown", f"failsafe: the vehicle does not tell {PARAMETER}")]
             case _, value if value is not None and value == 0:
-                return [f"failsafe: {PARAMETER} is 0 on the vehicle: its ground-station failsafe is off"]
+                text = f"failsafe: {PARAMETER} is 0 on the vehicle: its ground-station failsafe is off"
+                return [Note("failsafe_off", text)]
         return []

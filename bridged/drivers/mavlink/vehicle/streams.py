@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.vehicle.commands import Command, Commands
 from schemas.manifest.loader import Manifest, Retry
+from schemas.wire.records import Note
 
 OWN_NEEDS = {
     "GLOBAL_POSITION_INT": 5.0,
@@ -141,10 +142,11 @@ class Streams:
             if not home_known():
                 self._submit(dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_HOME_POSITION, 0.0, now)
 
-    def notes(self) -> list[str]:
-        """What the vehicle was asked for and does not send."""
-        notes = [f"the vehicle does not know {stream.name}" for stream in self._streams.values() if stream.denied]
-        return notes + [f"{name} comes too seldom; asked again" for name in self._starved]
+    def notes(self) -> list[Note]:
+        """Return what the vehicle was asked for and does not send."""
+        denied = [stream.name for stream in self._streams.values() if stream.denied]
+        notes = [Note("message_unknown", f"the vehicle does not know {name}", name) for name in denied]
+        return notes + [Note("message_late", f"{name} comes too seldom; asked again", name) for name in self._starved]
 
     def _rate(self, stream: _Stream) -> float:
         return stream.rate if self.at_work else min(stream.rate, IDLE_RATE / self._scale)

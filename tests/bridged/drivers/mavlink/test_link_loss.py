@@ -21,6 +21,7 @@ from schemas.manifest.loader import read_manifest
 from schemas.wire.terms import Atom
 from tests.bridged.radio import BEAT, Ride, Speaker, place, riding
 from tests.support.buses import until
+from tests.support.notes import identities
 from tests.support.ports import free_port
 
 UP, DOWN = Atom("up"), Atom("down")
@@ -137,8 +138,11 @@ def test_a_serial_device_that_is_unplugged_is_link_down_and_plugged_in_again_it_
             os.close(far)
             name.unlink()
             await until(lambda: states(ride) == [UP, DOWN], "unplugged")
-            said = f"link serial:{name}:57600 is down: link serial:{name}:57600 cannot be opened: no such file or"
-            await until(lambda: any(note.startswith(said) for note in ride.driver.notes()), "the note says why")
+            said = {("link_down", f"serial:{name}:57600")}
+            await until(lambda: said <= set(identities(ride.driver.notes())), "the note")
+            await until(
+                lambda: any("no such file or" in note.text for note in ride.driver.notes()), "the note says why"
+            )
             far = plug_in()
 
             def again() -> bool:

@@ -244,4 +244,4 @@ def test_the_loss_of_a_vehicle_is_told_once() -> None:
     states = [one.parameters for _, one in replay.told if one.name == "state"]
     assert states[-1] == ("", False, False)
     assert states.count(("", False, False)) == 1
-    assert replay.talk.notes()[0] == "no heartbeat from system 3"
+    assert replay.talk.notes()[0].identity == ("no_heartbeat", "3")

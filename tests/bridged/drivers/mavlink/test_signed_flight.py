@@ -12,6 +12,7 @@ from bridged.drivers.mavlink.transport.signing import Signing, Timestamps, key_o
 from tests.bridged.drivers.mavlink.test_ground_stations import copter
 from tests.bridged.radio import BEAT, COPTER, Speaker, riding
 from tests.support.buses import until
+from tests.support.notes import identities
 from tests.support.ports import free_port
 
 
@@ -30,7 +31,7 @@ def test_a_signed_copter_is_armed_by_who_has_the_passphrase_and_by_nobody_else(t
         link = f"link: 'udpin:127.0.0.1:{port}', signing: {{passphrase_file: '%s'}}"
         async with riding(link % wrong, state=tmp_path / "wrong") as [ride]:
             await until(
-                lambda: any(note.startswith("wrongly signed packets of system 1") for note in ride.driver.notes()),
+                lambda: any(note.code == "packets_refused" for note in ride.driver.notes()),
                 "the note",
             )
             assert not ride.driver.heard
@@ -43,8 +44,7 @@ def test_a_signed_copter_is_armed_by_who_has_the_passphrase_and_by_nobody_else(t
                     assert execution.outcome.state == "succeeded", execution.outcome.reason
                 assert ride.driver.counters()["refused_packets"] == 0
         async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
-            said = "system 1 signs its packets, and will not listen to unsigned ones: the mission gives no `signing`"
-            await until(lambda: said in ride.driver.notes(), "the note")
+            await until(lambda: ("signing_missing", "") in identities(ride.driver.notes()), "the note")
 
     port = free_port()
     with copter(f"udpout:127.0.0.1:{port}", "--speed", "5", "--signing-passphrase-file", str(right)):
@@ -64,8 +64,8 @@ def test_a_vehicle_whose_clock_is_an_hour_behind_is_told_the_time_by_a_signature
             for _ in range(5):
                 vehicle.say(BEAT)
             await until(lambda: bool(vehicle.listen()), "we answer what is rightly signed")
-            said = f"outdated packets of system 1 from udp:127.0.0.1:{vehicle.port} are not taken"
-            assert said in ride.driver.notes()
+            said = ("packets_refused", f"outdated udp:127.0.0.1:{vehicle.port}")
+            assert said in identities(ride.driver.notes())
             assert vehicle.kinds() == {"TIMESYNC"}, "no heartbeat, which would keep a failsafe from acting"
             assert len(vehicle.raw) == 1, "once a second at most"
             assert not its.objection(vehicle.raw[0]), "by which it takes our time over"

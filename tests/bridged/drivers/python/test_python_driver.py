@@ -17,9 +17,11 @@ from bridged.drivers.python.actions import MAX_RATE, Call
 from bridged.drivers.python.driver import PythonDriver
 from schemas.files.findings import Findings
 from schemas.manifest.loader import read_manifest
+from schemas.wire.records import Note
 from tests.bridged.plugins import install
 from tests.bridged.workshop import MISSION, Workshop, checked, in_the_workshop, problems
 from tests.support.buses import until
+from tests.support.notes import identities
 from tests.support.processes import running
 
 GPIO = """
@@ -228,7 +230,9 @@ def test_each_yield_of_a_generator_is_a_reading_and_it_begins_anew_when_it_break
         await until(lambda: workshop.present("button") == [(0,), (1,), (2,)], "the first readings")
         opened()
         await until(lambda: ("pressed",) in workshop.present("button"), "the event")
-        await until(lambda: "`gpio.button` fails: unplugged" in workshop.bridge.health().notes, "it is told")
+        await until(
+            lambda: ("function_fails", "gpio.button") in identities(workshop.bridge.health().notes), "it is told"
+        )
         assert gpio()["closed"] == ["button"]
         calls = workshop.bridge.health().counters["calls"]
         await until(lambda: workshop.bridge.health().counters["calls"] > calls + 3, "it begins anew")
@@ -257,7 +261,8 @@ def test_a_reading_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
     manifest = checked(robot('[percepts.much]\nsource = "gpio.flood"\nargs = ["data"]\nrate = 100'))
 
     async def body(workshop: Workshop) -> None:
-        told = "`gpio.flood` fails: a reading of 10001 elements, more than 10000"
+        text = "`gpio.flood` fails: a reading of 10001 elements, more than 10000"
+        told = Note("function_fails", text, "gpio.flood")
         await until(lambda: workshop.bridge.health().notes == (told,), "it is told")
         assert workshop.present("much") == []
         assert not workshop.bridge.driver.heard
@@ -280,7 +285,7 @@ def test_a_sensor_that_hangs_loses_its_percept_is_named_and_holds_up_no_other(tm
         sys.modules["my_gpio"].gate.clear()
         await workshop.perceives("slow")
         await until(lambda: workshop.bridge.health().counters["calls_hanging"] == 1, "it counts as hanging")
-        assert [note.partition(":")[0] for note in workshop.bridge.health().notes] == ["`gpio.stuck_once` hangs"]
+        assert identities(workshop.bridge.health().notes) == [("function_hangs", "gpio.stuck_once")]
         [before] = workshop.present("count")
         await until(lambda: workshop.present("count")[0][0] > before[0] + 5, "the other one goes on")
         opened()
@@ -302,7 +307,7 @@ def test_an_action_that_hangs_times_out_and_is_not_begun_again_meanwhile(tmp_pat
         assert again.state == "refused"
         assert again.reason.startswith("`gpio.stuck` has not returned from its last call for 0.")
         await until(lambda: bool(workshop.bridge.health().notes), "it is told")
-        assert workshop.bridge.health().notes[0].startswith("`gpio.stuck` hangs: ")
+        assert identities(workshop.bridge.health().notes) == [("function_hangs", "gpio.stuck")]
         opened()
         await until(lambda: workshop.bridge.health().counters["calls_late"] == 1, "it returned")
         assert workshop.bridge.health().notes == ()

@@ -13,6 +13,7 @@ from bridged.simulation.copter.mission import Item as Stored
 from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Term
 from tests.bridged.sky import HOME, MISSION, Message, Passes, Sky
+from tests.support.notes import identities
 
 NEAR, FAR = [-27.603683, -48.518052, 20], [-27.6038, -48.5182, 15]
 TOUR: list[Term] = [["takeoff", 0, 0, 10], NEAR, FAR]
@@ -105,13 +106,13 @@ def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_start
     )
     assert final.state in ("failed", "refused")
     assert final.reason.endswith(left)
-    assert left in sky.driver.notes()
+    assert ("mission_broken", "") in identities(sky.driver.notes())
     sky.hears_us = lambda message: True
     sky.do("arm_motors", True)
     refused = sky.do("start_mission")
     assert (refused.state, refused.reason) == ("refused", left)
     assert sky.do("upload_mission", TOUR).state == "succeeded"
-    assert left not in sky.driver.notes()
+    assert ("mission_broken", "") not in identities(sky.driver.notes())
 
 
 def test_an_upload_that_is_cancelled_is_broken_off_at_the_vehicle_too(sky: Sky) -> None:

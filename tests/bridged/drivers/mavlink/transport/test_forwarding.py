@@ -16,6 +16,7 @@ from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCount
 from bridged.drivers.mavlink.transport.signing import Signing, key_of
 from tests.bridged.radio import BEAT, STATION_BEAT, Speaker, place, riding, spoken_as
 from tests.support.buses import until
+from tests.support.notes import identities
 from tests.support.ports import free_port
 
 GUIDED = dialect.MAVLink_heartbeat_message(2, 3, 129, 4, 4, 3)
@@ -150,13 +151,10 @@ def test_a_companion_of_the_vehicle_may_speak_from_a_station_and_its_own_packets
                 return "COMMAND_LONG" in vehicle.kinds(1, 240)
 
             await until(heard, "the vehicle hears its companion")
-            assert not [note for note in ride.driver.notes() if "ground station" in note]
+            assert "station_echoes" not in {note.code for note in ride.driver.notes()}
             mirror.say(BEAT)
-            said = (
-                f"packets of 1/1, the vehicle itself, come from the ground station at udpin:127.0.0.1:{forward}: "
-                "they are dropped"
-            )
-            await until(lambda: said in ride.driver.notes(), "the note")
+            said = ("station_echoes", f"udpin:127.0.0.1:{forward}")
+            await until(lambda: said in identities(ride.driver.notes()), "the note")
             mirror.say(command(9))
             companion.say(command(9))
             await until(lambda: ride.driver.counters()["forward_echoes"] == 2, "what is dropped is counted")
@@ -293,8 +291,9 @@ def test_a_port_for_stations_that_is_taken_is_a_note_and_no_end_of_the_flight() 
         async with riding(link(port, f"'udpin:127.0.0.1:{taken.port}'")) as [ride]:
             vehicle = Speaker(port)
             vehicle.say(BEAT)
-            said = f"forward: link udpin:127.0.0.1:{taken.port} cannot be opened: address already in use"
-            await until(lambda: said in ride.driver.notes(), "the note")
+            said = ("station_unreached", f"udpin:127.0.0.1:{taken.port}")
+            await until(lambda: said in identities(ride.driver.notes()), "the note")
+            assert any(note.text.endswith("cannot be opened: address already in use") for note in ride.driver.notes())
             await until(lambda: ride.driver.heard, "the vehicle is heard all the same")
             vehicle.close()
         taken.close()
@@ -311,8 +310,8 @@ def test_a_station_that_speaks_under_our_ids_is_told() -> None:
             vehicle.say(BEAT)
             await until(lambda: bool(station.listen()), "the station sees the vehicle")
             station.say(STATION_BEAT)
-            said = f"the ground station at udpout:127.0.0.1:{station.port} speaks as 255/190, as this bridge does"
-            await until(lambda: any(note.startswith(said) for note in ride.driver.notes()), "the note")
+            said = ("station_same_ids", f"udpout:127.0.0.1:{station.port}")
+            await until(lambda: said in identities(ride.driver.notes()), "the note")
             vehicle.close()
         station.close()
 
@@ -331,8 +330,8 @@ def test_vehicles_of_two_links_go_to_one_station_unless_they_have_one_id() -> No
             await until(lambda: all(ride.driver.heard for ride in rides), "all are heard")
             await until(lambda: len(station.listen()) == 2, "two of them are seen")
             assert len({spoken_as(one) for one in station.heard}) == 2
-            said = f"forward udpout:127.0.0.1:{station.port}: system 1 of another link goes there already"
-            assert [said in ride.driver.notes() for ride in rides] == [False, False, True]
+            said = ("forward_refused", f"udpout:127.0.0.1:{station.port}")
+            assert [said in identities(ride.driver.notes()) for ride in rides] == [False, False, True]
             await rides[0].leave()
             vehicles[1].say(place())
             await until(lambda: len(station.listen()) == 3, "the other one is still seen")
@@ -386,8 +385,8 @@ def test_packets_of_a_signed_link_pass_as_they_are_and_the_station_signs_its_own
             station.say(command(1))
             await until(lambda: "COMMAND_LONG" in vehicle.kinds(255, 230), "the vehicle hears the station")
             forger.say(RTL)
-            said = f"unsigned packets of system 1 from udp:127.0.0.1:{forger.port} are not taken"
-            await until(lambda: said in ride.driver.notes(), "the note")
+            said = ("packets_refused", f"unsigned udp:127.0.0.1:{forger.port}")
+            await until(lambda: said in identities(ride.driver.notes()), "the note")
             assert ride.driver.overridden == ""
             assert ride.driver.counters()["refused_packets"] == 1
             checked = Signing(key)

@@ -21,6 +21,7 @@ from schemas.manifest.loader import read_manifest
 from schemas.mission.model import Failsafe, Ids
 from tests.bridged.radio import BEAT, COPTER, STATION_BEAT, Speaker, place, riding, robot_of, spoken_as
 from tests.support.buses import until
+from tests.support.notes import identities
 from tests.support.ports import free_port
 
 
@@ -117,10 +118,10 @@ def test_a_vehicle_that_no_robot_claims_is_named_with_those_that_they_are() -> N
             stranger, station = Speaker(port, 7), Speaker(port, 255, 230)
             stranger.say(BEAT, place())
             station.say(STATION_BEAT)
-            said = f"heard system 7 at udp:127.0.0.1:{stranger.port}; this link's robots are 1, 2, 3"
-            await until(lambda: all(said in ride.driver.notes() for ride in rides), "every robot's notes name it")
+            said = ("other_system", "7")
+            await until(lambda: all(said in identities(ride.driver.notes()) for ride in rides), "every robot names it")
             assert rides[0].driver.counters()["unclaimed_vehicles"] == 1
-            assert not [note for note in rides[0].driver.notes() if "255" in note], "a ground station is no vehicle"
+            assert ("other_system", "255") not in identities(rides[0].driver.notes()), "a ground station is no vehicle"
             assert not any(ride.readings for ride in rides)
             stranger.close()
             station.close()

@@ -21,7 +21,6 @@ from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from commd.common.clock import Clock
 from schemas.manifest.loader import load_manifest
 from schemas.mission.model import read_mission
-from schemas.wire.records import Note
 from tests.bridged.radio import Speaker, place, riding
 from tests.bridged.sky import MISSION
 from tests.support.buses import until
@@ -32,7 +31,7 @@ BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
 
 
 def two_told(driver: MavlinkDriver) -> bool:
-    return any(isinstance(note, Note) and note.code == "two_vehicles" for note in driver.notes())
+    return any(note.code == "two_vehicles" for note in driver.notes())
 
 
 class Sender:
@@ -144,7 +143,7 @@ def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_ve
             assert state.position is not None
             assert (state.positions, state.position.altitude) == (1, 5.0)
             assert ride.driver.counters()["messages"] == 2, "the vehicle's own"
-            said = [note for note in ride.driver.notes() if isinstance(note, Note) and note.code == "foreign_packets"]
+            said = [note for note in ride.driver.notes() if note.code == "foreign_packets"]
             assert [(note.text, note.value) for note in said] == [
                 (
                     f"packets of system 1 from udp:127.0.0.1:{forger.port} are not taken: "

@@ -21,6 +21,7 @@ from bridged.drivers.mavlink.vehicle.flight_modes import (
     table_of,
 )
 from schemas.manifest.loader import load_manifest
+from schemas.wire.records import Note
 from tests.bridged.scripted import Scripted
 from tests.bridged.sky import MISSION, Sky
 
@@ -78,7 +79,7 @@ def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed(tmp_path: Pat
         "the vehicle says that it is a MAV_TYPE_FIXED_WING, the manifest says arducopter; "
         '`vehicle = "arduplane"` would fit'
     )
-    assert said in sky.driver.notes()
+    assert Note("other_vehicle_kind", said) in sky.driver.notes()
     final = sky.do("arm_motors", True)
     assert (final.state, final.reason) == ("refused", said)
     assert sky.commands(dialect.MAV_CMD_COMPONENT_ARM_DISARM) == []

@@ -119,11 +119,11 @@ def test_a_vehicle_that_reboots_in_flight_is_called_rebooted_and_nobody_has_take
         sky.wait(3)
     assert (heard[-1].state, heard[-1].reason) == ("failed", "the vehicle rebooted")
     assert "system 1: the vehicle rebooted" in warnings(caplog)
-    assert "vehicle_rebooted" in [note.code for note in sky.bridge.health().coded]
+    assert "vehicle_rebooted" in [note.code for note in sky.bridge.health().notes]
     assert rebooted(sky) == []
     assert sky.belief("override") is None
     sky.wait(60)
-    assert sky.bridge.health().coded == ()
+    assert sky.bridge.health().notes == ()
 
 
 def test_a_pilots_mode_after_a_silence_is_still_a_pilots(tmp_path: Path) -> None:
@@ -137,4 +137,4 @@ def test_a_pilots_mode_after_a_silence_is_still_a_pilots(tmp_path: Path) -> None
     sky.forward(lambda: heard[-1].final, "the end of goto", 10)
     assert heard[-1].reason.startswith("the mode became LOITER")
     assert sky.belief("override") == ("LOITER",)
-    assert sky.bridge.health().coded == ()
+    assert sky.bridge.health().notes == ()
