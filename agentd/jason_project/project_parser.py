@@ -199,7 +199,7 @@ class _Parser:
             raise self.missing(f"a ';' is missing after the agent {entry.name}")
         near = get_close_matches(token.text, _OF_AN_AGENT, 1)
         hint = f"did you mean {near[0]}, or " if near else ""
-        raise self.wrong(f"{token} cannot stand in the entry of the agent {entry.name}; {hint}is a ';' missing?")
+        raise self.wrong(f"{token} is not allowed in the entry of the agent {entry.name}; {hint}is a ';' missing?")
 
     def _options(self) -> list[Option]:
         self.at += 1

@@ -43,7 +43,7 @@ def _message(error: ErrorContext) -> str:
         item = {"start": "program", "braces": "directive"}.get(error.part, error.part)
         return f"the text ends in the middle of a {item}; expected {expected(error.expected)}"
     after = f" after '{shown(error.before)}'" if error.before else ""
-    return f"{error.found} cannot stand here{after}; expected {expected(error.expected)}"
+    return f"{error.found} is not allowed here{after}; expected {expected(error.expected)}"
 
 
 def _sign_without_semicolon(error: ErrorContext) -> int | None:

@@ -50,7 +50,7 @@ _HINTS: Final = {
     "a product is written with *": "\u00d7",
     "a quotient is written with /": "\u00f7",
     "a minus is the sign - of the keyboard": "\u2013\u2014\u2212",
-    "put what belongs there, or take it out": "\u2026",
+    "write what it stands for, or remove it": "\u2026",
     "a variable begins with a capital letter: X": "$",
 }
 """What to write for characters of other languages and of word processors."""
@@ -151,11 +151,11 @@ def _typographic(source: Source, at: int) -> Broken:
     closing = [c for c in _QUOTES if _QUOTES[c] == straight]
     ends = [found for c in (*closing, straight) if (found := text.find(c, at + 1, _line_end(text, at))) > 0]
     if not ends:
-        message = f'{quote} is not a quote of the language; a string stands in straight quotes: "text"'
+        message = f'{quote} is not a quote of the language; a string is written in straight quotes: "text"'
         return Broken(problem_at(source, at, message), at + 1)
     end = min(ends)
     inside = text[at + 1 : end]
-    message = f'{quote} is not a quote of the language; a string stands in straight quotes: "{shown(inside)}"'
+    message = f'{quote} is not a quote of the language; a string is written in straight quotes: "{shown(inside)}"'
     readable = not re.search(r"[\"\\]", inside) if straight == '"' else bool(inside)
     return Broken(
         problem_at(source, at, message), end + 1, ("STRING" if straight == '"' else "QUOTED") * readable or BROKEN
@@ -185,14 +185,14 @@ def _character(source: Source, at: int) -> Broken:
     if foreign:
         return Broken(problem_at(source, at, foreign), at + 1)
     if character == "\\":
-        return Broken(problem_at(source, at, "\\ stands only in strings and in \\== (not equal)"), at + 1)
+        return Broken(problem_at(source, at, "\\ is allowed only in strings and in \\== (not equal)"), at + 1)
     if character.isspace() or unicodedata.category(character) in ("Cf", "Zs", "Cc"):
         name = unicodedata.name(character, "a control character").lower()
-        message = f"a character that is not seen stands here: U+{ord(character):04X}, {name}; delete it"
+        message = f"an invisible character: U+{ord(character):04X}, {name}; delete it"
         return Broken(problem_at(source, at, message), at + 1, "")
     hint = next(
         (hint for hint, characters in _HINTS.items() if character in characters),
-        "take it out, or put the text in double quotes",
+        "remove it, or write the text in double quotes",
     )
     return Broken(problem_at(source, at, f"{character!r} is not a character of the language; {hint}"), at + 1)
 

@@ -208,7 +208,7 @@ class TermBuilder:
             return term
         if self.bad_signs.pop(id(term), None):
             sign = self.signed[id(term)].sign
-            self.refuse(term.position, f"{where} is tested only: no {sign} stands there, a belief is changed in a body")
+            self.refuse(term.position, f"{where} is only tested: there is no {sign}, a belief is changed in a body")
             return Structure("false", position=self.position(at))
         self.refuse(term.position, f"{where}: expected a formula that can be true or false, got {KINDS[type(term)]}")
         return Structure("false", position=self.position(at))

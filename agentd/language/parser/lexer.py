@@ -235,5 +235,5 @@ def _before_brackets(types: list[str], index: int, opening: str, closing: str) -
 
 def _semicolon_warning(source: Source, at: int) -> Finding:
     line, column = source.place(at)
-    message = f"no ';' before the formula on line {line}: read as if it stood at the end of the formula before it"
+    message = f"no ';' before the formula on line {line}: read as if there were one"
     return Finding(source.file, line, column, message, "warning", "missing-semicolon")

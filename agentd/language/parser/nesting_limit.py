@@ -1,4 +1,4 @@
-"""How deep blocks stand one inside the other: beyond a limit a text is refused, as compiling nests along with it."""
+"""A limit to how deep blocks are nested: beyond it a text is refused, as compiling nests along with it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 from agentd.language.syntax_tree.nodes import Body, BodyFormula, BodyTerm, For, Fork, If, Operator, Plan, Step, While
 
 MOST_BLOCKS: Final = 100
-"""So many blocks in { } or ( ) may stand one inside the other."""
+"""The most blocks in { } or ( ) that are nested in one another."""
 
 
 class BlockDepths:
@@ -34,7 +34,9 @@ class BlockDepths:
             self._depths.pop(id(owner), None)
 
     def refuse(self, at: int) -> None:
-        message = f"more than {MOST_BLOCKS} blocks stand one inside the other; give the inner ones goals and plans"
+        message = (
+            f"blocks are nested more than {MOST_BLOCKS} deep; write the inner ones as goals with plans of their own"
+        )
         self._refuse(at, message)
 
 

@@ -140,7 +140,7 @@ def test_a_mistake_is_an_error(text: str, message: str) -> None:
         ("+!g <- land; true.", "true in a body is performed as an action, and fails; only a first true is skipped"),
         (
             "+!g <- land\n takeoff(5).",
-            "no ';' before the formula on line 2: read as if it stood at the end of the formula before it",
+            "no ';' before the formula on line 2: read as if there were one",
         ),
     ],
 )

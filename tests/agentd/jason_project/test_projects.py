@@ -130,7 +130,7 @@ BAD = [
         "MAS x { agents: bob bob.asl agentArch my.A; }",
         1,
         29,
-        "'agentArch' cannot stand in the entry of the agent bob; did you mean agentArchClass, or is a ';' missing?",
+        "'agentArch' is not allowed in the entry of the agent bob; did you mean agentArchClass, or is a ';' missing?",
     ),
     ("MAS x { agents: bob agentClass; }", 1, 31, "an agent class is missing; found ';'"),
     ("MAS x { environment: E(1, agents: bob; }", 1, 33, "the arguments of E are never closed by ')'"),

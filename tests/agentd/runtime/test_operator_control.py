@@ -126,7 +126,7 @@ def test_a_goal_and_a_belief_come_from_the_operator(tmp_path: Path, endpoint: st
     [
         ("goal", "say(", "the goal cannot be read: the '(' of line 1, column 4 is not closed"),
         ("goal", "", "the goal cannot be read: "),
-        ("goal", "say(1); .stopMAS", "the goal cannot be read: ';' cannot stand here"),
+        ("goal", "say(1); .stopMAS", "the goal cannot be read: ';' is not allowed here"),
         ("goal", ".stopMAS", "the goal cannot be read: "),
         ("goal", "3", "the goal cannot be read: "),
         ("goal", "land(1)", "its program has no plan for +!land/1"),

@@ -491,7 +491,7 @@ def test_blocks_nested_beyond_a_hundred_are_refused_once(before: str, inside: st
     with pytest.raises(SyntaxErrors) as caught:
         parse_program("+!g <- " + before * depth + inside + after * depth + ".", "deep.asl")
     (finding,) = caught.value.findings
-    assert "more than 100 blocks stand one inside the other" in finding.message
+    assert "blocks are nested more than 100 deep" in finding.message
 
 
 @pytest.mark.parametrize("text", ["+!g. " + "{ +!g. " * 101 + "}" * 101, "{ begin dg(g) }" * 101 + "{ end }" * 101])
@@ -499,7 +499,7 @@ def test_plans_and_directives_nested_beyond_a_hundred_are_refused_once(text: str
     with pytest.raises(SyntaxErrors) as caught:
         parse_program(text, "deep.asl")
     (finding,) = caught.value.findings
-    assert "more than 100 blocks stand one inside the other" in finding.message
+    assert "blocks are nested more than 100 deep" in finding.message
 
 
 def test_a_hundred_blocks_may_stand_one_inside_the_other() -> None:

@@ -36,7 +36,7 @@ def test_a_program_of_the_corpus_is_refused_once_at_its_line(path: Path) -> None
     assert (finding.file, finding.line) == (str(path), int(line))
     if column != "?":
         assert abs(finding.column - int(column)) <= 4
-    assert "cannot stand here" not in finding.message, "the corpus' mistakes have messages of their own"
+    assert "is not allowed here" not in finding.message, "the corpus' mistakes have messages of their own"
 
 
 @pytest.mark.parametrize(("text", "place", "message"), MISTAKES, ids=[text for text, _, _ in MISTAKES])
@@ -104,12 +104,12 @@ fact(1).
         ("+!g <- a). b.", "a ) that nothing opens"),
         ("+!g <- a; +!h.", "+! begins a plan; is a '.' missing before it? in a body, a goal is !g"),
         ("b. * a.", "'*' cannot begin a plan"),
-        ("+!g <- !h; ^ a.", "'^' cannot stand here after ';'; expected a formula of a plan body or '.'"),
+        ("+!g <- !h; ^ a.", "'^' is not allowed here after ';'; expected a formula of a plan body or '.'"),
         ("+!g : X is 3 <- a.", "there is no 'is'; = computes: X = Y + 1"),
         ("+!g <- X := 3.", "a variable gets its value by = and not by :="),
         ("+!g <- !while.", "'while' is a keyword and cannot be used as a name"),
         ("b(X) :- X = 3 mod.", "a number or variable is missing after the operator"),
-        ("+!g <- a; if (b) { c }; else { d }.", "an else without its if; no ; stands before else"),
+        ("+!g <- a; if (b) { c }; else { d }.", "an else without its if; there is no ; before else"),
         ("+!g <- foo(1) + 2 = X.", "foo/1 is not a function"),
         ("+!g <- X = -foo.", "- computes with numbers, its operand must not be the atom foo"),
         ("+!g <- X = (a & b) * 2.", "* computes with numbers, its operand must not be a logical formula"),
@@ -130,7 +130,7 @@ fact(1).
         ("{ start namespace(n) }", "a directive is written { start(...) } or { begin namespace(...) }"),
         ("b(ä).", "'ä' is not a letter of the language, which has a-z and A-Z; a name with others"),
         ("b('abc).", "the quoted name that begins here is not closed"),
-        ("b(a\\b).", "\\ stands only in strings"),
+        ("b(a\\b).", "\\ is allowed only in strings"),
     ],
 )
 def test_a_mistake_is_told_in_words(text: str, message: str) -> None:
