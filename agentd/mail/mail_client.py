@@ -10,7 +10,7 @@ from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import Literal, atom
-from agentd.mail.inbox import Inbox, MessageRefused
+from agentd.mail.inbox import Inbox
 from agentd.mail.outbox import Outbox, Unsendable
 from agentd.mind import Mind
 from agentd.mind.data.effects import SendMail
@@ -18,6 +18,7 @@ from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
 from agentd.mind.execution.receive_message import is_answer, told_annots
 from commd.bus.bus import Bus, boot_id
+from commd.client.receive_once import MessageRefused
 from commd.mail.message import undelivered
 from schemas.mission.mail_rights import NOT_ACCEPTED
 from schemas.wire.records import Message, Refusal

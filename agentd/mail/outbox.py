@@ -18,8 +18,9 @@ import msgspec
 
 from commd.bus.bus import Bus, boot_id
 from commd.bus.errors import BusError
+from commd.client.send_mail import ANSWER_TIMEOUT, hand_to_commd
 from commd.common.tasks import wait_at_most
-from commd.mail.message import LARGEST, adds_up
+from commd.mail.message import LARGEST
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
@@ -37,8 +38,6 @@ BATCH_BYTES = 2**20
 """Bytes of them after which a batch is closed."""
 RETRY_FIRST, RETRY_MOST = 0.1, 2.0
 """Wall seconds between two attempts to hand over mail, doubling."""
-ANSWER_TIMEOUT = 8.0
-"""Wall seconds that commd has to put a batch on its disk."""
 AT_ONCE: Final = 48
 """Batches of all agents of a process that are on their way to commd at the same time; the others wait for their turn.
 commd serves 256 queries at a time and turns further ones away: were a thousand agents to ask at once, they would spend
@@ -208,17 +207,19 @@ class Outbox:
                 await wait_at_most(self._news, wait)
                 continue
             self._again.clear()
-            async with self._turn:
-                receipt = await self._ask(batch)
-            if isinstance(receipt, Receipt):
+            messages = tuple(one.message for one in batch)
+            try:
+                async with self._turn:
+                    receipt = await hand_to_commd(self._bus, self._agent, messages, ANSWER_TIMEOUT)
+            except (BadRecord, BusError) as error:
+                self.counters["not_answered"] += 1
+                level = logging.WARNING if pause == RETRY_FIRST else logging.DEBUG
+                log.log(level, "agent=%s mail_waits messages=%d why=commd: %s", self._agent, len(self), error)
+                await wait_at_most(self._again, pause)
+                pause = RETRY_FIRST if self._again.is_set() else min(pause * 2, RETRY_MOST)
+            else:
                 pause = RETRY_FIRST
                 self._settle(batch, receipt)
-                continue
-            self.counters["not_answered"] += 1
-            level = logging.WARNING if pause == RETRY_FIRST else logging.DEBUG
-            log.log(level, "agent=%s mail_waits messages=%d why=%s", self._agent, len(self), receipt)
-            await wait_at_most(self._again, pause)
-            pause = RETRY_FIRST if self._again.is_set() else min(pause * 2, RETRY_MOST)
 
     def _batch(self) -> tuple[list[Waiting], float | None]:
         """Return what is handed over next, and if that is nothing, when to look again."""
@@ -238,16 +239,6 @@ class Outbox:
                 size += one.size
             self._ready.move_to_end(receiver)  # the next batch begins with the others
         return batch, next_at
-
-    async def _ask(self, batch: list[Waiting]) -> Receipt | str:
-        """Give a batch to commd. Returns its receipt, or why there is none."""
-        mail = Mail(messages=tuple(one.message for one in batch))
-        outbox = keys.outbox(self._bus.fleet, self._agent)
-        try:
-            receipt = await self._bus.ask_one(outbox, mail, Receipt, ANSWER_TIMEOUT)
-        except (BadRecord, BusError) as error:
-            return f"commd: {error}"
-        return receipt if adds_up(receipt, len(batch)) else f"the receipt of {len(batch)} messages does not add up"
 
     def _settle(self, batch: list[Waiting], receipt: Receipt) -> None:
         """Forget what commd has taken or refused for good; what it has no room for waits."""

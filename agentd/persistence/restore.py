@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Literal
 
 from agentd.extensions.file_access import KEPT
-from agentd.mail.inbox import Numbered
 from agentd.mail.mail_client import Mailing
 from agentd.mail.outbox import Waiting
 from agentd.persistence.checkpoint import DAMAGED, Checkpoint, CheckpointError, Saving, Stored
 from agentd.persistence.sqlite_file import remove
+from commd.client.receive_once import Numbered
 from commd.process.state_dir import make_private_folder
 from schemas.wire.codec import BadRecord, Codec, R, codec
 from schemas.wire.records import Action, Message, Note

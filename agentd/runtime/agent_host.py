@@ -466,7 +466,7 @@ class Host:
         """Keep what there is, let the mail leave, end; after `.stopMAS` nothing is to come back."""
         for note in self._mind.drops.untold():
             self._carry_out(note)
-        self._mailing.inbox.close()
+        self._mailing.inbox.withdraw()
         if self._keeping is not None:
             await self._end_atomic_plan()
             await self._keeping.finish()

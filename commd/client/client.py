@@ -21,7 +21,7 @@ from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, BusError
 from commd.client.actions import Acting
 from commd.client.percept_stream import Percepts
-from commd.client.receive_mail import QUESTION, Inbox, Messages, Seen
+from commd.client.receive_mail import QUESTION, Inbox, Messages
 from commd.client.send_mail import MailboxFull, NotSent, Sending, SendTimeout, TooLarge, UnknownReceiver
 from commd.common.clock import Clock
 from commd.process.local_runs import router_of
@@ -76,14 +76,14 @@ class Client:
         board: str,
         robots: dict[str, str],
         clock: Clock,
-        seen: Seen,
+        numbers: Path | None,
         patience: float,
         inject: bool = False,
     ) -> None:
         self.name, self.board = name, board
         self._bus, self._robots, self._clock, self._patience, self._inject = bus, robots, clock, patience, inject
         self._sending = Sending(bus, name)
-        self._inbox = Inbox(bus, name, seen)
+        self._inbox = Inbox(bus, name, numbers)
         self._percepts: dict[str, Percepts] = {}
         self._acting: Acting | None = None
         self._actions = self._questions = 0
@@ -283,7 +283,7 @@ async def join(
     check_name(fleet)
     router = router or router_of(fleet, DEFAULT_ROUTER if declared is None else declared.router.endpoint)
     clock = Clock(1.0 if speed is None else speed)
-    seen = Seen(None if numbers is None else Path(numbers))
+    file = None if numbers is None else Path(numbers)
     async with _bus(router, fleet, name, clock, wire, patience) as bus:
         try:
             await _claim(bus, name)
@@ -291,7 +291,7 @@ async def join(
             hint = "" if known else f"; who is not in its mission is called `{made_on(board)}...` there"
             raise NotJoined(f"{denied}{hint}") from None
         inject = declared is not None and declared.inject
-        client = Client(bus, name, board or THIS_MACHINE, robots, clock, seen, patience, inject)
+        client = Client(bus, name, board or THIS_MACHINE, robots, clock, file, patience, inject)
         try:
             if not known:
                 await client.ask_directory("join", stays=stays)

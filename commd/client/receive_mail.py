@@ -11,15 +11,15 @@ import json
 import logging
 import os
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
-from typing import Final
 
 from commd.bus.bus import Bus, Query
+from commd.client.receive_once import EXPIRED, MessageRefused, Numbered, ReceiveOnce
 from commd.process.state_dir import make_private_file
-from schemas.wire import keys
-from schemas.wire.records import Mail, Message, Receipt, Refusal
+from schemas.wire.records import Mail, Message, Refusal
 
 log = logging.getLogger("inbox")
 
@@ -29,75 +29,37 @@ ASKING = 0.05
 """The same while it waits for an answer: that may stand behind what `commd` is told of."""
 ROOM = 10_000
 """Messages that wait here for the program at most; the others wait at `commd`."""
-NUMBERINGS = 1_000
-"""Numberings (lives) of a sender that are told apart: more than the 500 that a batch of commd's can bring."""
 QUESTION = "sync:"
 """What the ids of a program's questions begin with: an agent answers `false` to who waits (`sync`); no name has `:`."""
 LEAVE = 1.0
 """Wall seconds for the last answers."""
 
-NOT_DONE: Final = Refusal(code="not_absorbed", text="the program is not done with it")
 
+class Inbox(ReceiveOnce):
+    """The incoming mail of one name; the numbers of what is done with are in `file`, if there is one."""
 
-class Seen:
-    """The number of the last message that was done with, per sender and numbering; kept in `file` if there is one."""
+    NOT_DONE = Refusal(code="not_absorbed", text="the program is not done with it")
 
-    def __init__(self, file: Path | None) -> None:
-        self._file = file
-        self._last: dict[str, OrderedDict[str, int]] = {}
-        if file is not None and file.exists():
-            self._load(file)
-
-    def has(self, message: Message) -> bool:
-        """Whether the program is done with a message."""
-        lives = self._last.get(message.sender)
-        return lives is not None and message.header.seq <= lives.get(message.header.boot, 0)
-
-    def note(self, message: Message) -> None:
-        """The program is done with a message. Raises OSError if that cannot be written down."""
-        lives = self._last.setdefault(message.sender, OrderedDict())
-        lives[message.header.boot] = max(message.header.seq, lives.get(message.header.boot, 0))
-        lives.move_to_end(message.header.boot)
-        while len(lives) > NUMBERINGS:
-            lives.popitem(last=False)
-        if self._file is not None:
-            fresh = self._file.with_name(self._file.name + ".new")
-            make_private_file(fresh)
-            fresh.write_text(json.dumps(self._last))
-            os.replace(fresh, self._file)
-
-    def _load(self, file: Path) -> None:
-        try:
-            for sender, lives in json.loads(file.read_text()).items():
-                self._last[sender] = OrderedDict((str(life), int(number)) for life, number in lives.items())
-        except (ValueError, AttributeError, TypeError) as error:
-            aside = file.with_name(file.name + ".corrupt")
-            os.replace(file, aside)
-            self._last.clear()
-            log.warning("numbers_unreadable set aside as %s: messages may come twice: %s", aside, error)
-
-
-class Inbox:
-    """The incoming mail of one name."""
-
-    def __init__(self, bus: Bus, name: str, seen: Seen) -> None:
-        self._name, self._seen = name, seen
+    def __init__(self, bus: Bus, name: str, file: Path | None) -> None:
+        self._name, self._file = name, file
         self._waiting: deque[tuple[Message, float]] = deque()
         """What the program is not done with, and when it expires; the first one may be in its hands."""
-        self._known: set[tuple[str, str, int]] = set()
-        """Whose numbers wait."""
-        self._late: OrderedDict[tuple[str, str, int], None] = OrderedDict()
+        self._late: OrderedDict[tuple[Numbered, int], None] = OrderedDict()
         """The last ones whose time was over before the program came to them."""
         self._asked: dict[str, asyncio.Future[Message]] = {}
         """The questions whose answers are waited for."""
-        self._held: set[asyncio.Timeout] = set()
-        """Until when `commd` is told at the latest, of each batch."""
-        self._changed = asyncio.Event()
-        """Set and replaced whenever something came or is done."""
         self._answering = 0
-        self._leaving = False
+        """Queries of commd that are not answered yet."""
         self._reader: Messages | None = None
-        self._close = bus.serve(keys.inbox(bus.fleet, name), Mail, self._receive)
+        super().__init__(
+            bus,
+            name,
+            self._taken_in,
+            lambda: len(self._waiting) < ROOM,
+            lambda: ASKING if self._asked else ANSWER_WITHIN,
+        )
+        if file is not None and file.exists():
+            self.restore(read_numbers(file))
 
     def read(self) -> Messages:
         """Begin to read: the messages that are not done with, and then those that come."""
@@ -107,8 +69,8 @@ class Inbox:
     def done(self, message: Message) -> None:
         """The program is done with the message that it has in hand."""
         if self._waiting and self._waiting[0][0] is message:
-            self._seen.note(message)
-            self._drop_first()
+            self._finish(message)
+            self._waiting.popleft()
             self._pass_answers()
             self._notify()
 
@@ -117,9 +79,9 @@ class Inbox:
         """Wait for the answer to a question while the block runs."""
         loop = asyncio.get_running_loop()
         self._asked[question] = answer = loop.create_future()
-        for held in self._held:
-            if not held.expired():
-                held.reschedule(min(held.when() or 0, loop.time() + ASKING))
+        for bound in self._bounds:
+            if not bound.expired():
+                bound.reschedule(min(bound.when() or 0, loop.time() + ASKING))
         try:
             yield answer
         finally:
@@ -136,10 +98,9 @@ class Inbox:
             if reader is not self._reader:
                 raise RuntimeError("another loop reads the messages of this client by now")
             while self._waiting and self._waiting[0][1] < asyncio.get_running_loop().time():
-                self._late[_number(self._waiting[0][0])] = None  # commd is told, and tells its sender
+                self._late[_number(self._waiting.popleft()[0])] = None  # commd is answered so, and tells its sender
                 if len(self._late) > ROOM:
                     self._late.popitem(last=False)
-                self._drop_first()
             self._pass_answers()
             if self._waiting:
                 return self._waiting[0][0]
@@ -147,7 +108,7 @@ class Inbox:
 
     async def close(self) -> None:
         """Take no mail any more; answer how far the program has come."""
-        self._close()
+        self.withdraw()
         self._leaving = True
         self._notify()
         with suppress(TimeoutError):
@@ -166,79 +127,52 @@ class Inbox:
         for message, until in self._waiting:
             life = (message.sender, message.header.boot)
             if _is_answer(message) and life not in held:
-                self._seen.note(message)
-                self._known.discard(_number(message))
+                self._finish(message)
             else:
                 left.append((message, until))
                 held.add(life)
         self._waiting = left
 
-    def _drop_first(self) -> None:
-        self._known.discard(_number(self._waiting.popleft()[0]))
+    def _finish(self, message: Message) -> None:
+        """The program is done with a message. Raises OSError if that cannot be written down."""
+        self._done(*_number(message))
+        if self._file is not None:
+            done = {sender: {life: one.done for life, one in its.items()} for sender, its in self._progress.items()}
+            fresh = self._file.with_name(self._file.name + ".new")
+            make_private_file(fresh)
+            fresh.write_text(json.dumps(done))
+            os.replace(fresh, self._file)
 
-    def _notify(self) -> None:
-        changed, self._changed = self._changed, asyncio.Event()
-        changed.set()
+    def _taken_in(self, message: Message) -> Callable[[], None]:
+        if not message.header.seq or message.receiver != self._name:
+            expected = f"expected a numbered message to {self._name}, as commd hands it over"
+            raise MessageRefused(Refusal(code="wrong_address", text=expected))
+        if _number(message) in self._late:
+            raise MessageRefused(EXPIRED)
+        return partial(self._queue, message)
+
+    def _queue(self, message: Message) -> None:
+        answer = self._asked.get(message.in_reply_to)
+        if answer is not None and not answer.done():
+            answer.set_result(message)
+        until = float("inf") if message.ttl is None else asyncio.get_running_loop().time() + message.ttl
+        self._waiting.append((message, until))
+
+    async def _until_done(self, waits: Mapping[int, tuple[Numbered, int]]) -> list[int]:
+        self._pass_answers()
+        self._notify()
+        return await super()._until_done(waits)
+
+    def _is_done(self, whose: Numbered, seq: int) -> bool:
+        return (whose, seq) not in self._late and super()._is_done(whose, seq)
 
     async def _receive(self, query: Query[Mail]) -> None:
-        if query.record is None or not query.concrete:
-            query.reply_error(query.error or "expected a Mail record on a concrete key")
-            return
         self._answering += 1
         try:
-            batch, refused = query.record.messages, dict[int, Refusal]()
-            held: set[tuple[str, str]] = set()
-            """Of whom a message is refused as too late: were a later one done, it would pass for done when it comes
-            again because this answer was lost."""
-            for place, message in enumerate(batch):
-                if not message.header.seq or message.receiver != self._name:
-                    expected = f"expected a numbered message to {self._name}, as commd hands it over"
-                    refused[place] = Refusal(code="wrong_address", text=expected)
-                elif self._too_late(message):
-                    refused[place] = Refusal(code="expired")
-                    held.add((message.sender, message.header.boot))
-                elif (message.sender, message.header.boot) not in held:
-                    self._queue(message)
-            self._pass_answers()
-            self._notify()
-            with suppress(TimeoutError):
-                async with asyncio.timeout(ASKING if self._asked else ANSWER_WITHIN) as held_until:
-                    self._held.add(held_until)
-                    try:
-                        while not self._leaving and self._not_done(batch, refused):
-                            await self._changed.wait()
-                    finally:
-                        self._held.discard(held_until)
-            later = dict.fromkeys(self._not_done(batch, refused), NOT_DONE)
-            query.reply(Receipt(taken=len(batch) - len(refused) - len(later), refused=refused, later=later))
+            await super()._receive(query)
         finally:
             self._answering -= 1
             self._notify()
-
-    def _queue(self, message: Message) -> None:
-        number, answer = _number(message), self._asked.get(message.in_reply_to)
-        if answer is not None and not answer.done():
-            answer.set_result(message)
-        if len(self._waiting) < ROOM and number not in self._known and not self._seen.has(message):
-            until = float("inf") if message.ttl is None else asyncio.get_running_loop().time() + message.ttl
-            self._known.add(number)
-            self._waiting.append((message, until))
-
-    def _too_late(self, message: Message) -> bool:
-        """Whether the program will not come to a message any more, as its time was over before."""
-        number = _number(message)
-        if number in self._late:
-            return True
-        over = message.ttl is not None and message.ttl <= 0
-        return over and number not in self._known and not self._seen.has(message)
-
-    def _not_done(self, batch: tuple[Message, ...], refused: dict[int, Refusal]) -> list[int]:
-        """The places in a batch of what the program is not done with."""
-        return [
-            place
-            for place, one in enumerate(batch)
-            if place not in refused and (not self._seen.has(one) or _number(one) in self._late)
-        ]
 
 
 class Messages:
@@ -264,5 +198,20 @@ def _is_answer(message: Message) -> bool:
     return message.in_reply_to.startswith(QUESTION)
 
 
-def _number(message: Message) -> tuple[str, str, int]:
-    return (message.sender, message.header.boot, message.header.seq)
+def _number(message: Message) -> tuple[Numbered, int]:
+    return Numbered(message.sender, message.header.boot), message.header.seq
+
+
+def read_numbers(file: Path) -> dict[Numbered, int]:
+    """Return the numbers of what a program was done with; a file that cannot be read is set aside."""
+    try:
+        return {
+            Numbered(str(sender), str(life)): int(number)
+            for sender, lives in json.loads(file.read_text()).items()
+            for life, number in lives.items()
+        }
+    except (ValueError, AttributeError, TypeError) as error:
+        aside = file.with_name(file.name + ".corrupt")
+        os.replace(file, aside)
+        log.warning("numbers_unreadable set aside as %s: messages may come twice: %s", aside, error)
+        return {}

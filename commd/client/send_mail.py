@@ -9,8 +9,8 @@ from math import inf
 from msgspec.structs import replace
 
 from commd.bus.bus import Bus
-from commd.bus.errors import BusError
-from commd.mail.message import LARGEST
+from commd.bus.errors import BusError, QueryFailed
+from commd.mail.message import LARGEST, adds_up
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
 from schemas.wire.records import Mail, Message, Receipt, Refusal
@@ -43,6 +43,19 @@ class MailboxFull(NotSent):
 
 class SendTimeout(NotSent, TimeoutError):
     """`commd` has not said that it took the message. `send_again` sends it under its own number: never twice."""
+
+
+async def hand_to_commd(bus: Bus, sender: str, messages: tuple[Message, ...], timeout: float) -> Receipt:
+    """Give a batch to the board's `commd`, and return its receipt once the batch is on disk.
+
+    Raises BusError if there is none within `timeout` wall seconds, or one that does not add up, and BadRecord for a
+    batch that cannot be encoded.
+    """
+    key = keys.outbox(bus.fleet, sender)
+    receipt = await bus.ask_one(key, Mail(messages=messages), Receipt, timeout)
+    if not adds_up(receipt, len(messages)):
+        raise QueryFailed(key, f"the receipt of {len(messages)} messages does not add up")
+    return receipt
 
 
 class Sending:
@@ -122,19 +135,15 @@ class Sending:
 
     async def _ask(self, message: Message, timeout: float) -> tuple[str, bool]:
         """Give a message to `commd` once. Returns why it was not taken yet, and whether that is for want of room."""
-        outbox = keys.outbox(self._bus.fleet, self._name)
         try:
-            receipt = await self._bus.ask_one(outbox, Mail(messages=(message,)), Receipt, timeout)
+            receipt = await hand_to_commd(self._bus, self._name, (message,), timeout)
         except BusError as error:
             return f"commd: {error}", False
-        match receipt:
-            case Receipt(taken=1, refused=refused, later=later) if not refused and not later:
-                return "", False
-            case Receipt(taken=0, refused={0: why}, later=later) if not later:
-                raise _for_good(message, why)
-            case Receipt(taken=0, refused=refused, later={0: why}) if not refused:
-                return str(why), why.code == "mailbox_full"
-        return "commd: its receipt does not add up", False
+        if receipt.refused:
+            raise _for_good(message, receipt.refused[0])
+        if receipt.later:
+            return str(receipt.later[0]), receipt.later[0].code == "mailbox_full"
+        return "", False
 
 
 def _for_good(message: Message, why: Refusal) -> NotSent:

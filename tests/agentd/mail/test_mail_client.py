@@ -8,9 +8,10 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from agentd.mail.inbox import Inbox, MessageRefused, Numbered
+from agentd.mail.inbox import Inbox
 from agentd.mail.outbox import LARGEST, Outbox, Unsendable
 from commd.bus.bus import Bus, Query
+from commd.client.receive_once import MessageRefused, Numbered
 from commd.mail.message import adds_up
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
@@ -449,7 +450,7 @@ def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes
 
 
 def test_the_last_numberings_of_a_sender_are_remembered(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.mail.inbox.NUMBERINGS", 8)
+    monkeypatch.setattr("commd.client.receive_once.NUMBERINGS", 8)
 
     async def body(connect: Connect) -> None:
         reader = await a_reader(connect)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from agentd.language.compiler.compile import compile_program
 from agentd.language.parser.parser import parse_program
-from agentd.mail import inbox, outbox
+from agentd.mail import outbox
 from agentd.mind import Mind
 from agentd.persistence import checkpointer
 from agentd.runtime import action_client
-from commd.client import actions
+from commd.client import actions, receive_once
 from commd.liveness import presence
 
 PAGE = (Path(__file__).parents[3] / "docs" / "restart.md").read_text()
@@ -38,4 +38,4 @@ def test_the_figures_of_the_page_are_those_of_the_code() -> None:
     }
     assert [one for one in said if one not in PAGE] == []
     assert 1 / checkpointer.OTHERS_EVERY == 2
-    assert inbox.NUMBERINGS == 1_000
+    assert receive_once.NUMBERINGS == 1_000
