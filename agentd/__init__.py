@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from agentd.mind.data.formula_failure import Failed
     from agentd.mind.data.registry import function, internal_action
     from agentd.mind.execution.suspension import suspend
+    from agentd.mind.state import MindState
     from agentd.values import literal, term_of, value_of
 
 _PLACES = {
@@ -26,6 +27,7 @@ _PLACES = {
     "agentd.language.terms.terms": ("Literal", "atom", "deref"),
     "agentd.mind": ("Mind",),
     "agentd.mind.data.formula_failure": ("Failed",),
+    "agentd.mind.state": ("MindState",),
     "agentd.mind.execution.suspension": ("suspend",),
     "agentd.mind.beliefs.unification": ("undo", "unify"),
     "agentd.mind.data.registry": ("function", "internal_action"),
@@ -39,6 +41,7 @@ __all__ = [
     "Failed",
     "Literal",
     "Mind",
+    "MindState",
     "atom",
     "compile_file",
     "compile_text",

@@ -12,6 +12,7 @@ from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.beliefs.annotations import with_source
 from agentd.mind.beliefs.functions import FunctionsOf
+from agentd.mind.execution.goal_execution import add_goal
 from agentd.mind.persistence.change_tracking import Keeper
 
 log = logging.getLogger("agent")
@@ -37,7 +38,7 @@ def come_back(
     if not own and keeper.pending_own:
         log.info("agent=%s left to the program: %s", mind.name, "; ".join(map(str, keeper.pending_own)))
     if instead is not None and not decides:
-        mind.add_goal(Instantiation({}, FunctionsOf(mind)).term(instead.literal), instead.operator)
+        add_goal(mind, Instantiation({}, FunctionsOf(mind)).term(instead.literal), instead.operator)
 
 
 def raise_interrupted(mind: Mind, keeper: Keeper, literal: Literal) -> None:

@@ -21,8 +21,8 @@ from typing import Any, Final, Literal
 
 from agentd.language.syntax_tree.printer import source_text
 from agentd.mind.data.effects import Log
-from agentd.mind.data.frames import PLAN
 from agentd.mind.data.inputs import ActionDone, Mail, TeamReply
+from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.replay.replayed_mind import CannotReplay, Done, Life, digest_of

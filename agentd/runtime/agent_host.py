@@ -464,7 +464,7 @@ class Host:
 
     async def _leave(self, in_order: bool) -> None:
         """Keep what there is, let the mail leave, end; after `.stopMAS` nothing is to come back."""
-        for note in self._mind.drops.untold():
+        for note in self._mind.drops.untold(self._mind.now):
             self._carry_out(note)
         self._mailing.inbox.withdraw()
         if self._keeping is not None:

@@ -17,10 +17,11 @@ from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.belief_updates import believe, raise_event
 from agentd.mind.execution.percept_update import forget
+from agentd.mind.state import MindState
 
 
 @internal_action(".abolish", 1)
-def abolish(mind: Any, trail: Trail, pattern: Any) -> bool:
+def abolish(mind: MindState, trail: Trail, pattern: Any) -> bool:
     """``.abolish(B)``: removes every belief that unifies, from any source, with a deletion event each.
 
     ``.abolish(_[source(ann)])``: every belief with that annotation, whatever its name. The events have no annotations.
@@ -36,7 +37,7 @@ def abolish(mind: Any, trail: Trail, pattern: Any) -> bool:
     return True
 
 
-def _abolish(mind: Any, trail: Trail, pattern: Any, predicate: Predicate) -> None:
+def _abolish(mind: MindState, trail: Trail, pattern: Any, predicate: Predicate) -> None:
     """Remove the facts of a predicate that unify with a belief, or with a variable that has annotations."""
     for fact in predicate.candidates(pattern.args) if type(pattern) is Literal else predicate.facts():
         mark = len(trail)
@@ -48,7 +49,7 @@ def _abolish(mind: Any, trail: Trail, pattern: Any, predicate: Predicate) -> Non
         undo(trail, mark)
 
 
-def _assert(mind: Any, term: Any, last: bool) -> bool:
+def _assert(mind: MindState, term: Any, last: bool) -> bool:
     term = deref(term)
     if type(term) is Code and isinstance(term.syntax, nodes.Rule):
         add_rule(mind, term.syntax, dict(term.values), last=last)
@@ -63,19 +64,19 @@ def _assert(mind: Any, term: Any, last: bool) -> bool:
 
 
 @internal_action(".asserta", 1)
-def asserta(mind: Any, trail: Trail, term: Any) -> bool:
+def asserta(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.asserta(B)``: believes B, or adds the rule B, before all others of its name."""
     return _assert(mind, term, last=False)
 
 
 @internal_action(".assertz", 1)
-def assertz(mind: Any, trail: Trail, term: Any) -> bool:
+def assertz(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.assertz(B)``: as ``.asserta``, after all others of its name."""
     return _assert(mind, term, last=True)
 
 
 @internal_action(".belief", 1, backtracks=True)
-def belief(mind: Any, trail: Trail, pattern: Any) -> Iterator[None]:
+def belief(mind: MindState, trail: Trail, pattern: Any) -> Iterator[None]:
     """``.belief(B)``: each fact that unifies; rules are not asked.
 
     ?- .belief(door(D)) gives D = open; D = closed
@@ -96,7 +97,7 @@ def belief(mind: Any, trail: Trail, pattern: Any) -> Iterator[None]:
 
 
 @internal_action(".relevant_rules", 2)
-def relevant_rules(mind: Any, trail: Trail, pattern: Any, result: Any) -> bool:
+def relevant_rules(mind: MindState, trail: Trail, pattern: Any, result: Any) -> bool:
     """``.relevant_rules(H, L)``: the rules whose head unifies, as terms."""
     pattern = deref(pattern)
     if type(pattern) is not Literal:
@@ -114,7 +115,7 @@ def relevant_rules(mind: Any, trail: Trail, pattern: Any, result: Any) -> bool:
 
 
 @internal_action(".namespace", 1, backtracks=True)
-def namespace(mind: Any, trail: Trail, name: Any) -> Iterator[None]:
+def namespace(mind: MindState, trail: Trail, name: Any) -> Iterator[None]:
     """``.namespace(N)``: the namespaces in use.
 
     ?- .namespace(N) gives N = default
@@ -128,7 +129,7 @@ def namespace(mind: Any, trail: Trail, name: Any) -> Iterator[None]:
 
 
 @internal_action(".namespace_set_prop", 3)
-def namespace_set_prop(mind: Any, trail: Trail, name: Any, key: Any, term: Any) -> bool:
+def namespace_set_prop(mind: MindState, trail: Trail, name: Any, key: Any, term: Any) -> bool:
     """``.namespace_set_prop(N, Key, V)``: keeps a value under a key of a namespace."""
     mind.namespaces.setdefault(_name(name), {})[_name(key)] = resolve_all((term,))[0]
     return True
@@ -136,7 +137,7 @@ def namespace_set_prop(mind: Any, trail: Trail, name: Any, key: Any, term: Any) 
 
 @internal_action(".namespace_get_prop", (2, 4), backtracks=True)
 def namespace_get_prop(
-    mind: Any, trail: Trail, name: Any, key: Any, term: Any = None, default: Any = None
+    mind: MindState, trail: Trail, name: Any, key: Any, term: Any = None, default: Any = None
 ) -> Iterator[None]:
     """``.namespace_get_prop(N, Key[, V[, Default]])``: the value under a key, or under each key where Key is free.
 

@@ -9,15 +9,15 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, Var, atom, deref
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import wrong_arguments
-from agentd.mind.data.frames import PLAN
-from agentd.mind.data.intention import Event, Intention
+from agentd.mind.data.intention import PLAN, STEP, Event, Intention
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution import dropping
 from agentd.mind.execution.dropping import drop
-from agentd.mind.execution.goal_states import dropped, of_goals
-from agentd.mind.execution.intention_terms import reason_of, stack_of, state_of
-from agentd.mind.execution.waiting import resume_waiting
-from agentd.mind.plans.current_event import intention_in_hand
+from agentd.mind.execution.execution import resume_waiting
+from agentd.mind.execution.goal_states import dropped, of_goals, reason_of
+from agentd.mind.execution.intention_terms import stack_of, state_of
+from agentd.mind.plans.nested_plans import intention_in_hand
+from agentd.mind.state import MindState
 
 _INTENTION = signature("intention", 2)
 _SUSPENDED = atom("suspend_ia")
@@ -47,49 +47,49 @@ def _each(found: Iterator[Any], number: Any, trail: Trail) -> Iterator[None]:
 
 
 @internal_action(".desire", (1, 2), backtracks=True)
-def desire(mind: Any, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
+def desire(mind: MindState, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
     """``.desire(G[, Id])``: G is pursued, or its event still waits; each time, with the number of its intention."""
     yield from _each(dropping.desired(mind, _any_goal(goal), trail), number, trail)
 
 
 @internal_action(".intend", (1, 2), backtracks=True)
-def intend(mind: Any, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
+def intend(mind: MindState, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
     """``.intend(G[, Id])``: some intention has a plan for G; each of them, with its number."""
     yield from _each(dropping.intended(mind, _any_goal(goal), trail), number, trail)
 
 
-def _own_end(mind: Any, own: bool) -> bool | None:
+def _own_end(mind: MindState, own: bool) -> bool | None:
     """What a step returns that may have dropped its own intention."""
     return True if own else None
 
 
 @internal_action(".drop_intention", (0, 1), suspends=True)
-def drop_intention(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
+def drop_intention(mind: MindState, trail: Trail, goal: Any = None) -> bool | None:
     """``.drop_intention(G)``: ends every intention with G, without any event; its action is cancelled.
 
     ``.drop_intention``: the own one.
     """
     if goal is None:
-        dropped(mind, mind.current)
-        drop(mind, mind.current)
+        dropped(mind, mind.own_intention)
+        drop(mind, mind.own_intention)
         return True
     return _own_end(mind, dropping.drop_intention(mind, _goal(goal), trail))
 
 
 @internal_action(".drop_desire", 1, suspends=True)
-def drop_desire(mind: Any, trail: Trail, goal: Any) -> bool | None:
+def drop_desire(mind: MindState, trail: Trail, goal: Any) -> bool | None:
     """``.drop_desire(G)``: ``.drop_event`` and ``.drop_intention``."""
     return _own_end(mind, dropping.drop_desire(mind, _goal(goal), trail))
 
 
 @internal_action(".drop_event", 1, suspends=True)
-def drop_event(mind: Any, trail: Trail, goal: Any) -> bool | None:
+def drop_event(mind: MindState, trail: Trail, goal: Any) -> bool | None:
     """``.drop_event(G)``: takes G out of the events that wait, with the intentions that wait for it."""
     return _own_end(mind, dropping.drop_event(mind, _goal(goal), trail))
 
 
 @internal_action(".drop_all_intentions", 0)
-def drop_all_intentions(mind: Any, trail: Trail) -> bool:
+def drop_all_intentions(mind: MindState, trail: Trail) -> bool:
     """``.drop_all_intentions``: all but the own one, and those whose event still waits."""
     for intention in mind.all_intentions():
         if intention is not mind.current and not any(e[3] is intention for e in mind.events):
@@ -98,7 +98,7 @@ def drop_all_intentions(mind: Any, trail: Trail) -> bool:
 
 
 @internal_action(".drop_all_events", 0)
-def drop_all_events(mind: Any, trail: Trail) -> bool:
+def drop_all_events(mind: MindState, trail: Trail) -> bool:
     """``.drop_all_events``: all that wait, also those of ``.at``."""
     dropping.take_out(mind, mind.all_events())
     for timer in mind.future_events:
@@ -108,14 +108,14 @@ def drop_all_events(mind: Any, trail: Trail) -> bool:
 
 
 @internal_action(".drop_all_desires", 0)
-def drop_all_desires(mind: Any, trail: Trail) -> bool:
+def drop_all_desires(mind: MindState, trail: Trail) -> bool:
     """``.drop_all_desires``: all events and all intentions but the own one."""
     drop_all_events(mind, trail)
     drop_all_intentions(mind, trail)
     return True
 
 
-def _end(mind: Any, goal: Any, trail: Trail, succeeded: bool) -> bool | None:
+def _end(mind: MindState, goal: Any, trail: Trail, succeeded: bool) -> bool | None:
     pattern = _goal(goal)
     own = False
     for intention in mind.all_intentions():
@@ -132,19 +132,19 @@ def _end(mind: Any, goal: Any, trail: Trail, succeeded: bool) -> bool | None:
 
 
 @internal_action(".succeed_goal", 1, suspends=True)
-def succeed_goal(mind: Any, trail: Trail, goal: Any) -> bool | None:
+def succeed_goal(mind: MindState, trail: Trail, goal: Any) -> bool | None:
     """``.succeed_goal(G)``: G is over as achieved wherever it stands, and its callers go on."""
     return _end(mind, goal, trail, True)
 
 
 @internal_action(".fail_goal", 1, suspends=True)
-def fail_goal(mind: Any, trail: Trail, goal: Any) -> bool | None:
+def fail_goal(mind: MindState, trail: Trail, goal: Any) -> bool | None:
     """``.fail_goal(G)``: as if the plan for G had failed."""
     return _end(mind, goal, trail, False)
 
 
 @internal_action(".drop_future_intention", 1, suspends=True)
-def drop_future_intention(mind: Any, trail: Trail, goal: Any) -> bool | None:
+def drop_future_intention(mind: MindState, trail: Trail, goal: Any) -> bool | None:
     """``.drop_future_intention(G)``: intentions whose innermost plan still has ``!G`` or ``!!G`` ahead."""
     pattern, own = _goal(goal), False
     for intention in mind.all_intentions():
@@ -157,7 +157,7 @@ def drop_future_intention(mind: Any, trail: Trail, goal: Any) -> bool | None:
 
 
 @internal_action(".current_intention", (1, 2))
-def current_intention(mind: Any, trail: Trail, first: Any, stack: Any = None) -> bool:
+def current_intention(mind: MindState, trail: Trail, first: Any, stack: Any = None) -> bool:
     """``.current_intention(intention(Id, Stack))``, ``.current_intention(Id, Stack)``: the own one."""
     own = mind.current
     if own is None:
@@ -169,7 +169,9 @@ def current_intention(mind: Any, trail: Trail, first: Any, stack: Any = None) ->
 
 
 @internal_action(".intention", (2, 4), backtracks=True)
-def intention(mind: Any, trail: Trail, number: Any, state: Any, stack: Any = None, own: Any = None) -> Iterator[None]:
+def intention(
+    mind: MindState, trail: Trail, number: Any, state: Any, stack: Any = None, own: Any = None
+) -> Iterator[None]:
     """``.intention(Id, State[, Stack[, current]])``: each intention (or the own one), innermost plan first."""
     mark = len(trail)
     mine = [each for each in [intention_in_hand(mind)] if each is not None]
@@ -181,14 +183,14 @@ def intention(mind: Any, trail: Trail, number: Any, state: Any, stack: Any = Non
 
 
 @internal_action(".done", 0, suspends=True)
-def done(mind: Any, trail: Trail) -> bool | None:
+def done(mind: MindState, trail: Trail) -> bool | None:
     """``.done``: the own goal is achieved; the rest of the body is not run."""
-    mind.current.stack[-1][0] = None
+    mind.own_intention.stack[-1][STEP] = None
     return None
 
 
 @internal_action(".suspend", (0, 1), suspends=True)
-def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
+def suspend(mind: MindState, trail: Trail, goal: Any = None) -> bool | None:
     """``.suspend``, ``.suspend(G)``: the own intention, or those with G, stop until ``.resume``.
 
     A goal that has no plan yet begins at ``.resume``. A variable in G takes the value of the first goal found.
@@ -196,7 +198,7 @@ def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
     if goal is None:
         if mind.atomic is mind.current:
             mind.atomic = None  # or nobody could ever resume it
-        _halt(mind, mind.current, None)
+        _halt(mind, mind.own_intention, None)
         return True
     pattern, own = _goal(goal), False
     queued = {event[3].id: event for event in mind.events if event[3] is not None}
@@ -213,7 +215,7 @@ def suspend(mind: Any, trail: Trail, goal: Any = None) -> bool | None:
     return _own_end(mind, own)
 
 
-def _halt(mind: Any, intention: Intention, event: Event | None) -> None:
+def _halt(mind: MindState, intention: Intention, event: Event | None) -> None:
     """Suspend an intention, with the event of the goal that it waits for or is to begin with."""
     intention.suspended, intention.held = "suspended", event
     of_goals(mind, intention, "suspended", _SUSPENDED)
@@ -224,7 +226,7 @@ def _halt(mind: Any, intention: Intention, event: Event | None) -> None:
 
 
 @internal_action(".resume", 1)
-def resume(mind: Any, trail: Trail, goal: Any) -> bool:
+def resume(mind: MindState, trail: Trail, goal: Any) -> bool:
     """``.resume(G)``: suspended intentions with G go on; a wait that ended meanwhile counts as ended.
 
     A variable in G takes the value of the first goal found, so that goals of other values stay suspended.
@@ -236,7 +238,7 @@ def resume(mind: Any, trail: Trail, goal: Any) -> bool:
     return True
 
 
-def _release(mind: Any, intention: Intention) -> None:
+def _release(mind: MindState, intention: Intention) -> None:
     """Let a suspended intention go on, or go on waiting."""
     of_goals(mind, intention, "resumed")
     event, intention.suspended, intention.held = intention.held, None, None
@@ -252,7 +254,7 @@ def _release(mind: Any, intention: Intention) -> None:
 
 
 @internal_action(".suspended", 2, backtracks=True)
-def suspended(mind: Any, trail: Trail, goal: Any, reason: Any) -> Iterator[None]:
+def suspended(mind: MindState, trail: Trail, goal: Any, reason: Any) -> Iterator[None]:
     """``.suspended(G, R)``: the intentions with G that do not run, and why.
 
     R is ``wait(What)``, ``waiting_ask``, ``act`` or the like for one that waits, also if it was suspended then; else

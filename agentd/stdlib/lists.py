@@ -22,6 +22,7 @@ from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.beliefs.work_limit import work
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import internal_action
+from agentd.mind.state import MindState
 from agentd.stdlib.java_regex import replace_all
 
 _COUNTED = 1024
@@ -37,7 +38,7 @@ def members_of(term: Any, what: str) -> list[Any]:
 
 
 @internal_action(".member", 2, backtracks=True, counts=True)
-def member(mind: Any, trail: Trail, item: Any, collection: Any) -> Iterator[None]:
+def member(mind: MindState, trail: Trail, item: Any, collection: Any) -> Iterator[None]:
     """``.member(X, C)``: each member of a list, set or queue that unifies.
 
     ?- .member(X, [a,b]) gives X = a; X = b
@@ -61,7 +62,7 @@ def member(mind: Any, trail: Trail, item: Any, collection: Any) -> Iterator[None
 
 
 @internal_action(".nth", 3, backtracks=True)
-def nth(mind: Any, trail: Trail, position: Any, collection: Any, item: Any) -> Iterator[None]:
+def nth(mind: MindState, trail: Trail, position: Any, collection: Any, item: Any) -> Iterator[None]:
     """``.nth(I, ListOrString, X)``: from 0; with I free, each position whose element unifies.
 
     ?- .nth(1, [a,b,c], X) gives X = b
@@ -87,7 +88,7 @@ def nth(mind: Any, trail: Trail, position: Any, collection: Any, item: Any) -> I
 
 
 @internal_action(".delete", (3, 4))
-def delete(mind: Any, trail: Trail, *args: Any) -> bool:
+def delete(mind: MindState, trail: Trail, *args: Any) -> bool:
     """``.delete(What, ListOrString, R)``: by position (from 0), range, pattern, or the elements that unify.
 
     ?- .delete(a, [a,b,a], R) gives R = [b]
@@ -131,7 +132,7 @@ def _delete_positions(what: list[Any], collection: Any, result: Any, trail: Trai
 
 
 @internal_action(".sort", 2)
-def sort(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+def sort(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
     """``.sort(L, R)``: in standard order, duplicates kept.
 
     ?- .sort([b,3,a,1,a], R) gives R = [1,3,a,a,b]
@@ -140,7 +141,7 @@ def sort(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
 
 
 @internal_action(".min", 2)
-def minimum(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+def minimum(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
     """``.min(L, X)``: the least member; fails for an empty list.
 
     ?- .min([3,1,2], X) gives X = 1
@@ -150,7 +151,7 @@ def minimum(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
 
 
 @internal_action(".max", 2)
-def maximum(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+def maximum(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
     """``.max(L, X)``: the greatest member; fails for an empty list.
 
     ?- .max([3,1,2], X) gives X = 3
@@ -166,7 +167,7 @@ def _sets(what: str, left: Any, right: Any, result: Any) -> tuple[list[Any], lis
 
 
 @internal_action(".union", 3)
-def union(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+def union(mind: MindState, trail: Trail, left: Any, right: Any, result: Any) -> bool:
     """``.union(A, B, R)``: the members of both, each once, in order.
 
     ?- .union([b,a], [c,a], R) gives R = [a,b,c]
@@ -176,7 +177,7 @@ def union(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
 
 
 @internal_action(".intersection", 3)
-def intersection(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+def intersection(mind: MindState, trail: Trail, left: Any, right: Any, result: Any) -> bool:
     """``.intersection(A, B, R)``: the members that both have.
 
     ?- .intersection([b,a], [c,a], R) gives R = [a]
@@ -186,7 +187,7 @@ def intersection(mind: Any, trail: Trail, left: Any, right: Any, result: Any) ->
 
 
 @internal_action(".difference", 3)
-def difference(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+def difference(mind: MindState, trail: Trail, left: Any, right: Any, result: Any) -> bool:
     """``.difference(A, B, R)``: the members of A that B has not.
 
     ?- .difference([b,a], [c,a], R) gives R = [b]
@@ -195,7 +196,7 @@ def difference(mind: Any, trail: Trail, left: Any, right: Any, result: Any) -> b
     return unify(result, make_list([x for x in a if not is_in(b, x)]), trail)
 
 
-def _parts(mind: Any, what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iterator[None]:
+def _parts(mind: MindState, what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iterator[None]:
     whole, wanted = deref(whole), deref(pattern)
     members: Any = whole if type(whole) is str else members_of(whole, what)
     if type(wanted) is not Var and type(wanted) is not type(whole):
@@ -210,7 +211,7 @@ def _parts(mind: Any, what: str, pattern: Any, whole: Any, cuts: Any, trail: Tra
 
 
 @internal_action(".prefix", 2, backtracks=True, counts=True)
-def prefix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+def prefix(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
     """``.prefix(P, ListOrString)``: each beginning that unifies, the longest first.
 
     ?- .prefix(P, [a,b]) gives P = [a,b]; P = [a]; P = []
@@ -219,7 +220,7 @@ def prefix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
 
 
 @internal_action(".suffix", 2, backtracks=True, counts=True)
-def suffix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+def suffix(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
     """``.suffix(S, ListOrString)``: each end that unifies, the longest first.
 
     ?- .suffix(S, [a,b]) gives S = [a,b]; S = [b]; S = []
@@ -228,7 +229,7 @@ def suffix(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
 
 
 @internal_action(".sublist", 2, backtracks=True, counts=True)
-def sublist(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+def sublist(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
     """``.sublist(S, ListOrString)``: each part that unifies.
 
     ?- .sublist(S, [a,b]) gives S = [a,b]; S = [a]; S = [b]; S = []
@@ -244,7 +245,7 @@ def sublist(mind: Any, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]
 
 
 @internal_action(".range", (3, 4), backtracks=True, counts=True)
-def number_range(mind: Any, trail: Trail, item: Any, first: Any, last: Any, step: Any = 1.0) -> Iterator[None]:
+def number_range(mind: MindState, trail: Trail, item: Any, first: Any, last: Any, step: Any = 1.0) -> Iterator[None]:
     """``.range(X, From, To[, Step])``: both ends included; with X bound, a test.
 
     ?- .range(X, 1, 5, 2) gives X = 1; X = 3; X = 5

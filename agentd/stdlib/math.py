@@ -9,6 +9,7 @@ from typing import Any
 from agentd.language.terms.numbers import java_round
 from agentd.language.terms.terms import deref, proper
 from agentd.mind.data.registry import function
+from agentd.mind.state import MindState
 
 _NAN = math.nan
 
@@ -50,7 +51,7 @@ _OF_ONE: dict[str, tuple[Callable[[float], float], str]] = {
 
 def _register(name: str, compute: Callable[[float], float], what: str) -> None:
     @function(name, 1)
-    def of_one(mind: Any, x: Any) -> Any:
+    def of_one(mind: MindState, x: Any) -> Any:
         return compute(x) if type(x) is float else None
 
     of_one.__doc__ = f"``{name}(X)``: {what}."
@@ -61,7 +62,7 @@ for _name, (_compute, _what) in _OF_ONE.items():
 
 
 @function("math.pi", 0)
-def pi(mind: Any) -> float:
+def pi(mind: MindState) -> float:
     """``math.pi``: 3.14159...
 
     ?- X = math.round(math.pi * 100) gives X = 314
@@ -70,13 +71,13 @@ def pi(mind: Any) -> float:
 
 
 @function("math.e", 0)
-def e(mind: Any) -> float:
+def e(mind: MindState) -> float:
     """``math.e``: 2.71828..."""
     return math.e
 
 
 @function("math.random", 0, 1)
-def random(mind: Any, factor: Any = 1.0) -> Any:
+def random(mind: MindState, factor: Any = 1.0) -> Any:
     """``math.random``, ``math.random(F)``: a random number from 0 to 1, or to F."""
     return mind.random.random() * factor if type(factor) is float else None
 
@@ -88,7 +89,7 @@ def _numbers(term: Any) -> list[float] | None:
 
 
 @function("math.max", 1, 2)
-def maximum(mind: Any, first: Any, second: Any = None) -> Any:
+def maximum(mind: MindState, first: Any, second: Any = None) -> Any:
     """``math.max(A, B)``, ``math.max(L)``: the greater of two numbers, the greatest of a list.
 
     Of an empty list it is the smallest positive double, as in Jason.
@@ -103,7 +104,7 @@ def maximum(mind: Any, first: Any, second: Any = None) -> Any:
 
 
 @function("math.min", 1, 2)
-def minimum(mind: Any, first: Any, second: Any = None) -> Any:
+def minimum(mind: MindState, first: Any, second: Any = None) -> Any:
     """``math.min(A, B)``, ``math.min(L)``: the smaller of two numbers, the smallest of a list.
 
     ?- X = math.min([2,7,5]) gives X = 2
@@ -115,7 +116,7 @@ def minimum(mind: Any, first: Any, second: Any = None) -> Any:
 
 
 @function("math.sum", 1)
-def total(mind: Any, items: Any) -> Any:
+def total(mind: MindState, items: Any) -> Any:
     """``math.sum(L)``: the sum of the numbers of a list.
 
     ?- X = math.sum([1,2,3.5]) gives X = 6.5
@@ -126,7 +127,7 @@ def total(mind: Any, items: Any) -> Any:
 
 @function("math.average", 1)
 @function("math.mean", 1)
-def average(mind: Any, items: Any) -> Any:
+def average(mind: MindState, items: Any) -> Any:
     """``math.average(L)``, ``math.mean(L)``: the mean of the numbers of a list; of none, NaN.
 
     ?- X = math.average([1,2,6]) gives X = 3
@@ -138,7 +139,7 @@ def average(mind: Any, items: Any) -> Any:
 
 
 @function("math.median", 1)
-def median(mind: Any, items: Any) -> Any:
+def median(mind: MindState, items: Any) -> Any:
     """``math.median(L)``: the middle of a list of numbers.
 
     ?- X = math.median([9,1,2]) gives X = 2
@@ -153,7 +154,7 @@ def median(mind: Any, items: Any) -> Any:
 
 
 @function("math.std_dev", 1)
-def standard_deviation(mind: Any, items: Any) -> Any:
+def standard_deviation(mind: MindState, items: Any) -> Any:
     """``math.std_dev(L)``: the sample's standard deviation (n-1) of the numbers of a list.
 
     ?- X = math.std_dev([1,3,5]) gives X = 2

@@ -8,10 +8,13 @@ from agentd.language.terms.terms import EMPTY, List, Literal, Var, atom, deref, 
 from agentd.mind.beliefs.term_copy import detached
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.intention import Question
 from agentd.mind.data.registry import internal_action
-from agentd.mind.execution.open_questions import Question, wrong_answer
+from agentd.mind.execution.execution import await_something
+from agentd.mind.execution.open_questions import forget_question, time_out, wrong_answer
 from agentd.mind.execution.send_message import send
 from agentd.mind.execution.waiting import milliseconds
+from agentd.mind.state import MindState
 
 _ASKS = ("askOne", "askAll", "askHow", "askIf")
 
@@ -27,7 +30,7 @@ def name_of(term: Any) -> str:
     return wrong_arguments("the name of an agent is an atom or a string")
 
 
-def _present(mind: Any, name: str) -> str:
+def _present(mind: MindState, name: str) -> str:
     """The name of an agent to send to; ``self`` is the sender. Fails if there is no such agent."""
     if name == "self":
         return str(mind.name)
@@ -40,13 +43,13 @@ def _receivers(to: Any) -> list[str]:
     return [name_of(member) for member in proper(to) or []] if type(to) is List else [name_of(to)]
 
 
-def _asked(mind: Any, to: Any) -> list[str]:
+def _asked(mind: MindState, to: Any) -> list[str]:
     """The names of those whose answers are waited for: the agent itself goes by its own."""
     return [mind.name if name == "self" else name for name in _receivers(to)]
 
 
 @internal_action(".send", 3, suspends=True, names=2)
-def send_message(mind: Any, trail: Trail, to: Any, performative: Any, content: Any) -> None:
+def send_message(mind: MindState, trail: Trail, to: Any, performative: Any, content: Any) -> None:
     """``.send(To, Performative, Content)``: a message to an agent, or to each of a list of them.
 
     Fails at once with ``receiver_not_found``, or when a mailbox is full; what goes wrong later is told by
@@ -64,7 +67,7 @@ def send_message(mind: Any, trail: Trail, to: Any, performative: Any, content: A
 
 @internal_action(".send", (4, 5), suspends=True)
 def send_and_wait(
-    mind: Any, trail: Trail, to: Any, performative: Any, content: Any, answer: Any, limit: Any = None
+    mind: MindState, trail: Trail, to: Any, performative: Any, content: Any, answer: Any, limit: Any = None
 ) -> bool | None:
     """``.send(To, Performative, Content, Answer[, TimeoutMs])``: the intention waits for the answer to a question
     (``askOne``, ``askAll``, ``askIf``, ``askHow``); to a list of agents, for the list of their answers.
@@ -79,41 +82,42 @@ def send_and_wait(
     return None
 
 
-def _ask(mind: Any, receivers: list[str], many: bool, force: str, content: Any, rest: tuple[Any, Any]) -> bool | None:
+def _ask(
+    mind: MindState, receivers: list[str], many: bool, force: str, content: Any, rest: tuple[Any, Any]
+) -> bool | None:
     answer, limit = rest
     seconds = mind.ask_timeout if limit is None else milliseconds(limit)
     if not receivers:
-        if not unify(answer, EMPTY, mind.current.trail):
+        if not unify(answer, EMPTY, mind.own_intention.trail):
             raise wrong_answer()
         return None
-    intention = mind.current
-    question = Question(intention, answer, many, receivers)
-    question.performative, question.content, question.asked = force, content, mind.now
-    mind.await_something(intention, f"answer of {', '.join(receivers)}", question)
+    intention = mind.own_intention
+    question = Question(intention, answer, many, receivers, force, content, mind.now)
+    await_something(mind, intention, f"answer of {', '.join(receivers)}", question)
     for receiver in receivers:
         try:
             msg_id = send(mind, _present(mind, receiver), force, content, kind="sync")
         except Failed:
-            question.forget(mind)
+            forget_question(mind, question)
             mind.waiting.pop(intention.id, None)
             intention.waiting = None
             raise
         question.ids.append(msg_id)
         mind.questions[msg_id] = question
     if seconds is not None:
-        question.timer = mind.timers.at(mind.now + seconds, lambda: question.timed_out(mind))
+        question.timer = mind.timers.at(mind.now + seconds, lambda: time_out(mind, question))
     return True
 
 
 @internal_action(".broadcast", 2)
-def broadcast(mind: Any, trail: Trail, performative: Any, content: Any) -> bool:
+def broadcast(mind: MindState, trail: Trail, performative: Any, content: Any) -> bool:
     """``.broadcast(Performative, Content)``: a message to all others."""
     send(mind, None, name_of(performative), detached(content))
     return True
 
 
 @internal_action(".all_names", 1)
-def all_names(mind: Any, trail: Trail, result: Any) -> bool:
+def all_names(mind: MindState, trail: Trail, result: Any) -> bool:
     """``.all_names(L)``: everybody who can be sent to, the agent itself included."""
     names = [mind.name] if mind.agents is None else list(mind.agents())
     return unify(result, make_list([atom(n) for n in names]), trail)

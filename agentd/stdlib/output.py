@@ -16,15 +16,16 @@ from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.intention import values_of
 from agentd.mind.data.registry import internal_action
 from agentd.mind.plans.plan_terms import plans_for, read_trigger, shown_term
+from agentd.mind.state import MindState
 
 
-def _line(mind: Any, shown: str) -> Print:
+def _line(mind: MindState, shown: str) -> Print:
     return Print(shown) if mind.verbose else Print(shown, plain=True)
 
 
 @internal_action(".print", (0, None))
 @internal_action(".println", (0, None))
-def print_terms(mind: Any, trail: Trail, *args: Any) -> bool:
+def print_terms(mind: MindState, trail: Trail, *args: Any) -> bool:
     """``.print(T, ...)``, ``.println(T, ...)``: the texts of the terms, joined, as one line."""
     mind.effects.append(_line(mind, "".join([printed(resolve(a)) for a in args])))
     return True
@@ -36,7 +37,7 @@ _LEVELS = {"severe": "error", "warning": "warning", "info": "info"}
 
 
 @internal_action(".log", (1, None))
-def log(mind: Any, trail: Trail, level: Any, *args: Any) -> bool:
+def log(mind: MindState, trail: Trail, level: Any, *args: Any) -> bool:
     """``.log(Level, T, ...)``: as ``.print``; below ``info`` nothing is shown unless ``.verbose(2)`` says so."""
     name = deref(level)
     if type(name) is not Literal:
@@ -48,7 +49,7 @@ def log(mind: Any, trail: Trail, level: Any, *args: Any) -> bool:
 
 
 @internal_action(".verbose", 1)
-def verbose(mind: Any, trail: Trail, level: Any) -> bool:
+def verbose(mind: MindState, trail: Trail, level: Any) -> bool:
     """``.verbose(N)``: 0 prints without the agent's name, 1 is normal, 2 shows what is logged below info too."""
     number = deref(level)
     if type(number) is not float:
@@ -58,7 +59,7 @@ def verbose(mind: Any, trail: Trail, level: Any) -> bool:
 
 
 @internal_action(".printf", (1, None))
-def printf(mind: Any, trail: Trail, pattern: Any, *args: Any) -> bool:
+def printf(mind: MindState, trail: Trail, pattern: Any, *args: Any) -> bool:
     """``.printf(Format, T, ...)``: Java's format; every number is a double."""
     form = deref(pattern)
     if type(form) is not str:
@@ -73,7 +74,7 @@ _PLACE = re.compile(r"#\{([A-Za-z_]\w*)\}")
 
 
 @internal_action(".puts", (1, 2))
-def puts(mind: Any, trail: Trail, pattern: Any, result: Any = None) -> bool:
+def puts(mind: MindState, trail: Trail, pattern: Any, result: Any = None) -> bool:
     """``.puts("... #{X} ..."[, S])``: variables of the plan by name; with S the text is returned."""
     form = deref(pattern)
     if type(form) is not str:
@@ -92,7 +93,7 @@ def puts(mind: Any, trail: Trail, pattern: Any, result: Any = None) -> bool:
 
 
 @internal_action(".print_unifier", 0)
-def print_unifier(mind: Any, trail: Trail) -> bool:
+def print_unifier(mind: MindState, trail: Trail) -> bool:
     """``.print_unifier``: a line per variable of the plan that has a value, then ``done``."""
     found = values_of(mind.current.stack[-1]) if mind.current is not None and mind.current.stack else {}
     for name, term in found.items():
@@ -102,7 +103,7 @@ def print_unifier(mind: Any, trail: Trail) -> bool:
 
 
 @internal_action(".list_plans", (0, 1))
-def list_plans(mind: Any, trail: Trail, trigger: Any = None) -> bool:
+def list_plans(mind: MindState, trail: Trail, trigger: Any = None) -> bool:
     """``.list_plans[(Trigger)]``: the plan library, or the plans for an event, as source text."""
     plans = list(mind.plans) if trigger is None else plans_for(mind, read_trigger(trigger))
     for plan in plans:
@@ -112,7 +113,7 @@ def list_plans(mind: Any, trail: Trail, trigger: Any = None) -> bool:
 
 
 @internal_action(".list_rules", 0)
-def list_rules(mind: Any, trail: Trail) -> bool:
+def list_rules(mind: MindState, trail: Trail) -> bool:
     """``.list_rules``: the rules as source text."""
     for predicate in mind.beliefs.predicates():
         for entry in reversed(predicate.entries.values()):

@@ -25,12 +25,13 @@ from agentd.mind.plans.plan_terms import (
     remove_plans,
     term_of,
 )
+from agentd.mind.state import MindState
 
 _MYSELF, _BEGIN = SELF[0].args[0], atom("begin")
 
 
 @internal_action(".add_plan", (1, 3))
-def add_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF, place: Any = None) -> bool:
+def add_plan(mind: MindState, trail: Trail, plans: Any, source: Any = _MYSELF, place: Any = None) -> bool:
     """``.add_plan(P[, Source[, begin]])``: a plan in braces, its text, or a list of both.
 
     With the atom ``begin`` it comes before all others, with any other third argument after them.
@@ -40,7 +41,7 @@ def add_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF, place: 
 
 
 @internal_action(".remove_plan", (1, 2))
-def remove_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF) -> bool:
+def remove_plan(mind: MindState, trail: Trail, plans: Any, source: Any = _MYSELF) -> bool:
     """``.remove_plan(Label[, Source])``: takes a source (the agent itself) away from the plans with a label.
 
     A plan goes with its last source. Also of a list of labels.
@@ -50,7 +51,7 @@ def remove_plan(mind: Any, trail: Trail, plans: Any, source: Any = _MYSELF) -> b
 
 
 @internal_action(".relevant_plans", (2, 3))
-def relevant(mind: Any, trail: Trail, trigger: Any, plans: Any, labels: Any = None) -> bool:
+def relevant(mind: MindState, trail: Trail, trigger: Any, plans: Any, labels: Any = None) -> bool:
     """``.relevant_plans({trigger}, Plans[, Labels])``: the plans for an event, as a list, and their labels."""
     if not unify(plans, make_list(relevant_plans(mind, trigger)), trail):
         return False
@@ -60,7 +61,7 @@ def relevant(mind: Any, trail: Trail, trigger: Any, plans: Any, labels: Any = No
 
 
 @internal_action(".relevant_plan", 2, backtracks=True)
-def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[None]:
+def relevant_plan(mind: MindState, trail: Trail, trigger: Any, plan: Any) -> Iterator[None]:
     """``.relevant_plan({trigger}, P)``: each plan for an event; of a given plan, its trigger."""
     mark = len(trail)
     given = deref(plan)
@@ -76,7 +77,7 @@ def relevant_plan(mind: Any, trail: Trail, trigger: Any, plan: Any) -> Iterator[
 
 
 @internal_action(".plan_label", 2, backtracks=True)
-def plan_label(mind: Any, trail: Trail, plan: Any, label: Any) -> Iterator[None]:
+def plan_label(mind: MindState, trail: Trail, plan: Any, label: Any) -> Iterator[None]:
     """``.plan_label(P, Label)``: each plan with its label; the label of a given plan."""
     mark = len(trail)
     wanted, given = deref(label), deref(plan)
@@ -94,7 +95,7 @@ def plan_label(mind: Any, trail: Trail, plan: Any, label: Any) -> Iterator[None]
 
 
 @internal_action(".signal", (1, 2))
-def signal(mind: Any, trail: Trail, trigger: Any, kind: Any = None) -> bool:
+def signal(mind: MindState, trail: Trail, trigger: Any, kind: Any = None) -> bool:
     """``.signal({+e})``: the event at once, with source(self); no belief is added."""
     if type(deref(trigger)) not in (Code, str):
         raise Failed("unknown", ".signal takes an event in braces, such as { +alarm(1) }")

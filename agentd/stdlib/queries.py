@@ -11,6 +11,7 @@ from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import wrong_arguments
 from agentd.mind.data.registry import internal_action
+from agentd.mind.state import MindState
 
 
 def _query(term: Any) -> Any:
@@ -21,7 +22,7 @@ def _query(term: Any) -> Any:
     return query
 
 
-def _solutions(mind: Any, template: Any, query: Any, trail: Trail) -> list[Any]:
+def _solutions(mind: MindState, template: Any, query: Any, trail: Trail) -> list[Any]:
     found = []
     for _ in solve(mind, _query(query), trail):
         found.append(resolve(template))
@@ -29,7 +30,7 @@ def _solutions(mind: Any, template: Any, query: Any, trail: Trail) -> list[Any]:
 
 
 @internal_action(".findall", 3)
-def findall(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+def findall(mind: MindState, trail: Trail, template: Any, query: Any, result: Any) -> bool:
     """``.findall(T, Query, L)``: T for each solution, in order, duplicates kept; ``[]`` where there is none.
 
     ?- .findall(X, .member(X, [b,a,b]), L) gives L = [b,a,b]
@@ -38,7 +39,7 @@ def findall(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> 
 
 
 @internal_action(".setof", 3)
-def setof(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+def setof(mind: MindState, trail: Trail, template: Any, query: Any, result: Any) -> bool:
     """``.setof(T, Query, L)``: T for each solution, in standard order, each once.
 
     ?- .setof(X, .member(X, [b,a,b]), L) gives L = [a,b]
@@ -47,7 +48,7 @@ def setof(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bo
 
 
 @internal_action(".min", 3)
-def minimum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+def minimum_of(mind: MindState, trail: Trail, template: Any, query: Any, result: Any) -> bool:
     """``.min(T, Query, X)``: the least T of all solutions; fails where there is none.
 
     ?- .min(X, .member(X, [3,1,2]), M) gives M = 1
@@ -57,14 +58,14 @@ def minimum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) 
 
 
 @internal_action(".max", 3)
-def maximum_of(mind: Any, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+def maximum_of(mind: MindState, trail: Trail, template: Any, query: Any, result: Any) -> bool:
     """``.max(T, Query, X)``: the greatest T of all solutions; fails where there is none."""
     found = ordered(_solutions(mind, template, query, trail))
     return bool(found) and unify(result, found[-1], trail)
 
 
 @internal_action(".count", 2)
-def count(mind: Any, trail: Trail, query: Any, result: Any) -> bool:
+def count(mind: MindState, trail: Trail, query: Any, result: Any) -> bool:
     """``.count(Query, N)``: how many solutions there are.
 
     ?- .count(.member(X, [b,a,b]), N) gives N = 3
@@ -73,7 +74,7 @@ def count(mind: Any, trail: Trail, query: Any, result: Any) -> bool:
 
 
 @internal_action(".eval", 2)
-def evaluate(mind: Any, trail: Trail, result: Any, query: Any) -> bool:
+def evaluate(mind: MindState, trail: Trail, result: Any, query: Any) -> bool:
     """``.eval(R, Formula)``: R is ``true`` or ``false``, as the formula holds.
 
     ?- .eval(R, 1 < 2 & 3 < 2) gives R = false

@@ -11,6 +11,7 @@ from agentd.language.terms.terms import List, Var, deref, make_list
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import wrong_arguments
 from agentd.mind.data.registry import internal_action
+from agentd.mind.state import MindState
 from agentd.stdlib.lists import members_of
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class JavaRandom(Random):
 
 
 @internal_action(".shuffle", 2)
-def shuffle(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
+def shuffle(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
     """``.shuffle(L, R)``: the members in a random order."""
     members = members_of(items, ".shuffle")
     mind.random.shuffle(members)
@@ -56,7 +57,7 @@ def shuffle(mind: Any, trail: Trail, items: Any, result: Any) -> bool:
 
 
 @internal_action(".random", (1, 3), backtracks=True)
-def random(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
+def random(mind: MindState, trail: Trail, *args: Any) -> Iterator[None]:
     """``.random(X[, N])``: N random numbers from 0 to 1, one after another (once; 0: without end).
 
     ``.random(L, X[, N])``: random members of a list.
@@ -93,7 +94,7 @@ def _times(term: Any) -> int:
 
 
 @internal_action(".set_random_seed", 1)
-def set_random_seed(mind: Any, trail: Trail, seed: Any) -> bool:
+def set_random_seed(mind: MindState, trail: Trail, seed: Any) -> bool:
     """``.set_random_seed(N)``: the random numbers of this agent are from now on those of Java's generator for a seed.
 
     Until then each agent has numbers of its own, seeded by the run.

@@ -15,6 +15,7 @@ from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import function, internal_action
+from agentd.mind.state import MindState
 from agentd.stdlib.java_regex import replace_all
 
 MOST_CHARACTERS = 16_000_000
@@ -40,7 +41,7 @@ def _bounded(size: int, most: int, what: str) -> None:
 
 
 @internal_action(".concat", (2, None))
-def concat(mind: Any, trail: Trail, *args: Any) -> bool:
+def concat(mind: MindState, trail: Trail, *args: Any) -> bool:
     """``.concat(T, ..., R)``: joins lists, or the texts of all terms.
 
     ?- .concat([a], [b,c], R) gives R = [a,b,c]
@@ -83,7 +84,7 @@ def length_of(term: Any) -> float | None:
 
 
 @internal_action(".length", 2)
-def length(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+def length(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
     """``.length(ListOrString, N)``: how many members, or characters.
 
     ?- .length([a,b], N) gives N = 2
@@ -93,7 +94,7 @@ def length(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
 
 
 @function(".length", 1)
-def length_function(mind: Any, term: Any) -> Any:
+def length_function(mind: MindState, term: Any) -> Any:
     """``.length(ListOrString)`` as a value: how many members, or characters.
 
     ?- N = .length([a,b]) + 1 gives N = 3
@@ -102,7 +103,7 @@ def length_function(mind: Any, term: Any) -> Any:
 
 
 @internal_action(".substring", (2, 4), backtracks=True)
-def substring(mind: Any, trail: Trail, *args: Any) -> Iterator[None]:
+def substring(mind: MindState, trail: Trail, *args: Any) -> Iterator[None]:
     """``.substring(S, T)``, ``.substring(S, T, From[, To])``: S occurs in T; each place where it does.
 
     Of a text S and a free variable T, T is the part from From to before To.
@@ -145,7 +146,7 @@ def _position(term: Any) -> int:
 
 
 @internal_action(".replace", 4)
-def replace(mind: Any, trail: Trail, term: Any, pattern: Any, new: Any, result: Any) -> bool:
+def replace(mind: MindState, trail: Trail, term: Any, pattern: Any, new: Any, result: Any) -> bool:
     """``.replace(T, Regex, New, R)``: all matches; ``$1`` in New is a group.
 
     ?- .replace("a1b22", "([0-9]+)", "<$1>", R) gives R = "a<1>b<22>"
@@ -157,7 +158,7 @@ def replace(mind: Any, trail: Trail, term: Any, pattern: Any, new: Any, result: 
 
 
 @internal_action(".lower_case", 2)
-def lower_case(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+def lower_case(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
     """``.lower_case(S, R)``: in small letters.
 
     ?- .lower_case("GUIDED", R) gives R = "guided"
@@ -166,7 +167,7 @@ def lower_case(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
 
 
 @internal_action(".upper_case", 2)
-def upper_case(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+def upper_case(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
     """``.upper_case(S, R)``: in capitals.
 
     ?- .upper_case("rtl", R) gives R = "RTL"
@@ -175,7 +176,7 @@ def upper_case(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
 
 
 @internal_action(".reverse", 2)
-def reverse(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+def reverse(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
     """``.reverse(ListOrString, R)``: from the last to the first.
 
     ?- .reverse([a,b], R) gives R = [b,a]
@@ -191,7 +192,7 @@ def reverse(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
     return unify(target, make_list(reversed(members)), trail)
 
 
-def read_term(mind: Any, written: str) -> Any:
+def read_term(mind: MindState, written: str) -> Any:
     """The term that a text stands for; its variables are those of the running plan. What cannot be read is an atom."""
     try:
         node = parse_term(written)
@@ -209,7 +210,7 @@ def read_term(mind: Any, written: str) -> Any:
 
 
 @internal_action(".term2string", 2)
-def term2string(mind: Any, trail: Trail, term: Any, string: Any) -> bool:
+def term2string(mind: MindState, trail: Trail, term: Any, string: Any) -> bool:
     """``.term2string(T, S)``, either way; with both bound it compares the texts.
 
     ?- .term2string(at(3,4), S) gives S = "at(3,4)"
@@ -228,7 +229,7 @@ def term2string(mind: Any, trail: Trail, term: Any, string: Any) -> bool:
 
 
 @internal_action(".empty", 1)
-def empty(mind: Any, trail: Trail, term: Any) -> bool:
+def empty(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.empty(ListOrString)``: it has nothing in it.
 
     ?- .empty([]) holds

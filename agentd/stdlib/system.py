@@ -11,16 +11,17 @@ from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.effects import AskPercepts, StopTeam
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import internal_action
+from agentd.mind.state import MindState
 
 
 @internal_action(".my_name", 1)
-def my_name(mind: Any, trail: Trail, name: Any) -> bool:
+def my_name(mind: MindState, trail: Trail, name: Any) -> bool:
     """``.my_name(N)``: the agent's own name."""
     return unify(name, atom(mind.name), trail)
 
 
 @internal_action(".stopMAS", (0, 2))
-def stop_mas(mind: Any, trail: Trail, delay: Any = 0.0, code: Any = 0.0) -> bool:
+def stop_mas(mind: MindState, trail: Trail, delay: Any = 0.0, code: Any = 0.0) -> bool:
     """``.stopMAS([Ms[, ExitCode]])``: the team ends, at once or after a delay."""
     delay, code = deref(delay), deref(code)
     if type(delay) is not float or type(code) is not float:
@@ -30,7 +31,7 @@ def stop_mas(mind: Any, trail: Trail, delay: Any = 0.0, code: Any = 0.0) -> bool
 
 
 @internal_action(".fail", (0, None))
-def fail(mind: Any, trail: Trail, *args: Any) -> bool:
+def fail(mind: MindState, trail: Trail, *args: Any) -> bool:
     """``.fail(Annotation, ...)``: the plan fails; the arguments become annotations of the failure event."""
     if not args:
         raise Failed("ia_failed")
@@ -43,14 +44,14 @@ def fail(mind: Any, trail: Trail, *args: Any) -> bool:
 
 
 @internal_action(".perceive", 0)
-def perceive(mind: Any, trail: Trail) -> bool:
+def perceive(mind: MindState, trail: Trail) -> bool:
     """``.perceive``: what the environment shows now is believed before the next formula."""
     mind.effects.append(AskPercepts())
     return True
 
 
 @internal_action(".version", 1)
-def version(mind: Any, trail: Trail, result: Any) -> bool:
+def version(mind: MindState, trail: Trail, result: Any) -> bool:
     """``.version(V)``: what runs the program: ``"argosy"``.
 
     ?- .version(V) gives V = "argosy"
@@ -59,6 +60,6 @@ def version(mind: Any, trail: Trail, result: Any) -> bool:
 
 
 @internal_action(".join", (0, None))
-def join(mind: Any, trail: Trail, *args: Any) -> bool:
+def join(mind: MindState, trail: Trail, *args: Any) -> bool:
     """``.join``: what Jason puts at the end of the branches of a ``.fork``; it is not for programs."""
     return wrong_arguments(".join ends the branches of .fork by itself and is not to be called")

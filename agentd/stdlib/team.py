@@ -13,12 +13,13 @@ from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.program_loading import include_program
 from agentd.mind.execution.team_requests import request
 from agentd.mind.plans.program_text import program_text
+from agentd.mind.state import MindState
 from agentd.stdlib.messages import name_of
 from agentd.stdlib.strings import plain_text
 
 
 @internal_action(".create_agent", (1, 3), suspends=True)
-def create_agent(mind: Any, trail: Trail, name: Any, file: Any = None, options: Any = None) -> bool:
+def create_agent(mind: MindState, trail: Trail, name: Any, file: Any = None, options: Any = None) -> bool:
     """``.create_agent(Name[, File[, Options]])``: a free name is made up from its own and bound to a string."""
     wanted, path = deref(name), deref(file) if file is not None else ""
     if type(path) is not str:
@@ -41,7 +42,7 @@ _PLAIN_CLASSES: Final = {
 """Options of Jason that name Java classes, and the classes that stand for what every agent has here."""
 
 
-def _check_options(mind: Any, options: Any) -> None:
+def _check_options(mind: MindState, options: Any) -> None:
     """Fail for what a new agent cannot be: an agent of a Java class would not be what the program means."""
     for option in proper(options) or []:
         term = deref(option)
@@ -57,7 +58,7 @@ def _check_options(mind: Any, options: Any) -> None:
 
 
 @internal_action(".clone", 1, suspends=True)
-def clone(mind: Any, trail: Trail, name: Any) -> bool:
+def clone(mind: MindState, trail: Trail, name: Any) -> bool:
     """``.clone("name")``: an agent with the same beliefs and plans, without the goals."""
     wanted = deref(name)
     if type(wanted) is not str:
@@ -66,7 +67,7 @@ def clone(mind: Any, trail: Trail, name: Any) -> bool:
 
 
 @internal_action(".kill_agent", (1, 2), suspends=True)
-def kill_agent(mind: Any, trail: Trail, name: Any, delay: Any = 0.0) -> bool:
+def kill_agent(mind: MindState, trail: Trail, name: Any, delay: Any = 0.0) -> bool:
     """``.kill_agent(Name[, Ms])``: ends an agent, at once or after so many milliseconds."""
     pause = deref(delay)
     if type(pause) is not float:
@@ -75,31 +76,31 @@ def kill_agent(mind: Any, trail: Trail, name: Any, delay: Any = 0.0) -> bool:
 
 
 @internal_action(".df_register", (1, 2), suspends=True)
-def df_register(mind: Any, trail: Trail, service: Any, kind: Any = None) -> bool:
+def df_register(mind: MindState, trail: Trail, service: Any, kind: Any = None) -> bool:
     """``.df_register(Service[, Type])``: this agent offers a service, until it says otherwise or is gone."""
     return request(mind, "df_register", (plain_text(service),))
 
 
 @internal_action(".df_deregister", (1, 2), suspends=True)
-def df_deregister(mind: Any, trail: Trail, service: Any, kind: Any = None) -> bool:
+def df_deregister(mind: MindState, trail: Trail, service: Any, kind: Any = None) -> bool:
     """``.df_deregister(Service[, Type])``: it does not any more."""
     return request(mind, "df_deregister", (plain_text(service),))
 
 
 @internal_action(".df_search", (2, 3), suspends=True)
-def df_search(mind: Any, trail: Trail, service: Any, *rest: Any) -> bool:
+def df_search(mind: MindState, trail: Trail, service: Any, *rest: Any) -> bool:
     """``.df_search(Service[, Type], List)``: the names of those who offer it."""
     return request(mind, "df_search", (plain_text(service),), rest[-1])
 
 
 @internal_action(".df_subscribe", (1, 2), suspends=True)
-def df_subscribe(mind: Any, trail: Trail, service: Any, kind: Any = None) -> bool:
+def df_subscribe(mind: MindState, trail: Trail, service: Any, kind: Any = None) -> bool:
     """``.df_subscribe(Service)``: beliefs ``provider(Agent, Service)`` for those there and those to come."""
     return request(mind, "df_subscribe", (plain_text(service),))
 
 
 @internal_action(".list_files", (2, 3), suspends=True)
-def list_files(mind: Any, trail: Trail, folder: Any, *rest: Any) -> bool:
+def list_files(mind: MindState, trail: Trail, folder: Any, *rest: Any) -> bool:
     """``.list_files(Folder[, Regex], List)``: the files below a folder whose path or name is of this form, as strings.
 
     ``[]`` if there is no such folder.
@@ -111,7 +112,7 @@ def list_files(mind: Any, trail: Trail, folder: Any, *rest: Any) -> bool:
 
 
 @internal_action(".save_agent", (1, 2), suspends=True)
-def save_agent(mind: Any, trail: Trail, file: Any, goals: Any = None) -> bool:
+def save_agent(mind: MindState, trail: Trail, file: Any, goals: Any = None) -> bool:
     """``.save_agent(File[, Goals])``: beliefs, rules, these goals and the plans as source text."""
     path = deref(file)
     if type(path) is not str:
@@ -120,7 +121,7 @@ def save_agent(mind: Any, trail: Trail, file: Any, goals: Any = None) -> bool:
 
 
 @internal_action(".include", (1, 2), suspends=True)
-def include(mind: Any, trail: Trail, file: Any, namespace: Any = None) -> bool:
+def include(mind: MindState, trail: Trail, file: Any, namespace: Any = None) -> bool:
     """``.include(File[, Namespace])``: adds the beliefs, goals and plans of a file."""
     path = deref(file)
     if type(path) is not str:
@@ -129,7 +130,7 @@ def include(mind: Any, trail: Trail, file: Any, namespace: Any = None) -> bool:
     return request(mind, "include", (path, into), use=lambda program: include_program(mind, program, into))
 
 
-def _namespace(mind: Any, trail: Trail, term: Any) -> str:
+def _namespace(mind: MindState, trail: Trail, term: Any) -> str:
     """The namespace that a file is included into; for a free variable a new one, which it is bound to."""
     named = deref(term)
     if type(named) is Literal and not named.args:

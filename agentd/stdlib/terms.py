@@ -26,20 +26,21 @@ from agentd.mind.beliefs.term_copy import Copier, is_ground, resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify, value
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.registry import ACTIONS, internal_action
+from agentd.mind.state import MindState
 
 
 def _is_atom(term: Any) -> bool:
     return type(term) is Literal and not term.args and not term.annots and not term.sig.negated
 
 
-def _is_structure(mind: Any, term: Any) -> bool:
+def _is_structure(mind: MindState, term: Any) -> bool:
     if type(term) is Literal:
         return bool(term.args or term.annots or term.sig.negated) and not _is_number(mind, term)
     return type(term) is List or type(term) is Code or _is_literal(mind, term)
 
 
 @internal_action(".atom", 1)
-def is_atom(mind: Any, trail: Trail, term: Any) -> bool:
+def is_atom(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.atom(T)``: an atom such as ``home``.
 
     ?- .atom(home) holds
@@ -49,21 +50,21 @@ def is_atom(mind: Any, trail: Trail, term: Any) -> bool:
     return _is_atom(found) and not _is_number(mind, found)
 
 
-def _is_number(mind: Any, term: Any) -> bool:
+def _is_number(mind: MindState, term: Any) -> bool:
     """Whether a term is a number, or arithmetic or a function that could not be computed: these count as one."""
     if type(term) is Literal:
         return bool(mind.compiler.is_function(term.sig.functor, term.sig.arity))
     return type(term) is float or (type(term) is Expression and term.operator in ARITHMETIC)
 
 
-def _is_literal(mind: Any, term: Any) -> bool:
+def _is_literal(mind: MindState, term: Any) -> bool:
     if type(term) is Literal:
         return not _is_number(mind, term)
     return type(term) is Expression and term.operator not in ARITHMETIC
 
 
 @internal_action(".number", 1)
-def is_number(mind: Any, trail: Trail, term: Any) -> bool:
+def is_number(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.number(T)``: a number.
 
     ?- .number(3.5) holds
@@ -72,7 +73,7 @@ def is_number(mind: Any, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".string", 1)
-def is_string(mind: Any, trail: Trail, term: Any) -> bool:
+def is_string(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.string(T)``: a string.
 
     ?- .string("home") holds
@@ -81,7 +82,7 @@ def is_string(mind: Any, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".list", 1)
-def is_list(mind: Any, trail: Trail, term: Any) -> bool:
+def is_list(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.list(T)``: a list.
 
     ?- .list([a]) holds
@@ -90,7 +91,7 @@ def is_list(mind: Any, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".literal", 1)
-def is_literal(mind: Any, trail: Trail, term: Any) -> bool:
+def is_literal(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.literal(T)``: an atom, a structure, or one negated by ``~``.
 
     ?- .literal(~at(3)) holds
@@ -99,7 +100,7 @@ def is_literal(mind: Any, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".structure", 1)
-def is_structure(mind: Any, trail: Trail, term: Any) -> bool:
+def is_structure(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.structure(T)``: it has arguments or annotations, or is negated, a list, or code in braces.
 
     ?- .structure(at(3)) holds
@@ -109,7 +110,7 @@ def is_structure(mind: Any, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".ground", 1)
-def ground(mind: Any, trail: Trail, term: Any) -> bool:
+def ground(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.ground(T)``: no variable in it is free.
 
     ?- .ground(at(X)) fails
@@ -118,7 +119,7 @@ def ground(mind: Any, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".internal_action", 1)
-def is_internal_action(mind: Any, trail: Trail, term: Any) -> bool:
+def is_internal_action(mind: MindState, trail: Trail, term: Any) -> bool:
     """``.internal_action(T)``: T would be an internal action.
 
     ?- .internal_action(.print(a)) holds
@@ -127,7 +128,7 @@ def is_internal_action(mind: Any, trail: Trail, term: Any) -> bool:
     return type(term) is Literal and (term.sig.functor in ACTIONS or term.sig.functor.startswith("."))
 
 
-def _kinds(mind: Any, term: Any) -> list[str]:
+def _kinds(mind: MindState, term: Any) -> list[str]:
     kinds = {
         "number": _is_number(mind, term),
         "atom": _is_atom(term) and not _is_number(mind, term),
@@ -147,7 +148,7 @@ def _kinds(mind: Any, term: Any) -> list[str]:
 
 
 @internal_action(".type", 2, backtracks=True)
-def kind_of(mind: Any, trail: Trail, term: Any, kind: Any) -> Iterator[None]:
+def kind_of(mind: MindState, trail: Trail, term: Any, kind: Any) -> Iterator[None]:
     """``.type(T, K)``: each kind of the term.
 
     ?- .type(5, K) gives K = number; K = ground
@@ -168,13 +169,13 @@ def _copied(term: Any) -> Any:
 
 @internal_action(".copy_term", 2)
 @internal_action(".rename_apart", 2)
-def copy_term(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+def copy_term(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
     """``.copy_term(T, R)``, ``.rename_apart(T, R)``: the same literal with variables of its own."""
     return unify(result, _copied(term), trail)
 
 
 @internal_action(".add_annot", 3)
-def add_annot(mind: Any, trail: Trail, term: Any, annot: Any, result: Any) -> bool:
+def add_annot(mind: MindState, trail: Trail, term: Any, annot: Any, result: Any) -> bool:
     """``.add_annot(T, A, R)``: with the annotation A too; of a list, each literal of it.
 
     ?- .add_annot(at(3), by(gps), R) gives R = at(3)[by(gps)]
@@ -191,7 +192,7 @@ def _annotated(term: Any, annot: Any) -> Any:
 
 
 @internal_action(".add_nested_source", 3)
-def add_nested_source(mind: Any, trail: Trail, term: Any, who: Any, result: Any) -> bool:
+def add_nested_source(mind: MindState, trail: Trail, term: Any, who: Any, result: Any) -> bool:
     """``.add_nested_source(T, S, R)``: S wraps the sources that were there.
 
     ?- .add_nested_source(at(3)[source(ann)], bob, R) gives R = at(3)[source(bob)[source(ann)]]
@@ -210,7 +211,7 @@ def _nested(term: Any, who: Any) -> Any:
 
 
 @internal_action(".remove_source_annot", 2)
-def remove_source_annot(mind: Any, trail: Trail, term: Any, result: Any) -> bool:
+def remove_source_annot(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
     """``.remove_source_annot(T, R)``: without its sources.
 
     ?- .remove_source_annot(at(3)[source(ann),by(gps)], R) gives R = at(3)[by(gps)]

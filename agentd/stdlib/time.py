@@ -16,15 +16,16 @@ from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import function, internal_action
 from agentd.mind.execution.waiting import hear, milliseconds, wait_event, wait_time, wait_until
 from agentd.mind.plans.plan_terms import read_trigger
+from agentd.mind.state import MindState
 
 
 @internal_action(".wait", (1, 3), suspends=True)
-def wait(mind: Any, trail: Trail, what: Any, limit: Any = None, elapsed: Any = None) -> bool | None:
+def wait(mind: MindState, trail: Trail, what: Any, limit: Any = None, elapsed: Any = None) -> bool | None:
     """``.wait(Ms)``, ``.wait({event}[, Ms[, Elapsed]])``, ``.wait(Formula[, Ms[, Elapsed]])``: so long, or until then.
 
     After Ms milliseconds without the event or formula it fails, or goes on if Elapsed asks how long it took.
     """
-    intention = mind.current
+    intention = mind.own_intention
     term = deref(what)
     if type(term) is float:
         return wait_time(mind, intention, milliseconds(term))
@@ -35,7 +36,7 @@ def wait(mind: Any, trail: Trail, what: Any, limit: Any = None, elapsed: Any = N
         return wait_event(mind, intention, read_trigger(term), limit, elapsed)
     if type(term) in (Literal, Expression):
 
-        def check(mind: Any, intention: Any, frame: Any) -> bool:
+        def check(mind: MindState, intention: Any, frame: Any) -> bool:
             return any(True for _ in solve(mind, term, intention.trail))
 
         return wait_until(mind, intention, intention.stack[-1], check, limit, elapsed)
@@ -70,7 +71,7 @@ _UNITS = {
 
 
 @internal_action(".at", 2)
-def at(mind: Any, trail: Trail, when: Any, trigger: Any) -> bool:
+def at(mind: MindState, trail: Trail, when: Any, trigger: Any) -> bool:
     """``.at("now +N unit", {trigger})``: raises the event then; it carries no source.
 
     Units are ``ms``, ``s``, ``minutes``, ``hours`` and ``days``.
@@ -94,12 +95,12 @@ def at(mind: Any, trail: Trail, when: Any, trigger: Any) -> bool:
     return True
 
 
-def _clock(mind: Any) -> datetime:
+def _clock(mind: MindState) -> datetime:
     return datetime.fromtimestamp(mind.epoch + mind.read_clock(), UTC).astimezone(mind.zone)
 
 
 @internal_action(".date", 3)
-def date(mind: Any, trail: Trail, year: Any, month: Any, day: Any) -> bool:
+def date(mind: MindState, trail: Trail, year: Any, month: Any, day: Any) -> bool:
     """``.date(Year, Month, Day)``: today, by mission time."""
     now = _clock(mind)
     parts = ((year, now.year), (month, now.month), (day, now.day))
@@ -107,7 +108,7 @@ def date(mind: Any, trail: Trail, year: Any, month: Any, day: Any) -> bool:
 
 
 @internal_action(".time", (3, 4))
-def time(mind: Any, trail: Trail, hour: Any, minute: Any, second: Any, millisecond: Any = None) -> bool:
+def time(mind: MindState, trail: Trail, hour: Any, minute: Any, second: Any, millisecond: Any = None) -> bool:
     """``.time(Hour, Minute, Second[, Millisecond])``: now, by mission time."""
     now = _clock(mind)
     parts = [(hour, now.hour), (minute, now.minute), (second, now.second)]
@@ -117,12 +118,12 @@ def time(mind: Any, trail: Trail, hour: Any, minute: Any, second: Any, milliseco
 
 
 @internal_action(".nano_time", 1)
-def nano_time(mind: Any, trail: Trail, result: Any) -> bool:
+def nano_time(mind: MindState, trail: Trail, result: Any) -> bool:
     """``.nano_time(T)``: nanoseconds of mission time."""
     return unify(result, float(round(mind.read_clock() * 1e9)), trail)
 
 
 @function("system.time", 0)
-def system_time(mind: Any) -> float:
+def system_time(mind: MindState) -> float:
     """``system.time``: milliseconds since the epoch, by mission time."""
     return float(int((mind.epoch + mind.read_clock()) * 1000))

@@ -17,23 +17,29 @@ from agentd.mind.beliefs.relations import same
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
-from agentd.mind.data.frames import ARGS, PLAN, RELEVANT
-from agentd.mind.data.intention import Intention, values_of
+from agentd.mind.data.intention import ARGS, PLAN, RELEVANT, Intention, values_of
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.intention_terms import calling_step
+from agentd.mind.state import MindState
 from agentd.testing.results import Asserted, TestEnded
 
 FAILED = "assertion_failed"
 """What ``error(E)`` shows of an assertion that does not hold."""
 
 
-def _assert(mind: Any, held: bool, message: str) -> bool:
+def _assert(mind: MindState, held: bool, message: str) -> bool:
     """Tell an assertion; one that does not hold fails the plan that made it."""
-    asserted = _asserted(mind.current, "" if held else message)
-    mind.effects.append(asserted)
+    asserted = _asserted(mind.own_intention, "" if held else message)
+    _report(mind, asserted)
     if not held:
         raise Failed(FAILED, message)
     return True
+
+
+def _report(mind: MindState, effect: Asserted | TestEnded) -> None:
+    """Hand out an effect that only the runner of tests knows."""
+    effects: list[Any] = mind.effects
+    effects.append(effect)
 
 
 def _asserted(intention: Intention, message: str) -> Asserted:
@@ -60,18 +66,18 @@ def _shown(term: Any) -> str:
 
 
 @internal_action("agentd.test.equals", 2)
-def equals(mind: Any, trail: Trail, expected: Any, actual: Any) -> bool:
+def equals(mind: MindState, trail: Trail, expected: Any, actual: Any) -> bool:
     """Equal as by ``==``: numbers by value, structures with their annotations; nothing is bound."""
     return _assert(mind, same(expected, actual), f"expected {_shown(expected)}, got {_shown(actual)}")
 
 
 @internal_action("agentd.test.differs", 2)
-def differs(mind: Any, trail: Trail, unwanted: Any, actual: Any) -> bool:
+def differs(mind: MindState, trail: Trail, unwanted: Any, actual: Any) -> bool:
     return _assert(mind, not same(unwanted, actual), f"expected anything but {_shown(unwanted)}")
 
 
 @internal_action("agentd.test.close", 3)
-def close(mind: Any, trail: Trail, expected: Any, actual: Any, tolerance: Any) -> bool:
+def close(mind: MindState, trail: Trail, expected: Any, actual: Any, tolerance: Any) -> bool:
     """Two numbers that differ by no more than the tolerance."""
     values = [deref(term) for term in (expected, actual, tolerance)]
     shown = f"expected {_shown(expected)} within {_shown(tolerance)}, got {_shown(actual)}"
@@ -83,7 +89,7 @@ def close(mind: Any, trail: Trail, expected: Any, actual: Any, tolerance: Any) -
 
 
 @internal_action("agentd.test.same_members", 2)
-def same_members(mind: Any, trail: Trail, expected: Any, actual: Any) -> bool:
+def same_members(mind: MindState, trail: Trail, expected: Any, actual: Any) -> bool:
     """Lists in which each member of one unifies with a member of the other."""
     lists = [proper(deref(term)) for term in (expected, actual)]
     shown = f"expected the members of {_shown(expected)}, got {_shown(actual)}"
@@ -95,22 +101,22 @@ def same_members(mind: Any, trail: Trail, expected: Any, actual: Any) -> bool:
 
 
 @internal_action("agentd.test.greater", 2)
-def greater(mind: Any, trail: Trail, number: Any, bound: Any) -> bool:
+def greater(mind: MindState, trail: Trail, number: Any, bound: Any) -> bool:
     return _compare(mind, f"expected {_shown(number)} > {_shown(bound)}", (bound, number), operator.lt)
 
 
 @internal_action("agentd.test.at_least", 2)
-def at_least(mind: Any, trail: Trail, number: Any, bound: Any) -> bool:
+def at_least(mind: MindState, trail: Trail, number: Any, bound: Any) -> bool:
     return _compare(mind, f"expected {_shown(number)} >= {_shown(bound)}", (bound, number), operator.le)
 
 
 @internal_action("agentd.test.between", 3)
-def between(mind: Any, trail: Trail, number: Any, lowest: Any, highest: Any) -> bool:
+def between(mind: MindState, trail: Trail, number: Any, lowest: Any, highest: Any) -> bool:
     shown = f"expected {_shown(lowest)} <= {_shown(number)} <= {_shown(highest)}"
     return _compare(mind, shown, (lowest, number, highest), operator.le)
 
 
-def _compare(mind: Any, shown: str, terms: tuple[Any, ...], in_order: Callable[[float, float], bool]) -> bool:
+def _compare(mind: MindState, shown: str, terms: tuple[Any, ...], in_order: Callable[[float, float], bool]) -> bool:
     values = [deref(term) for term in terms]
     if any(type(value) is not float for value in values):
         return _assert(mind, False, f"{shown}: only numbers have an order")
@@ -118,22 +124,22 @@ def _compare(mind: Any, shown: str, terms: tuple[Any, ...], in_order: Callable[[
 
 
 @internal_action("agentd.test.clock", 1)
-def clock(mind: Any, trail: Trail, nanoseconds: Any) -> bool:
+def clock(mind: MindState, trail: Trail, nanoseconds: Any) -> bool:
     """Real time: that of the mind stands still while a test computes."""
     return unify(nanoseconds, float(time.perf_counter_ns()), trail)
 
 
 @internal_action("agentd.test.holds", 1)
-def holds(mind: Any, trail: Trail, formula: Any) -> bool:
+def holds(mind: MindState, trail: Trail, formula: Any) -> bool:
     return _assert(mind, _follows(mind, formula, trail), f"expected that {_shown(formula)} holds; it does not")
 
 
 @internal_action("agentd.test.fails", 1)
-def fails(mind: Any, trail: Trail, formula: Any) -> bool:
+def fails(mind: MindState, trail: Trail, formula: Any) -> bool:
     return _assert(mind, not _follows(mind, formula, trail), f"expected that {_shown(formula)} does not hold; it does")
 
 
-def _follows(mind: Any, formula: Any, trail: Trail) -> bool:
+def _follows(mind: MindState, formula: Any, trail: Trail) -> bool:
     """Whether a formula has a solution now: ``true``, a belief, a comparison, an internal action, several of these."""
     mark = len(trail)
     found = any(True for _ in solve(mind, deref(formula), trail))
@@ -142,14 +148,14 @@ def _follows(mind: Any, formula: Any, trail: Trail) -> bool:
 
 
 @internal_action("agentd.test.contains", 2)
-def contains(mind: Any, trail: Trail, whole: Any, part: Any) -> bool:
+def contains(mind: MindState, trail: Trail, whole: Any, part: Any) -> bool:
     """A list, set or queue with a member that unifies, a map with a key, a string with a part."""
     held = _has(whole, part, trail)
     return _assert(mind, held, f"expected {_shown(part)} in {_shown(whole)}; it is not there")
 
 
 @internal_action("agentd.test.lacks", 2)
-def lacks(mind: Any, trail: Trail, whole: Any, part: Any) -> bool:
+def lacks(mind: MindState, trail: Trail, whole: Any, part: Any) -> bool:
     held = not _has(whole, part, trail)
     return _assert(mind, held, f"expected no {_shown(part)} in {_shown(whole)}; it is there")
 
@@ -179,32 +185,33 @@ def _is_member(term: Any, members: Iterable[Any], trail: Trail) -> bool:
 
 
 @internal_action("agentd.test.pass", 0)
-def force_pass(mind: Any, trail: Trail) -> bool:
+def force_pass(mind: MindState, trail: Trail) -> bool:
     return _assert(mind, True, "")
 
 
 @internal_action("agentd.test.fail", 1)
-def force_failure(mind: Any, trail: Trail, why: Any) -> bool:
+def force_failure(mind: MindState, trail: Trail, why: Any) -> bool:
     reason = deref(why)
     return _assert(mind, False, reason if type(reason) is str else _shown(reason))
 
 
 @internal_action("agentd.test.ended", 0)
-def ended(mind: Any, trail: Trail) -> bool:
-    mind.effects.append(TestEnded())
+def ended(mind: MindState, trail: Trail) -> bool:
+    _report(mind, TestEnded())
     return True
 
 
 @internal_action("agentd.test.failed", 5)
-def failed(mind: Any, trail: Trail, error: Any, why: Any, formula: Any, line: Any, file: Any) -> bool:
+def failed(mind: MindState, trail: Trail, error: Any, why: Any, formula: Any, line: Any, file: Any) -> bool:
     said, number, source = deref(why), deref(line), deref(file)
-    mind.effects.append(
+    _report(
+        mind,
         TestEnded(
             _shown(error),
             said if type(said) is str else _shown(said),
             _shown(formula),
             source if type(source) is str else _shown(source),
             int(number) if type(number) is float else 0,
-        )
+        ),
     )
     return True

@@ -20,7 +20,7 @@ from agentd.mind.data.effects import (
     StopTeam,
     TeamRequest,
 )
-from agentd.mind.data.frames import PLAN
+from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.mind.plans.plan_library import Plan

@@ -94,7 +94,7 @@ class Tracing:
             channel: keys.trace(bus.fleet, agent, channel) for channel in ("inputs", "decisions", "deeds")
         }
         mind.agents = self.course.reading(names)
-        mind.tell_inputs(self.course.given)
+        mind.on_input = self.course.given
         self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth, aside=True)]
         for channel, key in self._keys.items():
             self._withdraw.append(bus.listened(key, lambda somebody, c=channel: self._listened(c, somebody)))  # type: ignore[misc]
@@ -194,7 +194,7 @@ class Tracing:
     def _hook(self) -> None:
         """Have what happens told to those only who want it: what nobody wants costs nothing."""
         mind, course, deeds = self._mind, self.course, self.deeds.listened
-        mind.tell_inputs(self._given if deeds else course.given if course.on else None)
+        mind.on_input = self._given if deeds else course.given if course.on else None
         if course.listened or "decisions" in self._heard:
             self.ran = self._ran
         else:

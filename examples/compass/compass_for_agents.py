@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from agentd import Failed, atom, deref, function, internal_action, suspend, undo, unify
+from agentd import Failed, MindState, atom, deref, function, internal_action, suspend, undo, unify
 
 POINTS = {"north": 0.0, "east": 90.0, "south": 180.0, "west": 270.0}
 
 
 @function("compass.bearing", 4)
-def bearing(mind: Any, lat: Any, lon: Any, to_lat: Any, to_lon: Any) -> float | None:
+def bearing(mind: MindState, lat: Any, lon: Any, to_lat: Any, to_lon: Any) -> float | None:
     """``compass.bearing(Lat, Lon, ToLat, ToLon)``: degrees from north, 0 to 360, over a short distance."""
     if not all(isinstance(value, float) for value in (lat, lon, to_lat, to_lon)):
         return None  # it cannot be computed, and stays a term
@@ -21,7 +21,7 @@ def bearing(mind: Any, lat: Any, lon: Any, to_lat: Any, to_lon: Any) -> float | 
 
 
 @internal_action("compass.near", 3)
-def near(mind: Any, trail: Any, degrees: Any, point: Any, off: Any) -> bool:
+def near(mind: MindState, trail: Any, degrees: Any, point: Any, off: Any) -> bool:
     """``compass.near(Degrees, Point, Off)``: the nearest point of the compass, and how far it is off."""
     value = deref(degrees)
     if not isinstance(value, float):
@@ -31,7 +31,7 @@ def near(mind: Any, trail: Any, degrees: Any, point: Any, off: Any) -> bool:
 
 
 @internal_action("compass.point", 2, backtracks=True)
-def each_point(mind: Any, trail: Any, point: Any, degrees: Any) -> Iterator[None]:
+def each_point(mind: MindState, trail: Any, point: Any, degrees: Any) -> Iterator[None]:
     """``compass.point(Point, Degrees)``: every point of the compass, one after another."""
     mark = len(trail)
     for name, at in POINTS.items():
@@ -41,7 +41,7 @@ def each_point(mind: Any, trail: Any, point: Any, degrees: Any) -> Iterator[None
 
 
 @internal_action("compass.settle", 1, suspends=True)
-def settle(mind: Any, trail: Any, seconds: Any) -> bool:
+def settle(mind: MindState, trail: Any, seconds: Any) -> bool:
     """``compass.settle(Seconds)``: wait until the needle is at rest; the agent goes on with other intentions."""
     waiting = suspend(mind, "compass")
     mind.timers.at(mind.now + deref(seconds), waiting.resume)

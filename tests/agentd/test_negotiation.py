@@ -118,7 +118,7 @@ def test_what_is_no_single_literal_has_its_effect_after_the_atomic_plan_in_the_o
 
 
 def test_mail_waits_at_its_board_while_there_is_no_room_for_its_events(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.mind.mind.MOST_FOCUSES", 3)
+    monkeypatch.setattr("agentd.mind.state.MOST_FOCUSES", 3)
     told = [Mail("amy", "tell", term(f"note({number})")) for number in range(1, 6)]
     world = in_an_atomic_plan(".wait(1000)", *told)
     assert len(world.mind.mailbox) == 3

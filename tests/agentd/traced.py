@@ -18,6 +18,10 @@ from schemas.wire.codec import codec
 from schemas.wire.mind_records import MindInputs
 
 
+class OpenMind(Mind):
+    """A mind whose methods a test may replace."""
+
+
 class Traced:
     """A mind whose course is noted from its birth; `batches` is what a recorder has at the end."""
 
@@ -36,7 +40,7 @@ class Traced:
         **arguments: Any,
     ) -> None:
         early: list[tuple[int, Input]] = []
-        self.mind = mind = Mind(
+        self.mind = mind = OpenMind(
             name,
             program,
             start=start,
@@ -50,7 +54,7 @@ class Traced:
         )
         self.birth = Birth(sources, seed, start, epoch, UTC, False, None, decisions, False, None)
         self.course = Course(mind, self.birth.record, early)
-        mind.tell_inputs(self.course.given)
+        mind.on_input = self.course.given
         mind.agents = self.course.reading(agents)
         self._stretches: list[Stretch] = []
         if listened:

@@ -8,7 +8,7 @@ from typing import Any
 from agentd.language.compiler.code_writer import Unit
 
 FRAME_HEADER = 6
-"""So many places of a frame come before its variables; see `agentd.mind.data.frames`."""
+"""So many places of a frame come before its variables; see `agentd.mind.data.intention`."""
 
 
 @dataclass

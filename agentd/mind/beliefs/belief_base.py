@@ -8,7 +8,7 @@ however many there are.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, Protocol
 
 from agentd.language.syntax_tree.signatures import Signature
 from agentd.language.terms.order import sorted_annots
@@ -16,13 +16,21 @@ from agentd.language.terms.source_annotations import is_source
 from agentd.language.terms.terms import Expression, List, Literal, Open, Var, deref
 from agentd.mind.beliefs.term_copy import Copier, detach, is_ground, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.beliefs.work_limit import work
+from agentd.mind.beliefs.work_limit import Computing, work
 
 Mode = tuple[bool, ...]
 """Which arguments of a query are given (True), which are only asked for."""
 
 _SMALL = 8
 """Up to so many facts a scan is as fast as an index."""
+
+
+class Asking(Computing, Protocol):
+    """Asks predicates: a mind."""
+
+    def scope(self, trail: Trail) -> dict[Var, Var]:
+        """Which variable stands for which one of a belief, in what is being evaluated
+        (`agentd.mind.beliefs.open_beliefs`)."""
 
 
 class RuleClause:
@@ -79,7 +87,7 @@ class Predicate:
             return reversed(entries)
         return reversed(self._bucket(position, key))
 
-    def counted_rows(self, position: int, key: Any, mind: Any) -> Any:
+    def counted_rows(self, position: int, key: Any, mind: Asking) -> Any:
         """`rows` for a loop within a loop: many of them are counted as work of the mind."""
         entries = self.entries
         if len(entries) > _SMALL:
@@ -106,7 +114,7 @@ class Predicate:
             _index_entry(index, position, args, entry)
         return index
 
-    def solve(self, mode: Mode, args: tuple[Any, ...], mind: Any, trail: Trail) -> Any:
+    def solve(self, mode: Mode, args: tuple[Any, ...], mind: Asking, trail: Trail) -> Any:
         """The arguments of each answer to a query, facts and rules in order. Unify them with what was asked.
 
         ``args`` holds None where ``mode`` is False.
@@ -128,7 +136,7 @@ class Predicate:
         return self._solve_mixed(entries, mode, args, mind, trail)
 
     def _solve_mixed(
-        self, entries: dict[Any, Any], mode: Mode, args: tuple[Any, ...], mind: Any, trail: Trail
+        self, entries: dict[Any, Any], mode: Mode, args: tuple[Any, ...], mind: Asking, trail: Trail
     ) -> Iterator[tuple[Any, ...]]:
         if len(entries) > _SMALL:
             work(mind, len(entries))
@@ -136,12 +144,12 @@ class Predicate:
             if type(entry) is RuleClause:
                 yield from (entry.modes.get(mode) or entry.answers(mode))(mind, trail, *args)
             elif self.open and not entry.ground:
-                copier = Copier(fresh=True, known=mind.open_beliefs.here(trail))
+                copier = Copier(fresh=True, known=mind.scope(trail))
                 yield tuple([copier.copy(a) for a in entry.args])
             else:
                 yield entry.args
 
-    def literals(self, mode: Mode, args: tuple[Any, ...], mind: Any, trail: Trail) -> Iterator[tuple[Any, Any]]:
+    def literals(self, mode: Mode, args: tuple[Any, ...], mind: Asking, trail: Trail) -> Iterator[tuple[Any, Any]]:
         """As `solve`, with the annotations of each answer. A rule's answer has those written in its head."""
         entries = self.entries
         for position, given in enumerate(mode):
@@ -154,7 +162,7 @@ class Predicate:
                 for answer in entry.answers((*mode, True))(mind, trail, *args):
                     yield answer[:-1], answer[-1]
             elif self.open and not entry.ground:
-                copy = Copier(fresh=True, known=mind.open_beliefs.here(trail)).copy(entry)
+                copy = Copier(fresh=True, known=mind.scope(trail)).copy(entry)
                 yield copy.args, copy.annots
             else:
                 yield entry.args, entry.annots

@@ -11,9 +11,10 @@ from agentd.mind.beliefs.relations import relation_holds
 from agentd.mind.beliefs.term_copy import closed, resolve
 from agentd.mind.beliefs.unification import Trail, subsets, undo, unify
 from agentd.mind.beliefs.work_limit import work
+from agentd.mind.state import MindState
 
 
-def solve(mind: Any, formula: Any, trail: Trail) -> Iterator[None]:
+def solve(mind: MindState, formula: Any, trail: Trail) -> Iterator[None]:
     """One solution after another of a formula; bindings are undone between them and kept at the last yield."""
     formula = deref(formula)
     mark = len(trail)
@@ -32,7 +33,7 @@ def solve(mind: Any, formula: Any, trail: Trail) -> Iterator[None]:
     undo(trail, mark)
 
 
-def _namespaces(mind: Any, formula: Open, trail: Trail) -> Iterator[Literal]:
+def _namespaces(mind: MindState, formula: Open, trail: Trail) -> Iterator[Literal]:
     """The literal in each namespace that its namespace variable may stand for."""
     literal = formula.literal
     assert literal is not None
@@ -46,7 +47,7 @@ def _namespaces(mind: Any, formula: Open, trail: Trail) -> Iterator[Literal]:
             undo(trail, mark)
 
 
-def _literal(mind: Any, formula: Literal, trail: Trail) -> Iterator[None]:
+def _literal(mind: MindState, formula: Literal, trail: Trail) -> Iterator[None]:
     sig = formula.sig
     if sig.functor == "true" and not sig.arity:
         yield
@@ -67,7 +68,7 @@ def _literal(mind: Any, formula: Literal, trail: Trail) -> Iterator[None]:
         undo(trail, mark)
 
 
-def _internal_action(mind: Any, formula: Literal, trail: Trail) -> Iterator[None]:
+def _internal_action(mind: MindState, formula: Literal, trail: Trail) -> Iterator[None]:
     asked = mind.asked
     if asked is not None:
         asked.action(formula.sig.functor, formula.args)  # before it is looked for: that may import a package
@@ -86,7 +87,7 @@ def _internal_action(mind: Any, formula: Literal, trail: Trail) -> Iterator[None
     undo(trail, mark)
 
 
-def _expression(mind: Any, formula: Expression, trail: Trail) -> Iterator[None]:
+def _expression(mind: MindState, formula: Expression, trail: Trail) -> Iterator[None]:
     operator, operands = formula.operator, formula.operands
     if operator == "&":
         for _ in solve(mind, operands[0], trail):
@@ -106,7 +107,7 @@ def _expression(mind: Any, formula: Expression, trail: Trail) -> Iterator[None]:
             yield
 
 
-def computed(mind: Any, term: Any) -> Any:
+def computed(mind: MindState, term: Any) -> Any:
     """A side of a relation with the functions in it computed, now that their variables may have values."""
     term = deref(term)
     if type(term) is Expression:
@@ -118,7 +119,7 @@ def computed(mind: Any, term: Any) -> Any:
     return term if value is None else value
 
 
-def _is_function(mind: Any, name: str, arity: int) -> bool:
+def _is_function(mind: MindState, name: str, arity: int) -> bool:
     if mind.asked is None:
         return bool(mind.compiler.is_function(name, arity))
     own = mind.compiler.is_own_function(name, arity)

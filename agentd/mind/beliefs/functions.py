@@ -10,12 +10,13 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, Var, deref
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo
+from agentd.mind.state import MindState
 
 
 class FunctionsOf(Mapping[tuple[str, int], Callable[..., Any]]):
     """The functions that a mind's program may call, by name and number of arguments, bound to the mind."""
 
-    def __init__(self, mind: Any) -> None:
+    def __init__(self, mind: MindState) -> None:
         self._mind = mind
 
     def __getitem__(self, key: tuple[str, int]) -> Callable[..., Any]:
@@ -31,7 +32,7 @@ class FunctionsOf(Mapping[tuple[str, int], Callable[..., Any]]):
         return len(self._mind.compiler.functions())
 
 
-def call(function: Any, mind: Any, trail: Trail, sig: Any, args: tuple[Any, ...]) -> Any:
+def call(function: Any, mind: MindState, trail: Trail, sig: Any, args: tuple[Any, ...]) -> Any:
     """A function of the program; a call that cannot be computed stays a term."""
     value = function(mind, *[deref(a) for a in args])
     return Literal(sig, args) if value is None else value
@@ -42,7 +43,7 @@ def by_rule(name: str, arity: int) -> Callable[..., Any]:
     sig = signature(name, arity + 1)
     mode = (True,) * arity + (False,)
 
-    def compute(mind: Any, *args: Any) -> Any:
+    def compute(mind: MindState, *args: Any) -> Any:
         action = mind.compiler.action(name, arity + 1)
         if action is not None:
             return _by_action(mind, action, args)
@@ -56,7 +57,7 @@ def by_rule(name: str, arity: int) -> Callable[..., Any]:
     return compute
 
 
-def _by_action(mind: Any, action: Any, args: tuple[Any, ...]) -> Any:
+def _by_action(mind: MindState, action: Any, args: tuple[Any, ...]) -> Any:
     result = Var("Result")
     trail: list[Var] = []
     outcome = action.guarded()(mind, trail, *args, result)

@@ -9,14 +9,13 @@ this kind installs all this in a mind; others never pay for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
 from agentd.language.terms.terms import Var
-from agentd.mind.beliefs.unification import Trail
-from agentd.mind.data.frames import Frame
 
 Scope = dict[Var, Var]
+Frame = list[Any]
 
 _MOST_FRAMES: Final = 1000
 
@@ -24,31 +23,21 @@ _MOST_FRAMES: Final = 1000
 class OpenBeliefs:
     """The scopes of one mind."""
 
-    def __init__(self, mind: Any) -> None:
-        self._mind = mind
+    def __init__(self, running: Callable[[], Iterable[Frame]]) -> None:
+        """``running`` gives the frames of all plans that run."""
+        self._running = running
         self.installed = False
         self._scope: Scope | None = None
         """The scope of the context or rule that is being evaluated; None while a formula of a body runs."""
         self._frames: dict[int, tuple[Frame, Scope]] = {}
         """The scopes of plans that run, by the identity of their frames."""
 
-    def install(self) -> None:
-        """From now on each event that is taken and each rule that is asked gets a scope of its own."""
-        if self.installed:
-            return
-        self.installed = True
-        self._mind.plans.select_within(self._select_in_scope)
-        for predicate in self._mind.beliefs.predicates():
-            predicate.forget_code()
-
-    def here(self, trail: Trail) -> Scope:
-        """The scope of what is being evaluated."""
+    def here(self, frame: Frame | None) -> Scope:
+        """The scope of what is being evaluated; ``frame`` is that of the plan that runs, None for something else."""
         if self._scope is not None:
             return self._scope
-        current = self._mind.current
-        if current is None or not current.stack or trail is not current.trail:
+        if frame is None:
             return {}
-        frame = current.stack[-1]
         known = self._frames.get(id(frame))
         if known is None or known[0] is not frame:
             known = self._note(frame, {})
@@ -72,13 +61,12 @@ class OpenBeliefs:
 
         return in_scope
 
-    def _select_in_scope(
-        self, select: Callable[[Any, Trail, Any], Frame | None], mind: Any, trail: Trail, event: Any
-    ) -> Frame | None:
+    def select_in_scope(self, select: Callable[..., Frame | None], *asked: Any) -> Frame | None:
+        """Select a plan (`agentd.mind.plans.plan_library.Select`) in a scope that its frame keeps."""
         scope: Scope = {}
         self._scope = scope
         try:
-            frame = select(mind, trail, event)
+            frame = select(*asked)
         finally:
             self._scope = None
         if frame is not None and scope:
@@ -87,7 +75,7 @@ class OpenBeliefs:
 
     def _note(self, frame: Frame, scope: Scope) -> tuple[Frame, Scope]:
         if len(self._frames) >= _MOST_FRAMES:
-            running = {id(f) for intention in self._mind.all_intentions() for f in intention.stack}
+            running = {id(other) for other in self._running()}
             self._frames = {key: known for key, known in self._frames.items() if key in running}
         noted = self._frames[id(frame)] = (frame, scope)
         return noted

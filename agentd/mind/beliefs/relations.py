@@ -12,6 +12,7 @@ from agentd.language.terms.terms import EMPTY, Code, Expression, Literal, Open, 
 from agentd.mind.beliefs.term_copy import closed, resolve
 from agentd.mind.beliefs.unification import Trail, unify, value
 from agentd.mind.data.code_terms import parts_of
+from agentd.mind.state import MindState
 
 
 def relation_holds(operator: str, left: Any, right: Any, trail: Trail) -> bool:
@@ -94,7 +95,7 @@ def _from_parts(parts: list[Any] | None) -> Any:
     return Literal(sig, tuple(args), sorted_annots(found or ()))
 
 
-def arithmetic(mind: Any, operator: str, *operands: Any) -> Any:
+def arithmetic(mind: MindState, operator: str, *operands: Any) -> Any:
     """An operation in generated code whose operands are not simply numbers."""
     result = calculate(operator, operands)
     if result != result:

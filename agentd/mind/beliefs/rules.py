@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from agentd.language.compiler.compile_rule import compile_rule
 from agentd.language.compiler.constants import signature_of
@@ -12,25 +12,23 @@ from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Literal
 from agentd.mind.beliefs.belief_base import Mode, RuleClause, use_open
 from agentd.mind.beliefs.unification import Trail, undo
-
-if TYPE_CHECKING:
-    from agentd.mind.mind import Mind
+from agentd.mind.state import MindState
 
 SCHEMA: Final = nodes.Structure("true")
 """The body of the rule that an initial belief with variables is (`agentd.mind.execution.program_loading`)."""
 
 
-def add_rule(mind: Mind, rule: nodes.Rule, values: dict[str, Any], last: bool = False) -> None:
+def add_rule(mind: MindState, rule: nodes.Rule, values: dict[str, Any], last: bool = False) -> None:
     """Believe a rule, before the other clauses of its predicate or after them."""
     clause = RuleClause(rule, partial(_compile_rule, mind), values)
     mind.beliefs.predicate(signature_of(rule.head)).add_rule(clause, last)
     mind.plans.note_formula(rule.body)
     if rule.head.functor == "select__option":
-        mind.choose_by_rule()
+        mind.plans.choose_by_rule()
     mind.changes += 1
 
 
-def remove_rule(mind: Mind, rule: nodes.Rule) -> None:
+def remove_rule(mind: MindState, rule: nodes.Rule) -> None:
     """Forget the first rule that is written so."""
     predicate = mind.beliefs.predicate(signature_of(rule.head))
     for entry in list(predicate.entries):
@@ -40,7 +38,7 @@ def remove_rule(mind: Mind, rule: nodes.Rule) -> None:
             return
 
 
-def remove_schema(mind: Mind, belief: Literal, trail: Trail) -> None:
+def remove_schema(mind: MindState, belief: Literal, trail: Trail) -> None:
     """Forget the first initial belief with variables that a belief leaves as it is: equal up to names of variables."""
     predicate, mark = mind.beliefs.predicate(belief.sig), len(trail)
     for entry in list(predicate.entries):
@@ -53,7 +51,7 @@ def remove_schema(mind: Mind, belief: Literal, trail: Trail) -> None:
             undo(trail, mark)
 
 
-def _compile_rule(mind: Mind, clause: RuleClause, mode: Mode) -> Any:
+def _compile_rule(mind: MindState, clause: RuleClause, mode: Mode) -> Any:
     unit = compile_rule(clause.syntax, mode, mind.compiler, clause.values)
     answers = unit.load(mind.plans.runtime, mind.plans.provide)["answers"]
     return mind.open_beliefs.rule(answers) if mind.open_beliefs.installed else answers

@@ -1,34 +1,107 @@
-"""How much work one formula may take: a mind that computes for ever hears nothing, and its robot is taken from it.
+"""How much work one formula or question may take: a mind that computes for ever loses its robot.
 
 Work is counted in steps, not in time, so that a mind decides the same on a fast board, on a slow one and in a replay:
-a fact looked at in a loop within a loop, a solution of an internal action, a rule that is asked. `Mind.steps_left`
+a fact looked at in a loop within a loop, a solution of an internal action, a rule that is asked. `MindState.steps_left`
 is what the formula has left; it is full again for each formula of a body, each event and each condition waited for.
+
+A formula in a question is somebody else's code. While it is solved, `MindState.asked` is set: what is solved from a
+term (`agentd.mind.beliefs.dynamic_formulas`) may name only what is known to have no effect, and each of its steps is
+counted. What the asked program has written itself, in its rules, is compiled and runs as always.
 """
 
 from __future__ import annotations
 
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, Protocol
 
+from agentd.language.terms.terms import EMPTY, List, deref
 from agentd.mind.data.formula_failure import Failed
+from agentd.mind.plans.effect_free import FUNCTIONS_IN_QUESTIONS, IN_QUESTIONS
 
 MOST_STEPS: Final = 2_000_000
 """Steps of one formula: about a second on a desktop, some seconds on a small board."""
 AFTERWARDS: Final = MOST_STEPS // 100
 """Steps left to the other plans of an event after the context of one took too many."""
+QUESTION_STEPS: Final = 100_000
+"""Steps that a question may take: formulas tried, solutions found, list elements and characters handed to actions."""
+_SQUARE: Final = frozenset((".prefix", ".sublist", ".substring", ".suffix"))
+"""Internal actions whose work may grow as the square of what they are given."""
 
 
 class TooMuchWork(Failed):
     """A formula takes more than `MOST_STEPS`. Unlike other failures it does not just make a condition false."""
 
 
-def too_much_work(mind: Any) -> NoReturn:
+class Computing(Protocol):
+    """Counts and reports what computing a formula takes: a mind."""
+
+    steps_left: int
+
+    def warn_once(self, text: str) -> None: ...
+
+
+def too_much_work(mind: Computing) -> NoReturn:
     """Fail the formula that has no steps left."""
     mind.steps_left = AFTERWARDS
     raise TooMuchWork("too_much_work", f"it takes more than {MOST_STEPS} steps")
 
 
-def work(mind: Any, steps: int) -> None:
+def work(mind: Computing, steps: int) -> None:
     """Count steps. Raises TooMuchWork."""
     mind.steps_left -= steps
     if mind.steps_left < 0:
         too_much_work(mind)
+
+
+class QueryRefused(Failed):
+    """A question that is not answered: it names what may have an effect, or takes too many steps."""
+
+
+class Asked:
+    """What a question has used so far. Once refused, each further step fails too: nothing can catch a refusal."""
+
+    __slots__ = ("_left", "_refused")
+
+    def __init__(self) -> None:
+        self._left = QUESTION_STEPS
+        self._refused = ""
+
+    def work(self, steps: int = 1) -> None:
+        """Count steps. Raises QueryRefused when there were too many."""
+        self._left -= steps
+        if self._left < 0:
+            self._refuse(f"it takes more than {QUESTION_STEPS} steps")
+        self.check()
+
+    def action(self, name: str, args: tuple[Any, ...]) -> None:
+        """Allow an internal action that has no effect. Raises QueryRefused for any other."""
+        if name not in IN_QUESTIONS:
+            self._refuse(f"it names {name}, which is not known to be free of effects and quick")
+        size = sum(map(_size, args))
+        self.work(size * size if name in _SQUARE else size)
+
+    def function(self, name: str, known: bool, own: bool) -> bool:
+        """Whether a name is that of a function to compute. Raises QueryRefused for one that may have an effect."""
+        if known and not own and name not in FUNCTIONS_IN_QUESTIONS:
+            self._refuse(f"it names the function {name}, which is not known to be free of effects")
+        return known
+
+    def check(self) -> None:
+        """Raises QueryRefused if the question has been refused."""
+        if self._refused:
+            raise QueryRefused("refused", self._refused)
+
+    def _refuse(self, why: str) -> None:
+        self._refused = self._refused or why
+        self.check()
+
+
+def _size(term: Any) -> int:
+    """How much there is in a text or list; 1 for anything else."""
+    term = deref(term)
+    if type(term) is str:
+        return len(term) + 1
+    count = 1
+    while type(term) is List and term is not EMPTY and count <= QUESTION_STEPS:
+        count += len(term.items) - term.at
+        term = deref(term.tail)
+    return count

@@ -16,7 +16,7 @@ def capture(node: Any, values: dict[str, Any]) -> Code:
     return Code(node, {name: deref(v) for name, v in values.items()})
 
 
-def trigger_literal(code: Code, intention: Any = None) -> Literal:
+def trigger_literal(code: Code) -> Literal:
     """The literal of a trigger term; its variables are those of the plan that wrote it."""
     literal = instantiate(code.syntax.literal, dict(code.values))
     literal = deref(literal)

@@ -19,7 +19,7 @@ class Failed(Exception):
         super().__init__(message or error)
         self.error, self.message, self.annots, self.code = error, message, annots, code
         self.step: Any = None
-        """The `agentd.mind.data.frames.Step` that failed, or that raised the goal that found no plan."""
+        """The `agentd.mind.data.intention.Step` that failed, or that raised the goal that found no plan."""
         self.goal: Any = None
         """For a goal that found no plan: the `agentd.mind.plans.plan_library.Relevant` of its event. ``code`` is its
         literal."""

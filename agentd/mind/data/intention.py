@@ -1,16 +1,60 @@
-"""Intentions: stacks of frames."""
+"""Intentions, stacks of frames with one for each plan that an intention is running, and what intentions wait for.
+
+A frame is a flat list, so that generated code makes one in one step. Its first places are named below; the variables of
+the plan follow from `VARIABLES` on. The first place is the *step to come*; None means that the body has ended.
+"""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from agentd.language.syntax_tree.traversal import HIDDEN
 from agentd.language.terms.terms import Literal, Var, deref
-from agentd.mind.data.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
+from agentd.mind.data.timers import Timer
 
-Event: TypeAlias = "tuple[Any, tuple[Any, ...], tuple[Any, ...], Intention | None]"
-"""The `agentd.mind.plans.plan_library.Relevant` plans, arguments and annotations of an event, and the intention that
-waits for it (or None)."""
+if TYPE_CHECKING:
+    from agentd.mind.plans.plan_library import Relevant
+    from agentd.mind.state import MindState
+
+Frame: TypeAlias = list[Any]
+
+STEP: Final = 0
+PLAN: Final = 1
+RELEVANT: Final = 2
+"""The `agentd.mind.plans.plan_library.Relevant` of the event that the plan answers."""
+ARGS: Final = 3
+ANNOTS: Final = 4
+MARK: Final = 5
+"""How long the intention's trail was before the plan was selected: a failure undoes to here."""
+VARIABLES: Final = 6
+
+
+class Step:
+    """A formula of a loaded plan: the generated function, the step after it, and what was written."""
+
+    __slots__ = ("next", "plan", "run", "syntax")
+
+    run: Callable[[MindState, Intention, Frame], Any]
+    next: Step | None
+
+    def __init__(self, syntax: Any, plan: Any) -> None:
+        self.syntax, self.plan = syntax, plan
+        self.next = None
+        self.run = _not_loaded
+
+    @property
+    def line(self) -> int:
+        return int(self.syntax.position.line)
+
+
+def _not_loaded(mind: MindState, intention: Intention, frame: Frame) -> bool:
+    raise RuntimeError("a step was run before its code was loaded")
+
+
+Event: TypeAlias = "tuple[Relevant, tuple[Any, ...], tuple[Any, ...], Intention | None]"
+"""The plans, arguments and annotations of an event, and the intention that waits for it
+(or None)."""
 
 
 class Intention:
@@ -79,3 +123,64 @@ def values_of(frame: Frame) -> dict[str, Any]:
         and type(deref(frame[place])) is not Var
         and not name.startswith(HIDDEN)
     }
+
+
+class Wait:
+    """An intention that waits for a formula or an event (`agentd.mind.execution.waiting`), maybe not longer than a
+    time."""
+
+    __slots__ = ("check", "elapsed", "frame", "intention", "pattern", "since", "timer")
+
+    def __init__(self, intention: Intention, frame: Frame | None, since: float) -> None:
+        self.intention, self.frame, self.since = intention, frame, since
+        self.check: Callable[[MindState, Intention, Frame | None], bool] | None = None
+        self.pattern: tuple[str, str, Literal] | None = None
+        self.timer: Timer | None = None
+        self.elapsed: Any = None
+
+
+class Question:
+    """A synchronous ask (`agentd.mind.execution.open_questions`): the intention that waits, and whose answers it
+    waits for."""
+
+    __slots__ = (
+        "answer",
+        "asked",
+        "content",
+        "found",
+        "ids",
+        "intention",
+        "many",
+        "performative",
+        "receivers",
+        "timer",
+    )
+
+    def __init__(
+        self,
+        intention: Intention,
+        answer: Any,
+        many: bool,
+        receivers: list[str],
+        performative: str,
+        content: Any,
+        asked: float,
+    ) -> None:
+        self.intention, self.answer, self.many, self.receivers = intention, answer, many, receivers
+        self.performative, self.content, self.asked = performative, content, asked
+        """What is asked, as a term, and since when in mission seconds."""
+        self.ids: list[str] = []
+        """Of the messages, in the order of the receivers."""
+        self.found: list[Any] = []
+        """The answers so far."""
+        self.timer: Timer | None = None
+
+
+class Request:
+    """A request to the team (`agentd.mind.execution.team_requests`): the intention that waits, and what it does with
+    the answer."""
+
+    __slots__ = ("intention", "result", "use")
+
+    def __init__(self, intention: Intention, result: Any, use: Callable[[Any], None] | None) -> None:
+        self.intention, self.result, self.use = intention, result, use

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from agentd.language.errors.suggestions import near
 from agentd.language.terms.numbers import UndefinedNumber
-from agentd.mind.beliefs.work_limit import TooMuchWork, work
+from agentd.mind.beliefs.work_limit import Computing, TooMuchWork, work
 from agentd.mind.data.formula_failure import Failed
 
 
@@ -54,13 +54,13 @@ class InternalAction:
             )
         return self._guarded
 
-    def _refuse_to_wait(self, mind: Any, trail: Any, *args: Any) -> bool:
+    def _refuse_to_wait(self, mind: Computing, trail: Any, *args: Any) -> bool:
         mind.warn_once(f"{self.name} may have to wait, so it is false in a condition: use it as a step of a plan")
         return False
 
 
 def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
-    def guarded(mind: Any, trail: Any, *args: Any) -> bool:
+    def guarded(mind: Computing, trail: Any, *args: Any) -> bool:
         try:
             return bool(function(mind, trail, *args))
         except TooMuchWork:
@@ -77,7 +77,7 @@ def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
 
 
 def _guard_generator(function: Callable[..., Any], counts: bool) -> Callable[..., Iterator[Any]]:
-    def guarded(mind: Any, trail: Any, *args: Any) -> Iterator[Any]:
+    def guarded(mind: Computing, trail: Any, *args: Any) -> Iterator[Any]:
         try:
             if counts:
                 yield from function(mind, trail, *args)
@@ -214,7 +214,7 @@ def find_action(name: str, arity: int) -> InternalAction | None:
         if arity in action.arities:
             return action
 
-    def wrong(mind: Any, trail: Any, *args: Any) -> bool:
+    def wrong(mind: Computing, trail: Any, *args: Any) -> bool:
         raise Failed("wrong_arguments", f"{name} does not take {arity} arguments")
 
     return InternalAction(name, range(arity, arity + 1), wrong)

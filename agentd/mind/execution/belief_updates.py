@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.source_annotations import SELF
@@ -11,16 +11,16 @@ from agentd.mind.beliefs.annotations import with_source
 from agentd.mind.beliefs.belief_base import Predicate
 from agentd.mind.beliefs.rules import add_rule, remove_rule, remove_schema
 from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots
+from agentd.mind.beliefs.unification import Trail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.intention import Intention
 from agentd.mind.execution.waiting import hear
-
-if TYPE_CHECKING:
-    from agentd.mind.mind import Mind
+from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.state import MindState
 
 
 def believe(
-    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, last: bool = False
+    mind: MindState, focus: Any, predicate: Predicate, relevant: Relevant, args: Any, annots: Any, last: bool = False
 ) -> bool | None:
     """``+b``, all of it resolved: true when the intention has to wait for the plan of the event."""
     new = predicate.add(args, annots, last)
@@ -33,7 +33,15 @@ def believe(
     return raise_event(mind, focus, relevant, args, new)
 
 
-def raise_event(mind: Mind, focus: Any, relevant: Any, args: Any, annots: Any) -> bool | None:
+def add_belief(mind: MindState, literal: Literal, last: bool = False) -> None:
+    """Believe a literal, with its event as an intention of its own."""
+    predicate = mind.beliefs.predicate(literal.sig)
+    relevant = mind.plans.relevant("+", "", literal.sig)
+    annots = resolve_annots(with_source(literal.annots))
+    believe(mind, None, predicate, relevant, detach(resolve_all(literal.args)), annots, last)
+
+
+def raise_event(mind: MindState, focus: Any, relevant: Relevant, args: Any, annots: Any) -> bool | None:
     """The event of a belief change, in the focus of an intention or (None) as a new one."""
     if mind.listeners:
         hear(mind, relevant, args, annots)
@@ -51,7 +59,7 @@ def raise_event(mind: Mind, focus: Any, relevant: Any, args: Any, annots: Any) -
 
 
 def disbelieve(
-    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, args: Any, annots: Any, trail: Any
+    mind: MindState, focus: Any, predicate: Predicate, relevant: Relevant, args: Any, annots: Any, trail: Trail
 ) -> bool | None:
     """``-b``: removes the first belief that unifies; its variables stay bound. No match is no failure."""
     fact = None if predicate.open else predicate.entries.get(args)
@@ -75,7 +83,7 @@ def disbelieve(
 
 
 def replace(
-    mind: Mind, focus: Any, predicate: Predicate, relevant: Any, gone: Any, args: Any, annots: Any
+    mind: MindState, focus: Any, predicate: Predicate, relevant: Relevant, gone: Any, args: Any, annots: Any
 ) -> bool | None:
     """``-+b``, all resolved: takes the annotations written from the first entry that has them, then adds (49, 50).
 
@@ -96,7 +104,7 @@ def replace(
     return believe(mind, focus, predicate, relevant, args, annots)
 
 
-def change_term(mind: Mind, intention: Intention, operator: str, term: Any) -> bool | None:
+def change_term(mind: MindState, intention: Intention, operator: str, term: Any) -> bool | None:
     """A belief operator applied to a literal, rule or plan that only the run knows."""
     term = deref(term)
     if type(term) is Open:
@@ -120,7 +128,7 @@ def change_term(mind: Mind, intention: Intention, operator: str, term: Any) -> b
     return believe(mind, focus, predicate, added, args, annots, operator == "+>")
 
 
-def _change_code(mind: Mind, operator: str, code: Code) -> None:
+def _change_code(mind: MindState, operator: str, code: Code) -> None:
     """``+{ rule }``, ``+{ plan }`` and their removal."""
     values = {name: resolve(v) for name, v in code.values.items() if is_ground(v)}
     if isinstance(code.syntax, nodes.Rule):
@@ -138,7 +146,7 @@ def _change_code(mind: Mind, operator: str, code: Code) -> None:
         raise Failed("body_var_not_literal", "Only literals, rules and plans can be added.")
 
 
-def _remove_plans(mind: Mind, label: Any) -> None:
+def _remove_plans(mind: MindState, label: Any) -> None:
     """Take out the plans with a label, given as syntax."""
     for plan in list(mind.plans):
         if plan.label.sig.functor == getattr(label, "functor", None):

@@ -8,10 +8,10 @@ from agentd.language.terms.terms import Var, deref
 from agentd.mind.beliefs.unification import unify
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.frames import STEP, VARIABLES, Frame, Step
-from agentd.mind.data.intention import Intention
+from agentd.mind.data.intention import STEP, VARIABLES, Frame, Intention, Step
 from agentd.mind.execution.dropping import drop
-from agentd.mind.execution.waiting import fail_parent, resume_waiting
+from agentd.mind.execution.execution import await_something, fail_parent, resume_waiting
+from agentd.mind.state import MindState
 
 
 class Fork:
@@ -33,7 +33,7 @@ class Fork:
             copy[place] = fresh.setdefault(cell, Var(cell.name))
         return copy
 
-    def ended(self, mind: Any, branch: Intention, frame: Frame) -> None:
+    def ended(self, mind: MindState, branch: Intention, frame: Frame) -> None:
         """A branch has come to its join. The parent goes on with the variables of the one that counted last."""
         self.branches.remove(branch)
         if self.all_needed and self.branches:
@@ -47,7 +47,7 @@ class Fork:
             self.frame[place] = variable
         resume_waiting(mind, self.parent)
 
-    def failed(self, mind: Any, branch: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+    def failed(self, mind: MindState, branch: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
         """A branch has failed without a handler of its own: fatal for ``|&|``, tolerated by ``|||``.
 
         When all branches of ``|||`` have failed the intention ends without asking any handler, as Jason's does (rule
@@ -71,7 +71,7 @@ class Fork:
             outer.failed(mind, self.parent, extra, where, failure)
 
 
-def fork(mind: Any, intention: Intention, frame: Frame, operator: str, firsts: tuple[Step, ...]) -> bool:
+def fork(mind: MindState, intention: Intention, frame: Frame, operator: str, firsts: tuple[Step, ...]) -> bool:
     """Start the branches; the intention waits for their join."""
     if mind.crowded:
         raise Failed("too_many_intentions", "there are as many events and intentions as there may be")
@@ -82,11 +82,11 @@ def fork(mind: Any, intention: Intention, frame: Frame, operator: str, firsts: t
         branch.branch = state
         state.branches.append(branch)
         mind.running.append(branch)
-    mind.await_something(intention, "fork", state)
+    await_something(mind, intention, "fork", state)
     return True
 
 
-def join(mind: Any, intention: Intention, frame: Frame) -> bool:
+def join(mind: MindState, intention: Intention, frame: Frame) -> bool:
     """The last step of each branch."""
     intention.stack.clear()
     mind.gone(intention)

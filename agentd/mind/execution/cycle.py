@@ -9,13 +9,13 @@ from agentd.mind.execution.goal_conditions import check_goal_conditions
 from agentd.mind.execution.input_handling import take_inputs
 from agentd.mind.execution.receive_message import receive
 from agentd.mind.execution.waiting import check_conditions
+from agentd.mind.state import MindState
 
 if TYPE_CHECKING:
     from agentd.mind.data.inputs import Mail
-    from agentd.mind.mind import Mind
 
 
-def run_cycles(mind: Mind, cycles: int) -> None:
+def run_cycles(mind: MindState, cycles: int) -> None:
     """Run up to so many cycles; the end of the first that has an effect, or leaves nothing to do, is the last."""
     inputs, mailbox, events, running, timers, conditions, goal_conditions = mind.queues
     effects, take_event = mind.effects, mind.take_event
@@ -59,18 +59,20 @@ def run_cycles(mind: Mind, cycles: int) -> None:
             return
 
 
-def take_mail(mind: Mind, mail: Mail) -> None:
+def take_mail(mind: MindState, mail: Mail) -> None:
     """Handle one message out of the mailbox."""
     if mind.on_input is not None:
         mind.on_input(mind.cycle, mail)
+    if mind.recorder is not None:
+        mind.recorder.given(mind.cycle, mail)
     receive(mind, mail)
 
 
-def atomic_cycle(mind: Mind) -> bool:
+def atomic_cycle(mind: MindState) -> bool:
     """A cycle while an atomic plan runs: one message, then its own events and formulas alone. False when it waits."""
     atomic = mind.atomic
     assert atomic is not None
-    if atomic_takes_mail(mind):
+    if mind.atomic_takes_mail:
         take_mail(mind, mind.mailbox.popleft())
         if atomic.waiting is not None:
             return True
@@ -87,19 +89,6 @@ def atomic_cycle(mind: Mind) -> bool:
     elif atomic in running:
         running.remove(atomic)
     else:
-        return mind.atomic is not atomic or atomic_can_run(mind)
+        return mind.atomic is not atomic or mind.atomic_can_run
     run_intention(mind, atomic)
     return True
-
-
-def atomic_takes_mail(mind: Mind) -> bool:
-    """Whether a message can be taken: its event waits for the end of the atomic plan, and must find room."""
-    return bool(mind.mailbox) and not mind.crowded
-
-
-def atomic_can_run(mind: Mind) -> bool:
-    """Whether there is a message to take, or the atomic intention has a formula to run or an event to be taken."""
-    atomic = mind.atomic
-    if atomic_takes_mail(mind):
-        return True
-    return atomic in mind.running or any(e[3] is atomic for e in mind.events)

@@ -14,21 +14,32 @@ from agentd.mind.beliefs.term_copy import detach, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.effects import CancelAction
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.frames import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP
-from agentd.mind.data.intention import Event, Intention, values_of
+from agentd.mind.data.intention import (
+    ANNOTS,
+    ARGS,
+    MARK,
+    PLAN,
+    RELEVANT,
+    STEP,
+    Event,
+    Intention,
+    Question,
+    Wait,
+    values_of,
+)
 from agentd.mind.data.timers import Timer
 from agentd.mind.execution import goal_states
-from agentd.mind.execution.execution import end_frames
-from agentd.mind.execution.failure import fail, fail_event
+from agentd.mind.execution.execution import end_frames, fail, fail_event
 from agentd.mind.execution.intention_terms import ahead
-from agentd.mind.execution.open_questions import Question
-from agentd.mind.execution.waiting import Wait, forget
+from agentd.mind.execution.open_questions import forget_question
+from agentd.mind.execution.waiting import forget
 from agentd.mind.introspection.failure_text import error_annots
+from agentd.mind.state import MindState
 
 _ACHIEVING = (Operator.ACHIEVE, Operator.ACHIEVE_NEW_FOCUS)
 
 
-def drop(mind: Any, intention: Intention) -> None:
+def drop(mind: MindState, intention: Intention) -> None:
     """End an intention without any event; its action is cancelled and its branches go with it."""
     _take_back(mind, intention)
     if mind.recorder is not None:
@@ -37,7 +48,7 @@ def drop(mind: Any, intention: Intention) -> None:
     intention.stack.clear()
 
 
-def _take_back(mind: Any, intention: Intention) -> None:
+def _take_back(mind: MindState, intention: Intention) -> None:
     """Take an intention out of everything that it waits in; what it waits for is cancelled."""
     token: Any = mind.waiting.pop(intention.id, (None, None))[1]
     if isinstance(token, Wait):
@@ -50,7 +61,7 @@ def _take_back(mind: Any, intention: Intention) -> None:
     elif isinstance(token, int):
         mind.requests.pop(token, None)
     elif isinstance(token, Question):
-        token.forget(mind)
+        forget_question(mind, token)
     if intention.action is not None:
         mind.performing.pop(intention.action, None)
         mind.effects.append(CancelAction(intention.action))
@@ -63,7 +74,7 @@ def _take_back(mind: Any, intention: Intention) -> None:
     intention.waiting = intention.suspended = intention.held = None
 
 
-def keep_events(mind: Any, kept: list[Event]) -> None:
+def keep_events(mind: MindState, kept: list[Event]) -> None:
     """Leave these events alone in the queue."""
     mind.events.clear()
     mind.events.extend(kept)
@@ -120,7 +131,7 @@ def pursues(intention: Intention, event: Event | None, goal: Literal, trail: Tra
     return held or find_goal(intention, goal, trail) is not None
 
 
-def intended(mind: Any, goal: Any, trail: Trail, suspended: bool = False) -> Iterator[Intention]:
+def intended(mind: MindState, goal: Any, trail: Trail, suspended: bool = False) -> Iterator[Intention]:
     """The intentions with a goal, bindings undone between them."""
     for intention in mind.all_intentions():
         if intention.suspended is not None and not suspended:
@@ -132,7 +143,7 @@ def intended(mind: Any, goal: Any, trail: Trail, suspended: bool = False) -> Ite
             undo(trail, mark)
 
 
-def desired(mind: Any, goal: Any, trail: Trail) -> Iterator[Intention | None]:
+def desired(mind: MindState, goal: Any, trail: Trail) -> Iterator[Intention | None]:
     """As `intended`, and goals whose event still waits (None when it is to start an intention)."""
     for event in mind.all_events():
         mark = len(trail)
@@ -142,7 +153,7 @@ def desired(mind: Any, goal: Any, trail: Trail) -> Iterator[Intention | None]:
     yield from intended(mind, goal, trail, suspended=True)
 
 
-def drop_intention(mind: Any, goal: Literal, trail: Trail) -> bool:
+def drop_intention(mind: MindState, goal: Literal, trail: Trail) -> bool:
     """End every intention with this goal. True if the current one is among them."""
     own = False
     for intention in mind.all_intentions():
@@ -170,7 +181,7 @@ def has_ahead(intention: Intention, goal: Literal, trail: Trail) -> bool:
     return False
 
 
-def drop_event(mind: Any, goal: Literal, trail: Trail) -> bool:
+def drop_event(mind: MindState, goal: Literal, trail: Trail) -> bool:
     """Take goals out of the events that wait, with the intentions that wait for them. True if the current one is."""
     gone = [event for event in mind.all_events() if asked_for(goal, event, trail)]
     take_out(mind, gone)
@@ -189,7 +200,7 @@ def asked_for(goal: Literal, event: Event, trail: Trail) -> bool:
     return found
 
 
-def take_out(mind: Any, gone: Collection[Event]) -> None:
+def take_out(mind: MindState, gone: Collection[Event]) -> None:
     """Take events out of the queue, or away from the intentions that hold them while they are suspended."""
     numbers = {id(event) for event in gone}
     keep_events(mind, [event for event in mind.events if id(event) not in numbers])
@@ -198,12 +209,12 @@ def take_out(mind: Any, gone: Collection[Event]) -> None:
         del mind.suspended[intention.id]
 
 
-def drop_desire(mind: Any, goal: Literal, trail: Trail) -> bool:
+def drop_desire(mind: MindState, goal: Literal, trail: Trail) -> bool:
     own = drop_event(mind, goal, trail)
     return drop_intention(mind, goal, trail) or own
 
 
-def fail_too_deep(mind: Any, intention: Intention) -> None:
+def fail_too_deep(mind: MindState, intention: Intention) -> None:
     """The innermost goal of an intention with too many plans fails."""
     stack = intention.stack
     _take_back(mind, intention)
@@ -216,7 +227,7 @@ def fail_too_deep(mind: Any, intention: Intention) -> None:
     fail(mind, intention, error_annots(failure, code, place.line, place.file), str(place), failure)
 
 
-def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> None:
+def end_goal(mind: MindState, intention: Intention, place: int, succeeded: bool) -> None:
     """A goal in the stack is over, achieved or failed: what stands above it goes, what it waited for is taken back."""
     stack, trail = intention.stack, intention.trail
     waited = intention.waiting is not None
@@ -240,7 +251,7 @@ def end_goal(mind: Any, intention: Intention, place: int, succeeded: bool) -> No
     undo(trail, min(len(trail), frame[MARK]))
 
 
-def end_event(mind: Any, event: Event, succeeded: bool) -> None:
+def end_event(mind: MindState, event: Event, succeeded: bool) -> None:
     """A goal that has no plan yet is over, achieved or failed."""
     relevant, args, annots, intention = event
     take_out(mind, [event])
@@ -256,7 +267,7 @@ def _failed_by_hand(goal: Literal) -> Failed:
     return Failed("goal_failed", "the goal was failed by .fail_goal", code=goal)
 
 
-def _go_on(mind: Any, intention: Intention) -> None:
+def _go_on(mind: MindState, intention: Intention) -> None:
     """The plans below a goal that is over go on."""
     if intention.stack and end_frames(mind, intention):
         mind.running.append(intention)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from agentd.language.terms.source_annotations import SELF
 from agentd.language.terms.terms import LargeLists, Literal
@@ -10,23 +10,20 @@ from agentd.mind.beliefs.term_copy import resolve_all
 from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.frames import MARK, PLAN, RELEVANT, STEP, Frame
-from agentd.mind.data.intention import Event, Intention
-from agentd.mind.execution import failure, goal_states
-from agentd.mind.execution.execution import condition_holds, end_frames
+from agentd.mind.data.intention import MARK, PLAN, RELEVANT, STEP, Event, Frame, Intention
+from agentd.mind.execution import goal_states
+from agentd.mind.execution.execution import condition_holds, end_frames, goal_failed, resume_waiting
 from agentd.mind.execution.goal_conditions import watch
 from agentd.mind.execution.receive_message import failed_event, handle_event
-from agentd.mind.execution.waiting import hear, resume_waiting
+from agentd.mind.execution.waiting import hear
 from agentd.mind.introspection.failure_report import unhandled_report
 from agentd.mind.introspection.failure_text import context_failed, facts_of
 from agentd.mind.introspection.term_snapshot import held_all
-from agentd.mind.plans.plan_library import Plan
-
-if TYPE_CHECKING:
-    from agentd.mind.mind import Mind
+from agentd.mind.plans.plan_library import Plan, Relevant
+from agentd.mind.state import MindState
 
 
-def take_event(mind: Mind, event: Event) -> bool:
+def take_event(mind: MindState, event: Event) -> bool:
     """Find the plan for an event and put it on its intention. False: nothing happened, take the next event."""
     relevant, args, annots, intention = event
     library, mind.steps_left = mind.plans, MOST_STEPS
@@ -76,7 +73,7 @@ def take_event(mind: Mind, event: Event) -> bool:
     return True
 
 
-def take_event_recorded(mind: Mind, event: Event) -> bool:
+def take_event_recorded(mind: MindState, event: Event) -> bool:
     """`take_event` for minds that record their decisions (`agentd.mind.introspection.decision_log`); the same from
     `_no_plan` on.
 
@@ -160,7 +157,7 @@ def take_event_recorded(mind: Mind, event: Event) -> bool:
     return True
 
 
-def _of_the_others(mind: Mind, trail: list[Any], event: Event, failed: Plan) -> Frame | None:
+def _of_the_others(mind: MindState, trail: list[Any], event: Event, failed: Plan) -> Frame | None:
     """The frame of the first applicable plan after one whose context could not be computed."""
     relevant, args, annots, _ = event
     mark = len(trail)
@@ -184,7 +181,7 @@ def _take_place(intention: Intention, frame: Frame) -> None:
     intention.stack.append(frame)
 
 
-def _entered(mind: Mind, intention: Intention, frame: Frame) -> None:
+def _entered(mind: MindState, intention: Intention, frame: Frame) -> None:
     """A plan that needs more than a frame is about to begin."""
     plan: Plan = frame[PLAN]
     if mind.plans.has_meta:
@@ -200,7 +197,7 @@ def _entered(mind: Mind, intention: Intention, frame: Frame) -> None:
 
 
 def _no_plan(
-    mind: Mind, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
+    mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
 ) -> bool:
     """An event without an applicable plan."""
     if not relevant.goal or relevant.operator == "^":
@@ -211,7 +208,7 @@ def _no_plan(
     if relevant.sig is mind.plans.kqml.sig and relevant.goal == "!":
         return _built_in(mind, relevant, args, annots, intention)
     if relevant.operator == "+":
-        failure.goal_failed(mind, (relevant, args, annots, intention))
+        goal_failed(mind, (relevant, args, annots, intention))
         return True
     event = f"{relevant.text}{Literal(relevant.sig, resolve_all(args))}"
     mind.effects.append(unhandled_report(mind, (relevant, args, annots, intention)))
@@ -223,7 +220,7 @@ def _no_plan(
     return True
 
 
-def _built_in(mind: Mind, relevant: Any, args: Any, annots: Any, intention: Intention | None) -> bool:
+def _built_in(mind: MindState, relevant: Relevant, args: Any, annots: Any, intention: Intention | None) -> bool:
     """A message, or a failure to handle one, that no plan of the program is applicable to."""
     if relevant.operator == "+":
         handle_event(mind, args, intention)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from agentd.mind.data.intention import Intention
 from agentd.mind.execution.dropping import end_goal
 from agentd.mind.execution.execution import condition_holds
+from agentd.mind.state import MindState
 
 _PRUNE_AT = 64
 """With so many more goals it is looked which of them are over."""
 
 
-def watch(mind: Any, intention: Any, frame: Any) -> None:
+def watch(mind: MindState, intention: Intention, frame: Any) -> None:
     """Ask the condition of a goal again when beliefs change. Goals that have ended otherwise are forgotten in time."""
     watched = mind.goal_conditions
     watched.append((intention, frame))
@@ -19,7 +21,7 @@ def watch(mind: Any, intention: Any, frame: Any) -> None:
         watched[:] = [(other, its) for other, its in watched if any(f is its for f in other.stack)]
 
 
-def check_goal_conditions(mind: Any) -> None:
+def check_goal_conditions(mind: MindState) -> None:
     """After beliefs have changed: end the goals whose conditions hold now, wherever their plans are."""
     left = []
     for intention, frame in mind.goal_conditions:

@@ -13,11 +13,13 @@ from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, re
 from agentd.mind.data.code_terms import lone_goal, trigger_literal
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.frames import STEP, Frame, Step
-from agentd.mind.data.intention import Intention
+from agentd.mind.data.intention import STEP, Frame, Intention, Step
 from agentd.mind.execution.belief_updates import change_term
-from agentd.mind.execution.goal_states import pending
+from agentd.mind.execution.execution import await_something
+from agentd.mind.execution.goal_states import pending, raise_state
 from agentd.mind.plans.nested_plans import nested_plans
+from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.state import MindState
 
 
 def literal_of(term: Any) -> Literal:
@@ -43,7 +45,16 @@ def qualify(namespace: Any, literal: Literal) -> Any:
     return closed(Open(Var(), None, False, deref(namespace), literal)) if literal else None
 
 
-def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) -> bool | None:
+def add_goal(mind: MindState, literal: Literal, operator: str = "!") -> None:
+    """Raise the event of a goal of its own."""
+    relevant = mind.plans.relevant("+", operator, literal.sig)
+    annots = resolve_annots(with_source(literal.annots))
+    if mind.plans.has_meta:
+        raise_state(mind, relevant, literal.args, annots, "pending")
+    mind.post(relevant, detach(literal.args), annots)
+
+
+def achieve_term(mind: MindState, intention: Intention, term: Any, new_focus: bool) -> bool | None:
     """``!X`` or ``!!X``."""
     literal = literal_of(term)
     relevant = mind.plans.relevant("+", "!", literal.sig)
@@ -57,7 +68,9 @@ def achieve_term(mind: Any, intention: Intention, term: Any, new_focus: bool) ->
     return True
 
 
-def test_event(mind: Any, intention: Intention, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> bool:
+def test_event(
+    mind: MindState, intention: Intention, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]
+) -> bool:
     """``?g`` that the beliefs do not answer: its event if there are plans for it, else a failure."""
     if not relevant.plans and not (
         mind.plans.has_nested and any(True for _ in nested_plans(mind, relevant, intention))
@@ -69,7 +82,7 @@ def test_event(mind: Any, intention: Intention, relevant: Any, args: tuple[Any, 
     return True
 
 
-def test_term(mind: Any, intention: Intention, term: Any) -> bool | None:
+def test_term(mind: MindState, intention: Intention, term: Any) -> bool | None:
     """``?X``."""
     formula = deref(term)
     if type(formula) is Var:
@@ -84,12 +97,12 @@ def test_term(mind: Any, intention: Intention, term: Any) -> bool | None:
     raise Failed("test_goal_failed")
 
 
-def test_failed(mind: Any, intention: Intention) -> None:
+def test_failed(mind: MindState, intention: Intention) -> None:
     """A compound test without a solution raises no event."""
     raise Failed("test_goal_failed")
 
 
-def perform(mind: Any, intention: Intention, action: Any) -> bool:
+def perform(mind: MindState, intention: Intention, action: Any) -> bool:
     """An external action: it goes out, and the intention waits for its end."""
     if type(action) is not Literal:
         action = literal_of(action)
@@ -107,11 +120,11 @@ def perform(mind: Any, intention: Intention, action: Any) -> bool:
     number = intention.action = mind.action_count
     mind.performing[number] = intention
     mind.effects.append(PerformAction(number, name, args))
-    mind.await_something(intention, f"action {name}")
+    await_something(mind, intention, f"action {name}")
     return True
 
 
-def run_term(mind: Any, intention: Intention, frame: Frame, step: Step, term: Any) -> bool | None:
+def run_term(mind: MindState, intention: Intention, frame: Frame, step: Step, term: Any) -> bool | None:
     """A variable as formula of a body: runs the body, goal, test, belief change or action that it holds."""
     term = deref(term)
     if type(term) is Var:
@@ -132,7 +145,7 @@ def run_term(mind: Any, intention: Intention, frame: Frame, step: Step, term: An
     return perform(mind, intention, literal)
 
 
-def _run_code(mind: Any, intention: Intention, frame: Frame, code: Code) -> bool | None:
+def _run_code(mind: MindState, intention: Intention, frame: Frame, code: Code) -> bool | None:
     body = code.syntax
     if isinstance(body, nodes.Trigger):
         literal = literal_of(code)

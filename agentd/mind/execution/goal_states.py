@@ -1,25 +1,28 @@
-"""Events about the states of goals, ``^!g[state(S)]``, for programs that have plans for them."""
+"""The states of goals: events ``^!g[state(S)]``, for programs with plans for them, and why an intention waits."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.order import sorted_annots
 from agentd.language.terms.terms import Literal, atom
-from agentd.mind.beliefs.term_copy import detach, resolve_all
-from agentd.mind.data.frames import ANNOTS, ARGS, RELEVANT, Frame
+from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all
+from agentd.mind.data.intention import ANNOTS, ARGS, RELEVANT, Frame, Intention, Question, Wait, values_of
+from agentd.mind.data.timers import Timer
+from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.state import MindState
 
 if TYPE_CHECKING:
     from agentd.mind.data.formula_failure import Failed
-    from agentd.mind.data.intention import Intention
-    from agentd.mind.mind import Mind
 
-_STATE, _REASON = signature("state", 1), signature("reason", 1)
+_STATE, _REASON, _WAIT = signature("state", 1), signature("reason", 1), signature("wait", 1)
 
 
 def raise_state(
-    mind: Mind, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...], state: str, reason: Any = None
+    mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...], state: str, reason: Any = None
 ) -> None:
     """The event ``^!g[state(S)]`` if there is a plan for it, with ``state(S)[reason(R)]`` where there is a reason."""
     meta = mind.plans.relevant("^", relevant.goal, relevant.sig)
@@ -29,7 +32,7 @@ def raise_state(
         mind.post(meta, detach(resolve_all(args)), sorted_annots((*resolve_all(annots), told)))
 
 
-def of_goals(mind: Mind, intention: Intention, state: str, reason: Any = None) -> None:
+def of_goals(mind: MindState, intention: Intention, state: str, reason: Any = None) -> None:
     """This state of all goals of an intention, innermost first, in programs with plans for them.
 
     The goal around a fork is its parent's and not its branches'.
@@ -45,31 +48,31 @@ def of_goals(mind: Mind, intention: Intention, state: str, reason: Any = None) -
             raise_state(mind, relevant, args, annots, state, reason)
 
 
-def pending(mind: Mind, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+def pending(mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
     """``^!g[state(pending)]``, in programs with plans for the states of goals."""
     raise_state(mind, relevant, args, annots, "pending")
 
 
-def begun(mind: Mind, frame: Frame) -> None:
+def begun(mind: MindState, frame: Frame) -> None:
     """The first plan of a goal begins."""
     if frame[RELEVANT].goal and frame[RELEVANT].operator == "+":
         raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "executing")
 
 
-def ended(mind: Mind, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+def ended(mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
     """A goal is achieved, by a plan for it or by its failure plan."""
     if mind.plans.has_meta and relevant.goal and relevant.operator != "^":
         raise_state(mind, relevant, args, annots, "achieved")
         raise_state(mind, relevant, args, annots, "finished", atom("achieved"))
 
 
-def dropped(mind: Mind, intention: Intention) -> None:
+def dropped(mind: MindState, intention: Intention) -> None:
     """The goals of an intention are dropped."""
     of_goals(mind, intention, "dropped")
     of_goals(mind, intention, "finished", atom("dropped"))
 
 
-def failed(mind: Mind, intention: Intention | None, failure: Failed, handled: bool) -> None:
+def failed(mind: MindState, intention: Intention | None, failure: Failed, handled: bool) -> None:
     """The goal that found no plan, or else the innermost one, has failed; ``handled``: a failure plan is to begin.
 
     Goals below it have not failed by that, as in Jason. The failure of a branch's own formula is that of the goal
@@ -86,3 +89,29 @@ def failed(mind: Mind, intention: Intention | None, failure: Failed, handled: bo
         raise_state(mind, relevant, args, annots, "failed")
         if handled:
             raise_state(mind, relevant, args, annots, "executing")
+
+
+def reason_of(mind: MindState, intention: Intention) -> Literal | None:
+    """Why an intention does not run, for ``.suspended``; None for one that does.
+
+    ``suspend_ia``, ``wait(What)`` as it was asked for, ``waiting_ask``, ``act`` (an action), ``fork``, ``team`` (a
+    request such as ``.create_agent``), ``goal_condition``, or what an internal action in Python calls its waiting.
+    """
+    if intention.waiting is None:
+        return atom("suspend_ia") if intention.suspended is not None else None
+    if intention.action is not None:
+        return atom("act")
+    token = mind.waiting[intention.id][1]
+    if isinstance(token, Wait | Timer):
+        return Literal(_WAIT, (_waited_for(intention),))
+    if isinstance(token, Question):
+        return atom("waiting_ask")
+    return atom("team" if isinstance(token, int) else "goal_condition" if token is None else intention.waiting)
+
+
+def _waited_for(intention: Intention) -> Any:
+    """The first argument of the ``.wait`` that an intention is in."""
+    step = None if intention.last is None else intention.last.syntax
+    if isinstance(step, nodes.Step) and isinstance(step.term, nodes.InternalAction):
+        return resolve(instantiate(step.term.args[0], values_of(intention.stack[-1])))
+    return intention.waiting

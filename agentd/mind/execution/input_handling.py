@@ -20,15 +20,19 @@ from agentd.mind.data.inputs import (
     TeamReply,
 )
 from agentd.mind.execution import percept_update
-from agentd.mind.execution.waiting import fail_waiting, resume_waiting
+from agentd.mind.execution.belief_updates import add_belief
+from agentd.mind.execution.execution import fail_waiting, resume_waiting
+from agentd.mind.execution.goal_execution import add_goal
+from agentd.mind.execution.team_requests import take_reply
+from agentd.mind.state import MindState
 
 
-def take_inputs(mind: Any) -> bool:
+def take_inputs(mind: MindState) -> bool:
     """All percepts and results that have come in: deletions of percepts before additions.
 
     Returns whether there were percepts only.
     """
-    batch = list(mind.inputs)
+    batch: list[Any] = list(mind.inputs)
     mind.inputs.clear()
     added: list[Any] = []
     percepts_only = True
@@ -51,26 +55,26 @@ def take_inputs(mind: Any) -> bool:
 _PERCEPT: Final = frozenset((PerceptReplaced, PerceptAdded, PerceptRemoved))
 
 
-def _take(mind: Any, item: Any) -> None:
-    """An input that is no percept."""
+def _take(mind: MindState, item: Any) -> None:
+    """Take an input that is no percept."""
+    if mind.recorder is not None:
+        mind.recorder.given(mind.cycle, item)
     match item:
         case ActionDone():
             _action_done(mind, item)
         case TeamReply():
-            request = mind.requests.pop(item.id, None)
-            if request is not None:
-                request.answered(mind, item)
+            take_reply(mind, item)
         case GoalAdded(literal=literal):
-            mind.add_goal(literal)
+            add_goal(mind, literal)
         case BeliefAdded(literal=literal):
-            mind.add_belief(literal)
+            add_belief(mind, literal)
         case SignalRaised(literal=literal):
             mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
         case _:
             pass
 
 
-def _action_done(mind: Any, done: ActionDone) -> None:
+def _action_done(mind: MindState, done: ActionDone) -> None:
     intention = mind.performing.pop(done.id, None)
     if intention is None or intention.action != done.id:
         return

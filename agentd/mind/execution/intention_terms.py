@@ -11,13 +11,9 @@ from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Code, Literal, atom, deref, make_list
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.beliefs.unification import undo, unify
-from agentd.mind.data.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Step
-from agentd.mind.data.intention import Intention, values_of
-from agentd.mind.data.timers import Timer
-from agentd.mind.execution.open_questions import Question
-from agentd.mind.execution.suspension import Suspension
-from agentd.mind.execution.waiting import Wait
+from agentd.mind.data.intention import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Intention, Step, values_of
 from agentd.mind.plans.plan_terms import label_with_line
+from agentd.mind.state import MindState
 
 _IM, _MAP, _WAITING, _SUSPENDED, _WAIT = (
     signature("im", 4),
@@ -33,7 +29,7 @@ _CALLS = frozenset(
 """The operators whose events are plans of the same intention."""
 
 
-def state_of(mind: Any, intention: Intention) -> Literal:
+def state_of(mind: MindState, intention: Intention) -> Literal:
     """``running``, ``waiting(Reason)``, ``suspended(Reason)``; ``pending`` while its event waits in the queue."""
     if intention.suspended is not None:
         return Literal(_SUSPENDED, (atom(intention.suspended),))
@@ -44,35 +40,7 @@ def state_of(mind: Any, intention: Intention) -> Literal:
     return atom("running")
 
 
-def reason_of(mind: Any, intention: Intention) -> Literal | None:
-    """Why an intention does not run, for ``.suspended``; None for one that does.
-
-    ``suspend_ia``, ``wait(What)`` as it was asked for, ``waiting_ask``, ``act`` (an action), ``fork``, ``team`` (a
-    request such as ``.create_agent``), ``goal_condition``, or what an internal action in Python calls its waiting.
-    """
-    if intention.waiting is None:
-        return atom("suspend_ia") if intention.suspended is not None else None
-    if intention.action is not None:
-        return atom("act")
-    token = mind.waiting[intention.id][1]
-    if isinstance(token, Wait | Timer):
-        return Literal(_WAIT, (_waited_for(intention),))
-    if isinstance(token, Question):
-        return atom("waiting_ask")
-    if isinstance(token, Suspension):
-        return atom(intention.waiting)
-    return atom("team" if isinstance(token, int) else "goal_condition" if token is None else "fork")
-
-
-def _waited_for(intention: Intention) -> Any:
-    """The first argument of the ``.wait`` that an intention is in."""
-    step = None if intention.last is None else intention.last.syntax
-    if isinstance(step, nodes.Step) and isinstance(step.term, nodes.InternalAction):
-        return resolve(instantiate(step.term.args[0], values_of(intention.stack[-1])))
-    return intention.waiting
-
-
-def stack_of(mind: Any, intention: Intention) -> Any:
+def stack_of(mind: MindState, intention: Intention) -> Any:
     """``[im(Label, {Trigger}, {Body}, [map(Name, Value), ...]), ...]``, innermost plan first.
 
     A body begins with the formula that the plan is at: one that has begun (``!g`` until g is achieved) is part of it.

@@ -12,7 +12,7 @@ from agentd.language.terms.terms import Var, deref
 from agentd.mind.beliefs.belief_base import Predicate
 from agentd.mind.beliefs.term_copy import Copier, is_ground
 from agentd.mind.beliefs.unification import Trail, undo
-from agentd.mind.data.frames import Frame
+from agentd.mind.data.intention import Frame
 
 Row = tuple[Predicate, tuple[Any, ...]]
 

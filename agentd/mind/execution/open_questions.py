@@ -10,8 +10,9 @@ from agentd.mind.beliefs.annotations import nested_source
 from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
-from agentd.mind.data.intention import Intention
-from agentd.mind.execution.waiting import fail_waiting, resume_waiting
+from agentd.mind.data.intention import Question
+from agentd.mind.execution.execution import fail_waiting, resume_waiting
+from agentd.mind.state import MindState
 
 
 def wrong_answer() -> Failed:
@@ -29,53 +30,44 @@ def _credited(answer: Any, name: str) -> Any:
     return answer.with_annots(nested_source(answer.annots, name))
 
 
-class Question:
-    """A synchronous ask: the intention that waits, and for whose answers."""
+def take_answer(mind: MindState, question: Question, mail: Mail) -> None:
+    """Note an answer; the intention goes on with the last one."""
+    mind.questions.pop(mail.in_reply_to, None)
+    question.found.append(_answer(question, mail))
+    if len(question.found) == len(question.receivers):
+        _finish(mind, question, make_list(question.found) if question.many else question.found[0])
 
-    def __init__(self, intention: Intention, answer: Any, many: bool, receivers: list[str]) -> None:
-        self.intention, self.answer, self.many, self.wanted = intention, answer, many, len(receivers)
-        self.receivers = receivers
-        self.performative, self.content, self.asked = "", None, 0.0
-        """What is asked, as a term, and since when in mission seconds."""
-        self.ids: list[str] = []
-        """Of the messages, in the order of the receivers."""
-        self.found: list[Any] = []
-        self.timer: Any = None
 
-    def answered(self, mind: Any, mail: Mail) -> None:
-        """One answer has come."""
-        mind.questions.pop(mail.in_reply_to, None)
-        self.found.append(self._answer(mail))
-        if len(self.found) < self.wanted:
-            return
-        self.finish(mind, make_list(self.found) if self.many else self.found[0])
+def _answer(question: Question, mail: Mail) -> Any:
+    """An answer as the plan gets it: literals, and those in the list that answers `askAll`, name who answered."""
+    content = deref(mail.content)
+    if mail.performative == "untell" and question.performative in ("askOne", "askIf"):
+        return FALSE
+    if type(content) is Literal:
+        return _credited(content, mail.sender)
+    members = proper(content) if question.performative == "askAll" else None
+    return content if members is None else make_list([_credited(deref(m), mail.sender) for m in members])
 
-    def _answer(self, mail: Mail) -> Any:
-        """An answer as the plan gets it: literals, and those in the list that answers `askAll`, name who answered."""
-        content = deref(mail.content)
-        if mail.performative == "untell" and self.performative in ("askOne", "askIf"):
-            return FALSE
-        if type(content) is Literal:
-            return _credited(content, mail.sender)
-        members = proper(content) if self.performative == "askAll" else None
-        return content if members is None else make_list([_credited(deref(m), mail.sender) for m in members])
 
-    def timed_out(self, mind: Any) -> None:
-        self.finish(mind, make_list(self.found) if self.many else atom("timeout"))
+def time_out(mind: MindState, question: Question) -> None:
+    """Go on with the answers so far, or with ``timeout``."""
+    _finish(mind, question, make_list(question.found) if question.many else atom("timeout"))
 
-    def forget(self, mind: Any) -> None:
-        """No answer is waited for any more."""
-        if self.timer is not None:
-            self.timer.cancelled = True
-        for msg_id in self.ids:
-            mind.questions.pop(msg_id, None)
 
-    def finish(self, mind: Any, value: Any) -> None:
-        self.forget(mind)
-        trail = self.intention.trail
-        mark = len(trail)
-        if unify(self.answer, value, trail):
-            resume_waiting(mind, self.intention)
-        else:
-            undo(trail, mark)
-            fail_waiting(mind, self.intention, wrong_answer())
+def forget_question(mind: MindState, question: Question) -> None:
+    """Wait for no further answer."""
+    if question.timer is not None:
+        question.timer.cancelled = True
+    for msg_id in question.ids:
+        mind.questions.pop(msg_id, None)
+
+
+def _finish(mind: MindState, question: Question, value: Any) -> None:
+    forget_question(mind, question)
+    trail = question.intention.trail
+    mark = len(trail)
+    if unify(question.answer, value, trail):
+        resume_waiting(mind, question.intention)
+    else:
+        undo(trail, mark)
+        fail_waiting(mind, question.intention, wrong_answer())

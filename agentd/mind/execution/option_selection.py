@@ -9,7 +9,7 @@ other, with all solutions of a context, and the first for which it holds is take
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,15 +18,17 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Code, Literal, Var, atom, deref, make_list
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.data.frames import Frame
-from agentd.mind.data.intention import Intention
+from agentd.mind.data.intention import Event, Frame
+from agentd.mind.execution import selection_functions
 from agentd.mind.execution.intention_terms import stack_of
-from agentd.mind.execution.selection_functions import Event, Selector, choose
+from agentd.mind.execution.selection_functions import Selector, choose
 from agentd.mind.introspection.decision_views import PASSED_OVER
 from agentd.mind.introspection.failure_text import context_failed
 from agentd.mind.introspection.term_snapshot import held_all
-from agentd.mind.plans.nested_plans import nested_plans
+from agentd.mind.plans.nested_plans import candidates
+from agentd.mind.plans.plan_library import Select
 from agentd.mind.plans.plan_terms import term_of
+from agentd.mind.state import MindState
 
 RULE: Final = signature("select__option", 4)
 """The rule by which a program chooses among options."""
@@ -44,7 +46,7 @@ class Option:
     ``all_unifs`` one for each solution.
     """
 
-    event: Event
+    event: selection_functions.Event
     plan: Any
     bindings: dict[str, Any]
     frame: Frame
@@ -55,56 +57,55 @@ class Option:
         return next((a for a in self.plan.label.annots if type(a) is Literal and a.sig.functor == name), None)
 
 
-class Options:
-    """Finds the plan for an event among all that are applicable (`PlanLibrary.select`)."""
+def by_rule(mind: MindState, trail: Trail, event: Event) -> Frame | None:
+    """Choose the plan for an event by the program's rule `RULE`."""
+    return _chosen(mind, event, lambda rejected: _by_rule(mind, trail, event, rejected))
 
-    def __init__(self, mind: Any, selector: Selector | None) -> None:
-        self._selector = selector
-        """The embedder's function; None: the program's rule."""
-        mind.compiler.form = "options"
-        plans = mind.plans
-        plans.select_first = plans.select_nested = plans.select_noted = self.select
-        plans.select_by(self.select)
-        for plan in plans:
-            plan.unload()
 
-    def select(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
-        """The frame of the option that is chosen, with its bindings on the trail; None if none is."""
-        rejected: list[tuple[Any, Any]] = []
-        shown = held_all(event[1])
-        mind.plans.taken = event
-        try:
-            if self._selector is None:
-                frame = _by_rule(mind, trail, event, rejected)
-            else:
-                frame = self._by_function(self._selector, mind, trail, event, rejected)
-        finally:
-            mind.plans.taken = None
-        if mind.recorder is not None:
-            mind.recorder.decided(event, shown, rejected or None, frame, bound=True)
-        return frame
+def by_function(selector: Selector) -> Select:
+    """Let a function of the embedder's choose the plan for an event."""
 
-    def _by_function(
-        self, selector: Selector, mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]]
-    ) -> Frame | None:
-        mark = len(trail)
-        options: list[Option] = []
-        for plan, frame in _applicable(mind, trail, event, rejected, every=False):
-            options.append(_option(event, plan, frame, trail[mark:]))
-        undo(trail, mark)
-        place = choose(mind, selector, "select_option", options) if options else None
-        rejected += [(option.plan, PASSED_OVER) for number, option in enumerate(options) if number != place]
-        if place is None:
-            return None
-        chosen = options[place]
-        for variable, value in chosen.bound:
-            variable.ref = value
-            trail.append(variable)
-        return chosen.frame
+    def select(mind: MindState, trail: Trail, event: Event) -> Frame | None:
+        return _chosen(mind, event, lambda rejected: _by_function(selector, mind, trail, event, rejected))
+
+    return select
+
+
+def _chosen(mind: MindState, event: Event, choice: Callable[[list[tuple[Any, Any]]], Frame | None]) -> Frame | None:
+    """The frame of the option that is chosen, with its bindings on the trail; None if none is."""
+    rejected: list[tuple[Any, Any]] = []
+    shown = held_all(event[1])
+    mind.plans.taken = event
+    try:
+        frame = choice(rejected)
+    finally:
+        mind.plans.taken = None
+    if mind.recorder is not None:
+        mind.recorder.decided(event, shown, rejected or None, frame, bound=True)
+    return frame
+
+
+def _by_function(
+    selector: Selector, mind: MindState, trail: Trail, event: Event, rejected: list[tuple[Any, Any]]
+) -> Frame | None:
+    mark = len(trail)
+    options: list[Option] = []
+    for plan, frame in _applicable(mind, trail, event, rejected, every=False):
+        options.append(_option(event, plan, frame, trail[mark:]))
+    undo(trail, mark)
+    place = choose(mind, selector, "select_option", options) if options else None
+    rejected += [(option.plan, PASSED_OVER) for number, option in enumerate(options) if number != place]
+    if place is None:
+        return None
+    chosen = options[place]
+    for variable, value in chosen.bound:
+        variable.ref = value
+        trail.append(variable)
+    return chosen.frame
 
 
 def _applicable(
-    mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]], every: bool
+    mind: MindState, trail: Trail, event: Event, rejected: list[tuple[Any, Any]], every: bool
 ) -> Iterator[tuple[Any, Frame]]:
     """Each applicable plan with a frame while its bindings are in place, all solutions of it if ``every`` or asked for.
 
@@ -112,7 +113,7 @@ def _applicable(
     """
     relevant, args, annots, intention = event
     mark = len(trail)
-    for plan, around in _candidates(mind, relevant, intention):
+    for plan, around in candidates(mind, relevant, intention):
         found = False
         try:
             for result in plan.options(mind, trail, relevant, args, annots, around):
@@ -130,16 +131,11 @@ def _applicable(
         undo(trail, mark)
 
 
-def _candidates(mind: Any, relevant: Any, intention: Intention | None) -> Iterator[tuple[Any, Any]]:
-    if mind.plans.has_nested:
-        yield from nested_plans(mind, relevant, intention)
-    for plan in relevant.plans:
-        yield plan, None
-
-
-def _option(event: Any, plan: Any, frame: Frame, bound: Sequence[Var]) -> Option:
+def _option(event: Event, plan: Any, frame: Frame, bound: Sequence[Var]) -> Option:
     """The option that a frame stands for, while its bindings are in place."""
-    return Option(Event.of(event), plan, _bindings(plan, frame), frame, tuple((var, var.ref) for var in bound))
+    return Option(
+        selection_functions.Event.of(event), plan, _bindings(plan, frame), frame, tuple((var, var.ref) for var in bound)
+    )
 
 
 def _bindings(plan: Any, frame: Frame) -> dict[str, Any]:
@@ -147,7 +143,7 @@ def _bindings(plan: Any, frame: Frame) -> dict[str, Any]:
     return {name: resolve(value) for name, value in values.items() if type(value) is not Var}
 
 
-def _by_rule(mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]]) -> Frame | None:
+def _by_rule(mind: MindState, trail: Trail, event: Event, rejected: list[tuple[Any, Any]]) -> Frame | None:
     relevant, args, annots, intention = event
     trigger = nodes.Trigger(relevant.operator, relevant.goal, nodes.Variable("Event"))
     for plan, frame in _applicable(mind, trail, event, rejected, every=True):
@@ -167,7 +163,7 @@ def _by_rule(mind: Any, trail: Trail, event: Any, rejected: list[tuple[Any, Any]
     return None
 
 
-def _holds(mind: Any, trail: Trail, asked: tuple[Any, ...]) -> bool:
+def _holds(mind: MindState, trail: Trail, asked: tuple[Any, ...]) -> bool:
     mark = len(trail)
     answers = mind.beliefs.predicate(RULE).solve((True,) * len(asked), asked, mind, trail)
     held = False

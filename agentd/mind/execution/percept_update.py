@@ -12,73 +12,30 @@ from agentd.language.terms.terms import Literal
 from agentd.mind.beliefs.term_copy import detach, resolve_all
 from agentd.mind.data.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced, PerceptsChanged
 from agentd.mind.execution.belief_updates import raise_event
+from agentd.mind.state import MindState, Perceived
 
-Addition = tuple["Perceived", tuple[Any, ...], tuple[Any, ...]]
+Addition = tuple[Perceived, tuple[Any, ...], tuple[Any, ...]]
 """A percept that is new: where it is kept, its arguments, and the annotations that the belief got."""
 
 
-class Perceived:
-    """The percepts of one signature, with what their changes concern."""
-
-    __slots__ = ("args", "by_key", "gained", "lost", "predicate")
-
-    def __init__(self, mind: Any, sig: Signature) -> None:
-        self.args: dict[tuple[Any, ...], None] = {}
-        self.predicate = mind.beliefs.predicate(sig)
-        self.gained = mind.plans.relevant("+", "", sig)
-        self.lost = mind.plans.relevant("-", "", sig)
-        self.by_key: dict[tuple[int, ...], dict[Any, dict[tuple[Any, ...], None]]] = {}
-        """For each key that is used, the percepts by their arguments at its positions."""
-
-    def agreeing(self, args: tuple[Any, ...], key: tuple[int, ...]) -> list[tuple[Any, ...]]:
-        """The percepts whose arguments at the positions ``key`` are these: it costs as much as there are of them."""
-        if not key:
-            return list(self.args)
-        if len(key) == len(args):
-            return [args] if args in self.args else []
-        index = self.by_key.get(key)
-        if index is None:
-            index = self.by_key[key] = {}
-            for percept in self.args:
-                index.setdefault(_at(key, percept), {})[percept] = None
-        return list(index.get(_at(key, args), ()))
-
-    def put(self, args: tuple[Any, ...]) -> None:
-        """Note a percept that was not there."""
-        self.args[args] = None
-        for key, index in self.by_key.items() if self.by_key else ():
-            index.setdefault(_at(key, args), {})[args] = None
-
-    def drop(self, args: tuple[Any, ...]) -> None:
-        """Forget a percept that is there."""
-        del self.args[args]
-        for key, index in self.by_key.items() if self.by_key else ():
-            found = index[_at(key, args)]
-            del found[args]
-            if not found:
-                del index[_at(key, args)]
-
-
-def _at(key: tuple[int, ...], args: tuple[Any, ...]) -> Any:
-    return args[key[0]] if len(key) == 1 else tuple([args[place] for place in key])
-
-
-def perceived(mind: Any, sig: Signature) -> Perceived:
+def perceived(mind: MindState, sig: Signature) -> Perceived:
     """The percepts of a signature."""
-    found: Perceived | None = mind.percepts.get(sig)
+    found = mind.percepts.get(sig)
     if found is None:
-        found = mind.percepts[sig] = Perceived(mind, sig)
+        plans = mind.plans
+        found = Perceived(mind.beliefs.predicate(sig), plans.relevant("+", "", sig), plans.relevant("-", "", sig))
+        mind.percepts[sig] = found
     return found
 
 
-def forget(mind: Any, sig: Signature, args: tuple[Any, ...]) -> None:
+def forget(mind: MindState, sig: Signature, args: tuple[Any, ...]) -> None:
     """A belief is gone that may have been a percept: told anew, it is new."""
     place = mind.percepts.get(sig)
     if place is not None and args in place.args:
         place.drop(args)
 
 
-def change(mind: Any, item: PerceptsChanged, added: list[Addition]) -> None:
+def change(mind: MindState, item: PerceptsChanged, added: list[Addition]) -> None:
     """Take and add percepts. Deletion events are raised at once; those of ``added`` are to follow them."""
     known = mind.percepts
     for (sig, args), literal in item.percepts.items():
@@ -90,7 +47,7 @@ def change(mind: Any, item: PerceptsChanged, added: list[Addition]) -> None:
             _add(mind, place, literal, args, added)
 
 
-def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved, added: list[Addition]) -> None:
+def update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemoved, added: list[Addition]) -> None:
     """As `change`, for the percepts that a literal and a key describe."""
     literal = item.literal
     place, args = perceived(mind, literal.sig), _arguments(literal)
@@ -108,7 +65,7 @@ def update(mind: Any, item: PerceptReplaced | PerceptAdded | PerceptRemoved, add
         _add(mind, place, literal, args, added)
 
 
-def raise_additions(mind: Any, added: Iterable[Addition]) -> None:
+def raise_additions(mind: MindState, added: Iterable[Addition]) -> None:
     """Raise the events of percepts that are new."""
     heard = mind.listeners or mind.plans.has_nested
     for place, args, annots in added:
@@ -134,7 +91,7 @@ def _of_percept(annots: tuple[Any, ...]) -> tuple[Any, ...]:
     return sorted_annots((*annots, *PERCEPT))
 
 
-def _add(mind: Any, place: Perceived, literal: Literal, args: tuple[Any, ...], added: list[Addition]) -> None:
+def _add(mind: MindState, place: Perceived, literal: Literal, args: tuple[Any, ...], added: list[Addition]) -> None:
     place.put(args)
     annots = _of_percept(literal.annots)
     new = place.predicate.add(args, annots)
@@ -143,7 +100,7 @@ def _add(mind: Any, place: Perceived, literal: Literal, args: tuple[Any, ...], a
         added.append((place, args, new))
 
 
-def _remove(mind: Any, place: Perceived, args: tuple[Any, ...], annots: tuple[Any, ...] = PERCEPT) -> None:
+def _remove(mind: MindState, place: Perceived, args: tuple[Any, ...], annots: tuple[Any, ...] = PERCEPT) -> None:
     """A percept holds no longer: the belief loses source(percept), and stays if another source holds it.
 
     Its event has ``annots``: those that the news of its end had.

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from agentd.mind.data.effects import Print
+from agentd.mind.state import MindState
 
 
-def communication_error(mind: Any, error: str, message: str) -> None:
+def communication_error(mind: MindState, error: str, message: str) -> None:
     """Print the line that Jason prints when the handling of a message fails."""
     mind.effects.append(Print(f"Communication error -- {error}: {message}"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
 
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.parser.fact_runs import GroundFact
@@ -18,13 +17,16 @@ from agentd.mind.beliefs.rules import SCHEMA, add_rule
 from agentd.mind.beliefs.term_copy import is_ground
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import as_failed
+from agentd.mind.execution.belief_updates import add_belief
+from agentd.mind.execution.goal_execution import add_goal
 from agentd.mind.execution.percept_update import perceived
 from agentd.mind.plans.plan_terms import refuse_label
+from agentd.mind.state import MindState
 
 _SOURCE_SELF = nodes.Structure("source", (nodes.Structure("self"),))
 
 
-def load_program(mind: Any, program: CompiledProgram) -> None:
+def load_program(mind: MindState, program: CompiledProgram) -> None:
     """Give a new mind its program: functions, plans, initial beliefs and goals, and tell the warnings."""
     register_functions(mind, program.functions)
     mind.compiler.namespaced |= program.namespaced
@@ -33,7 +35,7 @@ def load_program(mind: Any, program: CompiledProgram) -> None:
     warn(mind, program)
 
 
-def include_program(mind: Any, program: CompiledProgram | None, namespace: str = DEFAULT) -> None:
+def include_program(mind: MindState, program: CompiledProgram | None, namespace: str = DEFAULT) -> None:
     """Add what a file holds: beliefs with their events, goals, plans. None: the file was not there (told already).
 
     Fails with ``internal_action``, before anything is added, where a label is taken already; other namespaces than the
@@ -52,20 +54,20 @@ def include_program(mind: Any, program: CompiledProgram | None, namespace: str =
     warn(mind, program)
 
 
-def register_functions(mind: Any, functions: Iterable[tuple[str, int, str]]) -> None:
+def register_functions(mind: MindState, functions: Iterable[tuple[str, int, str]]) -> None:
     """Let rules compute functions: the name and number of arguments of each, and the name of the rule."""
     for name, arity, rule in functions:
         mind.compiler.register_function(name, arity, by_rule(rule, arity))
         mind.compiler.rules_of_functions[(name, arity)] = rule
 
 
-def warn(mind: Any, program: CompiledProgram) -> None:
+def warn(mind: MindState, program: CompiledProgram) -> None:
     """Tell the warnings of a program."""
     for warning in program.warnings:
         mind.effects.append(Log("warning", warning))
 
 
-def _begin(mind: Any, program: CompiledProgram) -> None:
+def _begin(mind: MindState, program: CompiledProgram) -> None:
     """Believe the initial beliefs, begin with the initial goals."""
     functions = FunctionsOf(mind)
     computed = any("." not in name for name, _ in functions)
@@ -74,17 +76,17 @@ def _begin(mind: Any, program: CompiledProgram) -> None:
             add_rule(mind, item, {})
             continue
         if isinstance(item, GroundFact) and not computed:
-            mind.add_belief(item.term())
+            add_belief(mind, item.term())
             continue
         with _left_out(mind, item):
             literal = Instantiation({}, functions).term(item.literal)
             if is_ground(literal):
-                mind.add_belief(literal)
+                add_belief(mind, literal)
             else:
                 add_rule(mind, _schema(item), {})
     for goal in program.goals:
         with _left_out(mind, goal):
-            mind.add_goal(Instantiation({}, functions).term(goal.literal), goal.operator)
+            add_goal(mind, Instantiation({}, functions).term(goal.literal), goal.operator)
 
 
 def _schema(belief: nodes.Belief) -> nodes.Rule:
@@ -96,7 +98,7 @@ def _schema(belief: nodes.Belief) -> nodes.Rule:
 
 
 @contextmanager
-def _left_out(mind: Any, item: nodes.Belief | nodes.Goal) -> Iterator[None]:
+def _left_out(mind: MindState, item: nodes.Belief | nodes.Goal) -> Iterator[None]:
     """Leave out a belief or goal that is nested too deep, or whose functions raise whatever they may, and say so."""
     try:
         yield
@@ -106,7 +108,7 @@ def _left_out(mind: Any, item: nodes.Belief | nodes.Goal) -> Iterator[None]:
         mind.effects.append(Log("error", message))
 
 
-def copy_mind(mind: Any, other: Any) -> None:
+def copy_mind(mind: MindState, other: MindState) -> None:
     """Take over another mind's functions, beliefs, rules and plans, without their events (``.clone``)."""
     mind.compiler.copy_functions(other.compiler)
     for predicate in other.beliefs.predicates():

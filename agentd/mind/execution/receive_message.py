@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import FALSE, Literal, Var, atom, deref, make_list, proper
@@ -12,22 +12,22 @@ from agentd.mind.beliefs.term_copy import Copier, detach, resolve, resolve_all
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
 from agentd.mind.data.inputs import Mail
-from agentd.mind.execution.answer_by_plan import answer_by_plan
+from agentd.mind.data.intention import Intention
+from agentd.mind.execution.answer_by_plan import answer_by_plan, answers
 from agentd.mind.execution.belief_updates import believe, disbelieve
 from agentd.mind.execution.dropping import drop_desire
+from agentd.mind.execution.execution import resume_waiting
 from agentd.mind.execution.goal_states import raise_state
+from agentd.mind.execution.open_questions import take_answer
 from agentd.mind.execution.performatives import communication_error
-from agentd.mind.execution.query_limits import answers
 from agentd.mind.execution.send_message import answer_of, reply, send
-from agentd.mind.execution.waiting import hear, resume_waiting
+from agentd.mind.execution.waiting import hear
 from agentd.mind.introspection.failure_text import error_annots
 from agentd.mind.plans.plan_terms import add_plans, relevant_plans, remove_plans
-
-if TYPE_CHECKING:
-    from agentd.mind.mind import Mind
+from agentd.mind.state import MindState
 
 
-def receive(mind: Mind, mail: Mail) -> None:
+def receive(mind: MindState, mail: Mail) -> None:
     """Handle one message, or post its event ``+!kqml_received``.
 
     The event is for plans of the program's own, and for an atomic plan: what is told in a literal is believed and a
@@ -36,7 +36,7 @@ def receive(mind: Mind, mail: Mail) -> None:
     if is_answer(mail.in_reply_to):
         question = mind.questions.get(mail.in_reply_to)
         if question is not None and mail.sender in question.receivers:
-            question.answered(mind, mail)
+            take_answer(mind, question, mail)
         return  # else nobody waits for it any more, or its sender was not asked
     custom = mind.plans.kqml
     if custom.plans or (mind.atomic is not None and not _is_direct(mail)):
@@ -59,16 +59,16 @@ def _is_direct(mail: Mail) -> bool:
     return mail.performative in ("tell", "achieve") and type(mail.content) is Literal
 
 
-def handle(mind: Mind, mail: Mail) -> None:
+def handle(mind: MindState, mail: Mail) -> None:
     """Do what a message asks for, as the built-in plans for ``+!kqml_received``. Raises `Failed` where these fail."""
     _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
 
 
-def _nobody_handles(mind: Mind, mail: Mail) -> None:
+def _nobody_handles(mind: MindState, mail: Mail) -> None:
     raise Failed("no_applicable", f"nobody handles the performative {mail.performative}")
 
 
-def handle_event(mind: Mind, args: tuple[Any, ...], intention: Any) -> None:
+def handle_event(mind: MindState, args: tuple[Any, ...], intention: Intention | None) -> None:
     """``+!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
     mail = _mail_of(args)
     try:
@@ -89,7 +89,7 @@ def plain(term: Any) -> str:
     return term if type(term) is str else text(term)
 
 
-def _not_handled(mind: Mind, mail: Mail, failed: Failed) -> None:
+def _not_handled(mind: MindState, mail: Mail, failed: Failed) -> None:
     """A message that cannot be handled: the program's own ``-!kqml_received`` is asked, else it is told."""
     event = Literal(mind.plans.kqml.sig, (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id))
     handler = mind.plans.kqml.counterpart("-")
@@ -102,7 +102,7 @@ def _not_handled(mind: Mind, mail: Mail, failed: Failed) -> None:
     communication_error(mind, failed.error, what)
 
 
-def told_annots(mind: Mind, literal: Literal, sender: str) -> tuple[Any, ...]:
+def told_annots(mind: MindState, literal: Literal, sender: str) -> tuple[Any, ...]:
     """The annotations of a literal as told by somebody: its former sources stand inside the new one."""
     return nested_source(literal.annots, "self" if sender == mind.name else sender)
 
@@ -114,7 +114,7 @@ def _each(content: Any) -> Iterable[Any]:
     return [content] if members is None else members
 
 
-def _tell(mind: Mind, mail: Mail) -> None:
+def _tell(mind: MindState, mail: Mail) -> None:
     for content in _each(mail.content):
         if type(content) is not Literal:
             content = deref(content)
@@ -127,7 +127,7 @@ def _tell(mind: Mind, mail: Mail) -> None:
             raise Failed("no_applicable", "only literals can be told")
 
 
-def _untell(mind: Mind, mail: Mail) -> None:
+def _untell(mind: MindState, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is not Literal:
         raise Failed("no_applicable", "only a literal can be untold")
@@ -137,7 +137,7 @@ def _untell(mind: Mind, mail: Mail) -> None:
     disbelieve(mind, None, predicate, relevant, content.args, told_annots(mind, content, mail.sender), trail)
 
 
-def _achieve(mind: Mind, mail: Mail) -> None:
+def _achieve(mind: MindState, mail: Mail) -> None:
     if type(mail.content) is Literal:
         _achieve_literal(mind, mail.content, mail.sender)
         return
@@ -149,7 +149,7 @@ def _achieve(mind: Mind, mail: Mail) -> None:
             raise Failed("body_var_not_literal", f"{text(content)} is no goal to achieve")
 
 
-def _achieve_literal(mind: Mind, goal: Literal, sender: str) -> None:
+def _achieve_literal(mind: MindState, goal: Literal, sender: str) -> None:
     relevant = mind.plans.relevant("+", "!", goal.sig)
     annots = told_annots(mind, goal, sender)
     if mind.plans.has_meta:
@@ -157,14 +157,14 @@ def _achieve_literal(mind: Mind, goal: Literal, sender: str) -> None:
     mind.post(relevant, goal.args if goal.ground else detach(goal.args), annots)
 
 
-def _unachieve(mind: Mind, mail: Mail) -> None:
+def _unachieve(mind: MindState, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is not Literal:
         wrong_arguments(f"{text(content)} is no goal to drop")
     drop_desire(mind, content, [])
 
 
-def _signal(mind: Mind, mail: Mail) -> None:
+def _signal(mind: MindState, mail: Mail) -> None:
     content = deref(mail.content)
     if type(content) is not Literal:
         raise Failed("unknown", f"{text(content)} is no event to signal")
@@ -175,7 +175,7 @@ def _signal(mind: Mind, mail: Mail) -> None:
     mind.post(relevant, content.args, annots)
 
 
-def _ask_one(mind: Mind, mail: Mail) -> None:
+def _ask_one(mind: MindState, mail: Mail) -> None:
     found = answers(mind, mail, 1)
     if found is None:
         reply(mind, mail, FALSE)
@@ -193,7 +193,7 @@ def _ask_one(mind: Mind, mail: Mail) -> None:
     unanswered(mind, mail, Failed("test_goal_failed", f"Failed to test '{text(mail.content)}'"))
 
 
-def unanswered(mind: Mind, mail: Mail, failed: Failed) -> None:
+def unanswered(mind: MindState, mail: Mail, failed: Failed) -> None:
     """A question without an answer: the program's own ``-!kqml_received`` is asked, else see `not_answered`."""
     if mind.plans.kqml.counterpart("-").plans:
         _not_handled(mind, mail, failed)
@@ -201,7 +201,7 @@ def unanswered(mind: Mind, mail: Mail, failed: Failed) -> None:
         not_answered(mind, mail, failed.error, str(failed))
 
 
-def not_answered(mind: Mind, mail: Mail, error: str, message: str) -> None:
+def not_answered(mind: MindState, mail: Mail, error: str, message: str) -> None:
     """The answer is false when the test has failed; another failure gives none, as Jason."""
     if error == "test_goal_failed":
         reply(mind, mail, FALSE)
@@ -209,7 +209,7 @@ def not_answered(mind: Mind, mail: Mail, error: str, message: str) -> None:
         mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {message}"))
 
 
-def failed_event(mind: Mind, args: tuple[Any, ...], error: str, message: str) -> None:
+def failed_event(mind: MindState, args: tuple[Any, ...], error: str, message: str) -> None:
     """``-!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
     mail = _mail_of(args)
     if mail.performative in ("askOne", "askIf"):
@@ -218,13 +218,13 @@ def failed_event(mind: Mind, args: tuple[Any, ...], error: str, message: str) ->
         communication_error(mind, error, message)
 
 
-def _ask_all(mind: Mind, mail: Mail) -> None:
+def _ask_all(mind: MindState, mail: Mail) -> None:
     found = [answer_of(mind, mail, a) for a in answers(mind, mail) or ()]
     if mail.msg_id.startswith("sync") or found:
         reply(mind, mail, make_list(found))
 
 
-def _ask_how(mind: Mind, mail: Mail) -> None:
+def _ask_how(mind: MindState, mail: Mail) -> None:
     found = relevant_plans(mind, mail.content, told_by=atom(mind.name))
     if not mail.msg_id.startswith("sync"):
         if found:
@@ -233,15 +233,15 @@ def _ask_how(mind: Mind, mail: Mail) -> None:
     send(mind, mail.sender, "tell", make_list(found), mail.msg_id)
 
 
-def _tell_how(mind: Mind, mail: Mail) -> None:
+def _tell_how(mind: MindState, mail: Mail) -> None:
     add_plans(mind, mail.content, atom(mail.sender), first=False)
 
 
-def _untell_how(mind: Mind, mail: Mail) -> None:
+def _untell_how(mind: MindState, mail: Mail) -> None:
     remove_plans(mind, mail.content, atom(mail.sender))
 
 
-_HANDLERS: Final[dict[str, Callable[[Any, Mail], None]]] = {
+_HANDLERS: Final[dict[str, Callable[[MindState, Mail], None]]] = {
     "tell": _tell,
     "untell": _untell,
     "achieve": _achieve,

@@ -24,8 +24,9 @@ from agentd.mind.execution.execution import run_intention
 from agentd.mind.execution.goal_conditions import check_goal_conditions
 from agentd.mind.execution.input_handling import take_inputs
 from agentd.mind.execution.waiting import check_conditions
+from agentd.mind.state import MindState
 
-Selector = Callable[[Any, Sequence[Any]], Any]
+Selector = Callable[[MindState, Sequence[Any]], Any]
 
 PATIENCE: Final = 1000
 """So many cycles in a row a selection function may choose nothing before that is told."""
@@ -54,13 +55,13 @@ class Event:
 class Chooser:
     """The selection functions of a mind that has some, and the cycle that asks them."""
 
-    def __init__(self, mind: Any, selectors: dict[str, Selector]) -> None:
+    def __init__(self, mind: MindState, selectors: dict[str, Selector]) -> None:
         self._mind = mind
         self._message, self._event = selectors.get("select_message"), selectors.get("select_event")
         self._intention = selectors.get("select_intention")
         self._idle: dict[str, int] = {}
 
-    def run_cycles(self, mind: Any, cycles: int) -> None:
+    def run_cycles(self, mind: MindState, cycles: int) -> None:
         """As `agentd.mind.execution.cycle.run_cycles`, asking the selection functions."""
         inputs, mailbox, events, running, effects = mind.inputs, mind.mailbox, mind.events, mind.running, mind.effects
         while cycles:
@@ -107,7 +108,7 @@ class Chooser:
         return item
 
 
-def choose(mind: Any, selector: Selector, name: str, items: list[Any]) -> int | None:
+def choose(mind: MindState, selector: Selector, name: str, items: list[Any]) -> int | None:
     """The place of what a selection function returns; None for none. A wrong answer is told, the first is taken."""
     try:
         chosen = selector(mind, tuple(items))
@@ -128,7 +129,7 @@ def _itself(item: Any) -> Any:
     return item
 
 
-def begin_cycle(mind: Any) -> None:
+def begin_cycle(mind: MindState) -> None:
     """What a cycle does before it takes messages and events."""
     mind.cycle += 1
     if mind.inputs:
@@ -145,7 +146,7 @@ def begin_cycle(mind: Any) -> None:
 NAMES: Final = ("select_message", "select_event", "select_option", "select_intention")
 
 
-def selectors_of(mind: Any, given: Sequence[Selector | None]) -> dict[str, Selector]:
+def selectors_of(mind: MindState, given: Sequence[Selector | None]) -> dict[str, Selector]:
     """The selection functions of a mind by name: those given, else the methods of its class with these names."""
     found = {name: each or getattr(type(mind), name, None) for name, each in zip(NAMES, given, strict=True)}
     return {name: selector for name, selector in found.items() if selector is not None}

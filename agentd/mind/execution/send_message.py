@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from agentd.language.terms.source_annotations import SOURCE_SELF
 from agentd.language.terms.terms import FALSE, Literal
@@ -11,13 +11,11 @@ from agentd.mind.beliefs.term_copy import Copier
 from agentd.mind.data.effects import Log, SendMail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
-
-if TYPE_CHECKING:
-    from agentd.mind.mind import Mind
+from agentd.mind.state import MindState
 
 
 def send(
-    mind: Mind, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", kind: str = "mid"
+    mind: MindState, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", kind: str = "mid"
 ) -> str:
     """Hand a message out; returns its id, which begins with ``kind``: ``sync`` if the sender waits for an answer.
 
@@ -33,7 +31,7 @@ def send(
     return msg_id
 
 
-def reply(mind: Mind, mail: Mail, content: Any) -> None:
+def reply(mind: MindState, mail: Mail, content: Any) -> None:
     """Answer a question: a synchronous one by a message in reply, another one by telling.
 
     An answer that cannot be sent is told in the log; who waits for it sees its time run out.
@@ -46,7 +44,7 @@ def reply(mind: Mind, mail: Mail, content: Any) -> None:
         mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {failed}"))
 
 
-def answer_of(mind: Mind, mail: Mail, found: Any) -> Any:
+def answer_of(mind: MindState, mail: Mail, found: Any) -> Any:
     """What a question found, as its answer: a synchronous one names its source, others get it as what is told does."""
     answer = Copier(fresh=True).copy(found)
     if type(answer) is not Literal:

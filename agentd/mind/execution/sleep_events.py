@@ -5,25 +5,16 @@ They are inputs that a mind gives itself, recorded as others. Only programs with
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from agentd.language.syntax_tree.nodes import Structure, Trigger
 from agentd.mind.data.inputs import SignalRaised
-
-if TYPE_CHECKING:
-    from agentd.mind.mind import Mind
+from agentd.mind.state import MindState
 
 _SLEEPING: Final = SignalRaised.named("jag_sleeping")
 _AWAKING: Final = SignalRaised.named("jag_awaking")
 
 
-def is_about_sleep(trigger: Trigger) -> bool:
-    """Whether a plan's trigger is for one of these events."""
-    literal = trigger.literal
-    return isinstance(literal, Structure) and literal.functor in ("jag_sleeping", "jag_awaking") and not literal.args
-
-
-def wake_up(mind: Mind) -> None:
+def wake_up(mind: MindState) -> None:
     """Before cycles: end the sleep if there is an input, a message or a timer that is due. Its event comes first."""
     inputs, heap = mind.inputs, mind.timers.heap
     told = bool(inputs) and inputs[0] is _SLEEPING
@@ -32,7 +23,7 @@ def wake_up(mind: Mind) -> None:
         inputs.insert(int(told), _AWAKING)
 
 
-def fall_asleep(mind: Mind) -> None:
+def fall_asleep(mind: MindState) -> None:
     """After cycles without effect: begin a sleep if there is nothing left to do but to wait. Once until it ends."""
     if mind.asleep is not False or mind.atomic is not None:
         return

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.execution.waiting import fail_waiting, resume_waiting
+from agentd.mind.execution.execution import await_something, fail_waiting, resume_waiting
+from agentd.mind.state import MindState
 
 
 class Suspension:
     """The running intention, waiting. It goes on, or fails, once; a dropped one does neither."""
 
-    def __init__(self, mind: Any, reason: str) -> None:
-        self._mind, self._intention = mind, mind.current
-        mind.await_something(mind.current, reason, self)
+    def __init__(self, mind: MindState, reason: str) -> None:
+        self._mind, self._intention = mind, mind.own_intention
+        await_something(mind, self._intention, reason, self)
 
     @property
     def over(self) -> bool:
@@ -31,6 +30,6 @@ class Suspension:
             fail_waiting(self._mind, self._intention, Failed(error, message))
 
 
-def suspend(mind: Any, reason: str) -> Suspension:
+def suspend(mind: MindState, reason: str) -> Suspension:
     """Suspend the intention that runs an internal action declared with ``suspends=True``; the action returns True."""
     return Suspension(mind, reason)

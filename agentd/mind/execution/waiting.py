@@ -1,8 +1,7 @@
-"""Waiting: how an intention goes on or fails when what it waits for has come, and ``.wait`` in its three forms."""
+"""Wait for a time, a formula or an event: ``.wait`` in its three forms."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from agentd.language.syntax_tree import nodes
@@ -11,57 +10,10 @@ from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.code_terms import trigger_literal
 from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
-from agentd.mind.data.frames import Frame
-from agentd.mind.data.intention import Intention
-from agentd.mind.data.timers import Timer
-from agentd.mind.execution import failure
-from agentd.mind.execution.execution import end_frames
-from agentd.mind.execution.goal_states import of_goals
-
-
-def resume_waiting(mind: Any, intention: Intention) -> None:
-    """What an intention waited for has come: it goes on, or stays suspended."""
-    mind.waiting.pop(intention.id, None)
-    waited, intention.waiting = intention.waiting, None
-    intention.action = None
-    if intention.suspended is not None:
-        mind.suspended[intention.id] = intention
-        return
-    if waited is not None and mind.plans.has_meta:
-        of_goals(mind, intention, "executing")
-    end_frames(mind, intention)
-    if intention.stack and intention.waiting is None:
-        mind.running.append(intention)
-
-
-def fail_waiting(mind: Any, intention: Intention, failed: Failed) -> None:
-    """What an intention waited for will not come: the formula that it waits in fails."""
-    mind.waiting.pop(intention.id, None)
-    intention.waiting = None
-    intention.action = None
-    frame = intention.stack[-1]
-    assert intention.last is not None
-    failure.step_failed(mind, intention, intention.last, frame, failed)
-
-
-def fail_parent(mind: Any, intention: Intention, extra: tuple[Any, ...], where: str, failed: Failed) -> None:
-    """A branch of a fork of this intention has failed."""
-    mind.waiting.pop(intention.id, None)
-    intention.waiting = None
-    failure.fail(mind, intention, extra, where, failed)
-
-
-class Wait:
-    """An intention waiting for a formula or an event, maybe not longer than a time."""
-
-    __slots__ = ("check", "elapsed", "frame", "intention", "pattern", "since", "timer")
-
-    def __init__(self, intention: Intention, frame: Frame | None, since: float) -> None:
-        self.intention, self.frame, self.since = intention, frame, since
-        self.check: Callable[[Any, Any, Any], bool] | None = None
-        self.pattern: tuple[str, str, Literal] | None = None
-        self.timer: Timer | None = None
-        self.elapsed: Any = None
+from agentd.mind.data.intention import Frame, Intention, Wait
+from agentd.mind.execution.execution import await_something, fail_waiting, resume_waiting
+from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.state import MindState
 
 
 def milliseconds(term: Any) -> float:
@@ -72,19 +24,19 @@ def milliseconds(term: Any) -> float:
     return max(0.0, term / 1000.0)
 
 
-def wait_time(mind: Any, intention: Intention, seconds: float) -> bool:
+def wait_time(mind: MindState, intention: Intention, seconds: float) -> bool:
     """Wait for a time, then go on."""
 
     def over() -> None:
         resume_waiting(mind, intention)
 
     timer = mind.timers.at(mind.now + seconds, over)
-    mind.await_something(intention, f"wait({seconds:g}s)", timer)
+    await_something(mind, intention, f"wait({seconds:g}s)", timer)
     return True
 
 
 def wait_until(
-    mind: Any, intention: Intention, frame: Frame, check: Any, limit: Any = None, elapsed: Any = None
+    mind: MindState, intention: Intention, frame: Frame, check: Any, limit: Any = None, elapsed: Any = None
 ) -> bool | None:
     """Wait until a formula has a solution; ``limit`` in ms. Past it, fail, or go on if ``elapsed`` is asked for."""
     seconds = None if limit is None else milliseconds(limit)
@@ -101,28 +53,28 @@ def wait_until(
     return True
 
 
-def wait_event(mind: Any, intention: Intention, trigger: Code, limit: Any = None, elapsed: Any = None) -> bool:
+def wait_event(mind: MindState, intention: Intention, trigger: Code, limit: Any = None, elapsed: Any = None) -> bool:
     """Wait until an event unifies with a trigger."""
     seconds = None if limit is None else milliseconds(limit)
     node = trigger.syntax
     if not isinstance(node, nodes.Trigger):
         wrong_arguments(".wait takes a time, a formula or an event in braces")
     wait = Wait(intention, None, mind.now)
-    wait.pattern = (node.operator, node.goal, trigger_literal(trigger, intention))
+    wait.pattern = (node.operator, node.goal, trigger_literal(trigger))
     wait.elapsed = elapsed
     mind.listeners.append(wait)
     _start(mind, wait, seconds, "wait(event)")
     return True
 
 
-def _start(mind: Any, wait: Wait, seconds: float | None, reason: str) -> None:
+def _start(mind: MindState, wait: Wait, seconds: float | None, reason: str) -> None:
     mind.timers.looks += 1  # at the time since when it waits
     if seconds is not None:
         wait.timer = mind.timers.at(mind.now + seconds, lambda: timed_out(mind, wait))
-    mind.await_something(wait.intention, reason, wait)
+    await_something(mind, wait.intention, reason, wait)
 
 
-def forget(mind: Any, wait: Wait) -> None:
+def forget(mind: MindState, wait: Wait) -> None:
     """Take a wait off all lists."""
     if wait.timer is not None:
         wait.timer.cancelled = True
@@ -132,7 +84,7 @@ def forget(mind: Any, wait: Wait) -> None:
         mind.listeners.remove(wait)
 
 
-def timed_out(mind: Any, wait: Wait) -> None:
+def timed_out(mind: MindState, wait: Wait) -> None:
     forget(mind, wait)
     intention = wait.intention
     if wait.elapsed is not None:
@@ -141,7 +93,7 @@ def timed_out(mind: Any, wait: Wait) -> None:
     fail_waiting(mind, intention, Failed("wait_timeout", "timeout in .wait"))
 
 
-def ended(mind: Any, wait: Wait) -> None:
+def ended(mind: MindState, wait: Wait) -> None:
     """What was waited for has come (or the time is over and the program asked how long it was)."""
     forget(mind, wait)
     if wait.elapsed is not None:
@@ -157,7 +109,7 @@ def _tell_elapsed(intention: Intention, elapsed: Any, value: float) -> None:
         unify(target, float(int(value)), intention.trail)
 
 
-def check_conditions(mind: Any) -> None:
+def check_conditions(mind: MindState) -> None:
     """Ask again every formula that is waited for, after beliefs have changed."""
     for wait in list(mind.conditions):
         if wait not in mind.conditions or wait.check is None:
@@ -178,7 +130,7 @@ def check_conditions(mind: Any) -> None:
             undo(trail, mark)
 
 
-def hear(mind: Any, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+def hear(mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
     """Tell those who wait for an event."""
     for wait in list(mind.listeners):
         assert wait.pattern is not None

@@ -21,11 +21,13 @@ from agentd.language.terms.source_annotations import PERCEPT, SELF, SOURCE_SELF
 from agentd.language.terms.terms import LargeLists, Literal, deref, elements
 from agentd.mind.beliefs.unification import Trail, undo
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.frames import VARIABLES, Frame, Step
 from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Input, Mail, SignalRaised
+from agentd.mind.data.intention import VARIABLES, Event, Frame, Intention, Step
 from agentd.mind.introspection.failure_text import context_failed
 from agentd.mind.introspection.term_snapshot import held, held_all, lighten
 from agentd.mind.plans.nested_plans import nested_plans
+from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.state import MindState
 
 
 class Decision(NamedTuple):
@@ -34,7 +36,7 @@ class Decision(NamedTuple):
     cycle: int
     time: float
     """Mission time in seconds."""
-    event: Any
+    event: Event
     """What was taken from the queue; its arguments and annotations may have changed since."""
     below: Frame | None
     """The frame of the plan that raised the event and waits for it."""
@@ -109,7 +111,7 @@ class Decisions:
     ``tell`` is called with each record as soon as it is made.
     """
 
-    def __init__(self, mind: Any, most: int, tell: Callable[[Decision | Failure], None] | None = None) -> None:
+    def __init__(self, mind: MindState, most: int, tell: Callable[[Decision | Failure], None] | None = None) -> None:
         self._mind, self._tell = mind, tell
         self._last: deque[Any] = deque(maxlen=most)
         self.waiting: list[Any] = []
@@ -120,7 +122,6 @@ class Decisions:
         self._settled: Callable[[list[Any]], None] | None = None
         self.note: Callable[[Any], None] = self._noting(self._last)
         """Takes the fields of a `Decision` as a tuple (the last ones may be left out), or a `Failure`."""
-        self._post, self.pass_on = mind.post, mind.on_input
         self._dropped: deque[tuple[Frame, Step | None]] = deque(maxlen=most)
         self.shown: dict[int, tuple[Any, Any]] = {}
         """What onlookers have made of entries, by the identity of these; `let_go` lets go of it too."""
@@ -133,10 +134,9 @@ class Decisions:
         """The inputs that may raise events, and the cycle in which they came."""
         if mind.compiler.form == "select":
             mind.compiler.form = "trace"
-        plans = mind.plans
-        plans.select_first, plans.select_nested = self.select_first, self.select_nested
-        plans.select_noted = self.select_noted
-        mind.post, mind.on_input = self.post, self.on_input
+        mind.plans.selection = mind.plans.selection._replace(
+            first=self.select_first, nested=self.select_nested, noted=self.select_noted
+        )
 
     def records(self) -> list[Decision | Failure]:
         """What is remembered, oldest first."""
@@ -207,15 +207,15 @@ class Decisions:
         last = self._last[-1] if self._last else None
         return () if type(last) is not tuple else Decision(*last).rejected or ()
 
-    def select_first(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+    def select_first(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
         """Find the plan for an event among the relevant ones, and note how."""
         return self._select(trail, event, (), event[0].plans, [])
 
-    def select_nested(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+    def select_nested(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
         """Find the plan for an event in programs with nested plans, which come first, and note how."""
         return self._select(trail, event, nested_plans(mind, event[0], event[3]), event[0].plans, [])
 
-    def select_noted(self, mind: Any, trail: Trail, event: Any) -> Frame | None:
+    def select_noted(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
         """As `select_nested`, for programs whose contexts ask for the intention in hand."""
         mind.plans.taken = event
         try:
@@ -224,7 +224,7 @@ class Decisions:
             mind.plans.taken = None
 
     def select_after(
-        self, trail: Trail, event: Any, broken: Any, rejected: list[tuple[Any, Any]], error: Exception
+        self, trail: Trail, event: Event, broken: Any, rejected: list[tuple[Any, Any]], error: Exception
     ) -> Frame | None:
         """Go on after a plan whose context could not be computed, and note it all."""
         plans = event[0].plans
@@ -233,7 +233,7 @@ class Decisions:
         )
 
     def _select(
-        self, trail: Trail, event: Any, nested: Iterable[tuple[Any, Frame]], plans: list[Any], rejected: list[Any]
+        self, trail: Trail, event: Event, nested: Iterable[tuple[Any, Frame]], plans: list[Any], rejected: list[Any]
     ) -> Frame | None:
         relevant, args, annots, _ = event
         mind, shown, mark = self._mind, held_all(args), len(trail)
@@ -251,12 +251,12 @@ class Decisions:
         self.decided(event, shown, rejected or None, frame, len(trail) > mark)
         return frame
 
-    def _broken(self, event: Any, plan: Any, error: Exception) -> tuple[Any, Exception]:
+    def _broken(self, event: Event, plan: Any, error: Exception) -> tuple[Any, Exception]:
         """A plan whose context could not be computed, which is told; an internal action may raise anything."""
         context_failed(self._mind, event[0], plan, error)
         return plan, error.with_traceback(None)
 
-    def decided(self, event: Any, args: Any, rejected: Any, frame: Frame | None, bound: bool) -> None:
+    def decided(self, event: Event, args: Any, rejected: Any, frame: Frame | None, bound: bool) -> None:
         """Note a decision; ``args`` are the arguments as they were, ``bound`` says that selection bound variables."""
         mind = self._mind
         relevant, given, annots, intention = event
@@ -278,7 +278,7 @@ class Decisions:
         origin = self.origin_of(event)
         self.note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin, args, held))
 
-    def failed(self, intention: Any, failed: Failed, frames: Sequence[Frame], handler: Any) -> None:
+    def failed(self, intention: Intention | None, failed: Failed, frames: Sequence[Frame], handler: Any) -> None:
         """Note a failure: see `Failure`."""
         mind = self._mind
         failed.__traceback__ = failed.__context__ = None  # they would keep alive what the failed call has used
@@ -315,16 +315,13 @@ class Decisions:
 
         return note
 
-    def post(self, relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
-        """Queue an event that starts an intention of its own, and note where it comes from."""
-        self._post(relevant, args, annots)
+    def posted(self, event: Event) -> None:
+        """Note where an event comes from that has just been queued and starts an intention of its own."""
+        relevant, _, annots, _ = event
+        if annots is PERCEPT:
+            return
         mind = self._mind
         events = mind.events
-        if annots is PERCEPT or not events:
-            return
-        event = events[-1]
-        if event[1] is not args or event[0] is not relevant:
-            return  # it was dropped
         origin: Origin | None = None
         if self._given_in == mind.cycle:
             last = self._given[-1]
@@ -339,12 +336,12 @@ class Decisions:
             self._origins = {key: entry for key, entry in self._origins.items() if key in waiting}
         self._origins[id(event)] = (event, origin)
 
-    def origin_of(self, event: Any) -> Origin | None:
+    def origin_of(self, event: Event) -> Origin | None:
         """Where an event that starts an intention comes from; asked once, when it is taken."""
         entry = self._origins.pop(id(event), None)
         return None if entry is None else entry[1]
 
-    def _origin(self, relevant: Any, annots: tuple[Any, ...]) -> Origin | None:
+    def _origin(self, relevant: Relevant, annots: tuple[Any, ...]) -> Origin | None:
         mind = self._mind
         if self._given_in == mind.cycle:
             for item in self._given:
@@ -355,15 +352,13 @@ class Decisions:
             return (None, 0, None) if current is None else (None, current.id, current.last)
         return None  # a percept, a timer, the state of a goal
 
-    def on_input(self, cycle: int, item: Input) -> None:
-        """Note what may raise events in this cycle."""
+    def given(self, cycle: int, item: Input) -> None:
+        """Note an input of this cycle that may raise events."""
         if type(item) in _RAISING:
             if self._given_in != cycle:
                 self._given.clear()
                 self._given_in = cycle
             self._given.append(item)
-        if self.pass_on is not None:
-            self.pass_on(cycle, item)
 
 
 _DROPPING: Final = (".drop_", ".succeed_goal", ".fail_goal")

@@ -13,11 +13,12 @@ from agentd.language.terms.numbers import UndefinedNumber
 from agentd.language.terms.source_annotations import SELF, is_source
 from agentd.language.terms.terms import Code, Literal, Var, deref
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.frames import ARGS, PLAN, RELEVANT, STEP, VARIABLES, Frame, Step
 from agentd.mind.data.inputs import Mail
+from agentd.mind.data.intention import ARGS, PLAN, RELEVANT, STEP, VARIABLES, Frame, Step
 from agentd.mind.introspection.decision_log import Decision, Failure
 from agentd.mind.introspection.term_snapshot import short_text
-from agentd.mind.plans.plan_library import Plan
+from agentd.mind.plans.plan_library import Plan, Relevant
+from agentd.mind.state import MindState
 
 PASSED_OVER: Final = "passed over"
 """The reason why an applicable plan was not chosen: a selection function or rule took another."""
@@ -101,7 +102,7 @@ class DecisionView:
 
 
 def views_of(
-    mind: Any, records: Sequence[Decision | Failure], last: int | None, about: str = ""
+    mind: MindState, records: Sequence[Decision | Failure], last: int | None, about: str = ""
 ) -> list[DecisionView | FailureView]:
     """Views of records; of a long list only the last so many, of those ``about`` a functor if one is given."""
     views = Views.among(mind, records)
@@ -119,7 +120,7 @@ def is_about(record: Decision | Failure, functor: str) -> bool:
     return functor in names or (goal is not None and goal.sig.functor == functor)
 
 
-def view_of(mind: Any, record: Decision | Failure) -> DecisionView | FailureView:
+def view_of(mind: MindState, record: Decision | Failure) -> DecisionView | FailureView:
     """The view of a record that has just been made."""
     alive = {id(record.frame)} if isinstance(record, Decision) else set()
     return Views(mind, {}, {}, alive).of(record)
@@ -129,7 +130,7 @@ class Views:
     """Makes views; knows what became of frames."""
 
     @classmethod
-    def among(cls, mind: Any, records: Sequence[Decision | Failure]) -> Views:
+    def among(cls, mind: MindState, records: Sequence[Decision | Failure]) -> Views:
         """What makes views of records, all that are remembered being these."""
         failures = {id(frame): record for record in records if type(record) is Failure for frame in record.frames}
         args = {id(r.frame): r.shown_args for r in records if isinstance(r, Decision) and r.frame is not None}
@@ -137,7 +138,7 @@ class Views:
         return cls(mind, failures, args, alive)
 
     def __init__(
-        self, mind: Any, failures: dict[int, Failure], args: dict[int, tuple[Any, ...]], alive: set[int]
+        self, mind: MindState, failures: dict[int, Failure], args: dict[int, tuple[Any, ...]], alive: set[int]
     ) -> None:
         self._mind, self._failures, self._args, self._alive = mind, failures, args, alive
 
@@ -182,11 +183,12 @@ class Views:
             return "failed", failure
         if id(frame) in self._alive:
             return "running", None
-        dropped = frame[STEP] is not None or self._mind.recorder.was_dropped(frame)
+        recorder = self._mind.recorder
+        dropped = frame[STEP] is not None or (recorder is not None and recorder.was_dropped(frame))
         return ("dropped" if dropped else "ended"), None
 
     def _dropped_by(self, frame: Frame) -> str:
-        step = self._mind.recorder.dropped_by(frame)
+        step = None if self._mind.recorder is None else self._mind.recorder.dropped_by(frame)
         return "" if step is None else f"{source_text(step.syntax)} ({_place(step)})"
 
     def _goal(self, frame: Frame) -> str:
@@ -230,11 +232,11 @@ class Views:
         )
 
 
-def _raised_by(relevant: Any) -> str:
+def _raised_by(relevant: Relevant) -> str:
     return "the failure of" if relevant.operator == "-" and relevant.goal else "the plan for"
 
 
-def event_text(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...] = ()) -> str:
+def event_text(relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...] = ()) -> str:
     """An event as people write it, ``+!g(1)``; the source ``self`` goes without saying."""
     shown = () if annots == SELF else annots
     return f"{relevant.text}" + short_text(Literal(relevant.sig, args, shown))

@@ -6,56 +6,47 @@ have no effect. The state is the one of the decision, since it is asked in the s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Final
 
 from agentd.language.compiler.constants import signature_of
 from agentd.language.syntax_tree import nodes
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.unification import undo
-from agentd.mind.data.intention import Intention
+from agentd.mind.data.intention import Event, Frame
 from agentd.mind.introspection.decision_views import PASSED_OVER, RejectedView, rejected_view
 from agentd.mind.plans.effect_free import WITHOUT_EFFECT
-from agentd.mind.plans.nested_plans import nested_plans
+from agentd.mind.plans.nested_plans import candidates
+from agentd.mind.plans.plan_library import Plan
+from agentd.mind.state import MindState
 
 _RANDOM: Final = "math.random"
 
 
-def rejected_plans(mind: Any, event: Any) -> tuple[RejectedView, ...]:
+def rejected_plans(mind: MindState, event: Event) -> tuple[RejectedView, ...]:
     """Why each plan that is relevant for an event was not applicable just now."""
     if mind.recorder is not None:
         return tuple(rejected_view(plan, reason) for plan, reason in mind.recorder.last_rejected())
-    relevant, args, annots, intention = event
-    return tuple(
-        _rejected(mind, plan, around, (relevant, args, annots), intention)
-        for plan, around in _candidates(mind, relevant, intention)
-    )
+    return tuple(_rejected(mind, plan, around, event) for plan, around in candidates(mind, event[0], event[3]))
 
 
-def _candidates(mind: Any, relevant: Any, intention: Intention | None) -> Iterator[tuple[Any, Any]]:
-    if mind.plans.has_nested:
-        yield from nested_plans(mind, relevant, intention)
-    for plan in relevant.plans:
-        yield plan, None
-
-
-def _rejected(mind: Any, plan: Any, around: Any, event: Any, intention: Intention | None) -> RejectedView:
+def _rejected(mind: MindState, plan: Plan, around: Frame | None, event: Event) -> RejectedView:
     if not harmless(mind, plan.syntax.context):
         return rejected_view(plan, ())
+    relevant, args, annots, intention = event
     trail: list[Any] = [] if intention is None else intention.trail
     mark, told = len(trail), len(mind.effects)
     try:
-        found = plan.tracing()(mind, trail, *event, around)
+        found = plan.tracing()(mind, trail, relevant, args, annots, around)
     except Exception as error:  # as when the plan was tried
         found = error
     undo(trail, mark)
     del mind.effects[told:]
     if type(found) is list:
-        found = () if mind.options is None else PASSED_OVER
+        found = PASSED_OVER if mind.compiler.form == "options" else ()
     return rejected_view(plan, found)
 
 
-def harmless(mind: Any, formula: Any, seen: frozenset[Any] = frozenset()) -> bool:
+def harmless(mind: MindState, formula: Any, seen: frozenset[Any] = frozenset()) -> bool:
     """Whether asking a formula (or building a term) has no effect."""
     match formula:
         case nodes.InternalAction(name=name, args=args):
@@ -78,7 +69,7 @@ def harmless(mind: Any, formula: Any, seen: frozenset[Any] = frozenset()) -> boo
     return False
 
 
-def _harmless_rules(mind: Any, formula: nodes.Structure, seen: frozenset[Any]) -> bool:
+def _harmless_rules(mind: MindState, formula: nodes.Structure, seen: frozenset[Any]) -> bool:
     if isinstance(formula.namespace, nodes.Variable):
         return False
     sig = signature_of(formula)

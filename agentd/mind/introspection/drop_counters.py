@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from agentd.mind.data.effects import Log
 
@@ -32,8 +32,7 @@ class Dropped:
 class Drops:
     """The drops of one mind."""
 
-    def __init__(self, mind: Any) -> None:
-        self._mind = mind
+    def __init__(self) -> None:
         self.counts: dict[str, int] = {}
         """How many were dropped: of ``events``, ``messages``, ``questions``."""
         self._by_name: dict[tuple[str, str], Dropped] = {}
@@ -45,20 +44,21 @@ class Drops:
         """What was dropped, by its name, in the order in which that began."""
         return list(self._by_name.values())
 
-    def note(self, kind: str, text: str, name: str = "") -> None:
-        """Count one that is dropped; ``text`` says of what kind and why, ``name`` which: `Dropped.name`."""
-        mind, count = self._mind, self.counts.get(kind, 0) + 1
-        mind.timers.looks += 1
-        self.counts[kind] = count
-        self._note_name(kind, name, text)
-        told = self._told.get(kind)
-        if told is None or mind.now >= told[1] + PERIOD:
-            so_far = "" if told is None else f" ({count} so far)"
-            self._told[kind] = (count, mind.now)
-            mind.effects.append(Log("warning", text + so_far))
+    def note(self, kind: str, text: str, name: str, now: float) -> Log | None:
+        """Count one that is dropped at ``now`` (mission seconds) and return what is to be logged of it, if anything.
 
-    def _note_name(self, kind: str, name: str, text: str) -> None:
-        now, known = self._mind.now, self._by_name.get((kind, name))
+        ``text`` says of what kind and why, ``name`` which: `Dropped.name`.
+        """
+        count = self.counts[kind] = self.counts.get(kind, 0) + 1
+        self._note_name(kind, name, text, now)
+        told = self._told.get(kind)
+        if told is not None and now < told[1] + PERIOD:
+            return None
+        self._told[kind] = (count, now)
+        return Log("warning", text if told is None else f"{text} ({count} so far)")
+
+    def _note_name(self, kind: str, name: str, text: str, now: float) -> None:
+        known = self._by_name.get((kind, name))
         if known is None:
             if len(self._by_name) >= MOST_NAMES:
                 return
@@ -66,8 +66,8 @@ class Drops:
         known.count += 1
         known.last = now
 
-    def untold(self) -> list[Log]:
-        """Notes about what was dropped since that was told last: for the end of a run."""
+    def untold(self, now: float) -> list[Log]:
+        """Return notes about what was dropped since the last one: for the end of a run, at ``now``."""
         left = {kind: count for kind, count in self.counts.items() if count > self._told[kind][0]}
-        self._told.update((kind, (count, self._mind.now)) for kind, count in left.items())
+        self._told.update((kind, (count, now)) for kind, count in left.items())
         return [Log("warning", f"{count} {kind} were dropped in all") for kind, count in left.items()]

@@ -10,19 +10,20 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.terms.terms import Literal, deref
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.frames import PLAN, RELEVANT, Frame
+from agentd.mind.data.intention import PLAN, RELEVANT, Event, Frame
 from agentd.mind.data.registry import find_action
 from agentd.mind.introspection.decision_views import RejectedView, event_text, plan_view, reason_of, what_failed
 from agentd.mind.introspection.diagnosis import rejected_plans
 from agentd.mind.introspection.failure_text import as_they_are, failure_of
 from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.state import MindState
 
 _MOST_SHOWN: Final = 5
 """So many plans, goals or beliefs are named; of further ones the number."""
 _GOAL_CLOSENESS: Final = 0.7
 
 
-def failure_report(mind: Any, failed: Failed, goals: Sequence[str], frames: Sequence[Frame], because: str) -> Log:
+def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames: Sequence[Frame], because: str) -> Log:
     """The note for a failure that ends its intention.
 
     ``goals`` are the texts of the goals that end, innermost first, and ``frames`` those of their plans; ``because`` is
@@ -43,7 +44,7 @@ def failure_report(mind: Any, failed: Failed, goals: Sequence[str], frames: Sequ
     return Log("warning", _sentence(failed), tuple(details), position, ends=True)
 
 
-def unhandled_report(mind: Any, event: Any) -> Log:
+def unhandled_report(mind: MindState, event: Event) -> Log:
     """The note for a failed goal whose failure plans do not fit; the annotations of its event tell what failed."""
     relevant, args, annots, _ = event
     failed, position = failure_of(annots)
@@ -110,7 +111,7 @@ def _unknown_action(failed: Failed) -> str:
     return ""
 
 
-def _hints(mind: Any, failed: Failed) -> Iterable[str]:
+def _hints(mind: MindState, failed: Failed) -> Iterable[str]:
     """What may help to mend it."""
     match failed.error:
         case "test_goal_failed":
@@ -147,7 +148,7 @@ def _why(rejected: RejectedView) -> str:
     )
 
 
-def _beliefs_like(mind: Any, failed: Failed) -> Iterable[str]:
+def _beliefs_like(mind: MindState, failed: Failed) -> Iterable[str]:
     asked = deref(failed.code)
     if type(asked) is not Literal:
         return
@@ -164,7 +165,7 @@ def _beliefs_like(mind: Any, failed: Failed) -> Iterable[str]:
         yield f"nothing is believed about {asked.sig.indicator}{hint}"
 
 
-def _goals_like(mind: Any, goal: Any) -> Iterable[str]:
+def _goals_like(mind: MindState, goal: Any) -> Iterable[str]:
     if goal is None:
         return
     known: dict[str, Any] = {}
@@ -195,7 +196,7 @@ def _actions_like(action: Literal) -> Iterable[str]:
         yield found.removeprefix("; ")
 
 
-def _agents_like(mind: Any, sending: Any) -> Iterable[str]:
+def _agents_like(mind: MindState, sending: Any) -> Iterable[str]:
     if type(sending) is Literal and sending.args and mind.agents is not None:
         found = near(short_text(sending.args[0]), [name for name in mind.agents() if name != mind.name])
         if found:

@@ -14,9 +14,10 @@ from agentd.language.terms.terms import EMPTY, Code, List, Literal, atom, deref
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.frames import ARGS, RELEVANT, Frame, Step
-from agentd.mind.data.intention import Event, values_of
+from agentd.mind.data.intention import ARGS, RELEVANT, Event, Frame, Step, values_of
 from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.state import MindState
 
 _LONGEST: Final = 200
 _MOST_MEMBERS: Final = 10_000
@@ -108,7 +109,7 @@ def facts_of(annots: tuple[Any, ...]) -> tuple[str, str]:
     return text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, ""))
 
 
-def context_failed(mind: Any, relevant: Any, plan: Any, error: Exception) -> None:
+def context_failed(mind: MindState, relevant: Relevant, plan: Any, error: Exception) -> None:
     """Tell that the context of a plan could not be computed; the other plans are tried."""
     what = "it is too deep" if isinstance(error, RecursionError) else str(error) or type(error).__name__
     position = None if plan is None else plan.syntax.position

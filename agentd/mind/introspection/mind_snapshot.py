@@ -10,9 +10,9 @@ from agentd.language.terms.format import flat_text, text
 from agentd.language.terms.source_annotations import is_source
 from agentd.language.terms.terms import EMPTY, List, Literal
 from agentd.mind.beliefs.term_copy import resolve_all, resolve_annots
-from agentd.mind.data.frames import ARGS, RELEVANT, STEP
-from agentd.mind.data.intention import Intention
+from agentd.mind.data.intention import ARGS, RELEVANT, STEP, Event, Intention
 from agentd.mind.introspection.term_snapshot import held, short_text
+from agentd.mind.state import MindState
 
 LONGEST_BELIEF: Final = 2_000
 """Characters of a belief that are shown."""
@@ -74,13 +74,13 @@ class QuestionView:
     position: str
 
 
-def views_of_intentions(mind: Any, most: int | None) -> list[IntentionView]:
+def views_of_intentions(mind: MindState, most: int | None) -> list[IntentionView]:
     pending = {e[3].id: e for e in mind.events if e[3] is not None}
     intentions = (intention for intention in mind.all_intentions() if intention.stack)
     return [_view(intention, pending.get(intention.id)) for intention in islice(intentions, most)]
 
 
-def _view(intention: Intention, event: Any) -> IntentionView:
+def _view(intention: Intention, event: Event | None) -> IntentionView:
     state, reason = "running", ""
     if intention.suspended is not None:
         state, reason = "suspended", intention.suspended
@@ -104,15 +104,15 @@ def _goals(intention: Intention) -> list[GoalView]:
     return found
 
 
-def views_of_beliefs(mind: Any) -> list[BeliefView]:
+def views_of_beliefs(mind: MindState) -> list[BeliefView]:
     return [BeliefView(text(fact.bare()), text(fact)) for fact in mind.beliefs.facts()]
 
 
-def views_of_events(mind: Any, most: int) -> list[EventView]:
+def views_of_events(mind: MindState, most: int) -> list[EventView]:
     return [_event_view(event) for event in islice(mind.all_events(), most)]
 
 
-def _event_view(event: Any) -> EventView:
+def _event_view(event: Event) -> EventView:
     relevant, args, annots, intention = event
     literal = Literal(relevant.sig, resolve_all(args), resolve_annots(annots))
     return EventView(
@@ -120,7 +120,7 @@ def _event_view(event: Any) -> EventView:
     )
 
 
-def views_of_questions(mind: Any) -> list[QuestionView]:
+def views_of_questions(mind: MindState) -> list[QuestionView]:
     found = []
     for identity, question in mind.questions.items():
         last = question.intention.last
@@ -150,7 +150,7 @@ def _name(source: Any) -> str:
     return str(source.sig.name) if plain else short_text(source)
 
 
-def believed(mind: Any, most: int, about: str = "") -> tuple[list[Literal], int]:
+def believed(mind: MindState, most: int, about: str = "") -> tuple[list[Literal], int]:
     """The facts to be shown, and how many there are in all; ``about`` is the functor that they are to have.
 
     No predicate is left out for another that has many facts: each has room for an equal share, newest first.

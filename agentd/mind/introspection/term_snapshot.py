@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from agentd.language.terms.format import flat_text, text
 from agentd.language.terms.terms import EMPTY, Code, Collection, Expression, List, Literal, Var, atom, deref, make_list
-from agentd.mind.data.frames import ARGS, VARIABLES, Frame
+from agentd.mind.data.intention import ARGS, VARIABLES, Frame
 
 _MOST_COPIED: Final = 60
 """So many parts of a term with variables in it are copied; what lies beyond shows as ``...``."""

@@ -30,6 +30,7 @@ from agentd.mind.persistence.term_codec import (
     terms_to_bytes,
     write_terms,
 )
+from agentd.mind.state import MindState
 
 Tell = Callable[[str, Exception], None]
 """Told what cannot be kept, and why."""
@@ -266,7 +267,7 @@ class KeptBeliefs(BeliefBase):
                 self.predicate(signature(functor, int(arity), sign == "~", namespace))
         self._mentioned = len(self._predicates)
 
-    def restore(self, mind: Any, program: Any, stored: StoredMind, removed: list[str], tell: Tell) -> None:
+    def restore(self, mind: MindState, program: Any, stored: StoredMind, removed: list[str], tell: Tell) -> None:
         """Believe what was believed, without events. Rules that the program has now and had not come last.
 
         ``removed`` is what `values` has told about the program's rules.
@@ -297,7 +298,7 @@ class KeptBeliefs(BeliefBase):
             if id(item) in left:
                 add_rule(mind, item, {}, last=True)
 
-    def _put(self, mind: Any, rank: int, data: bytes, own: dict[str, list[nodes.Rule]]) -> None:
+    def _put(self, mind: MindState, rank: int, data: bytes, own: dict[str, list[nodes.Rule]]) -> None:
         (entry,), changeable = read_terms(data)
         if type(entry) is str:
             if own.get(entry):

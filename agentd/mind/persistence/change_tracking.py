@@ -19,12 +19,14 @@ from typing import Any
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.terms.terms import Literal
 from agentd.mind.data.inputs import Mail
+from agentd.mind.data.intention import Event
 from agentd.mind.execution.program_loading import load_program, register_functions, warn
 from agentd.mind.persistence.belief_store import KeptBeliefs
 from agentd.mind.persistence.pending_events import Origin, Origins, Pending
 from agentd.mind.persistence.plan_store import KeptPlans
 from agentd.mind.persistence.rows import MindChanges, PendingKey, StoredMind
 from agentd.mind.persistence.term_codec import BadBytes, CannotKeep, terms_from_bytes, terms_to_bytes
+from agentd.mind.state import MindState
 
 
 class Keeper:
@@ -64,7 +66,7 @@ class Keeper:
         self._beliefs = KeptBeliefs(opened)
         return self._beliefs
 
-    def begin(self, mind: Any, program: CompiledProgram) -> None:
+    def begin(self, mind: MindState, program: CompiledProgram) -> None:
         """Give the mind its program, and what it was before if it is restored."""
         self._mind, self._plans = mind, KeptPlans(mind.plans)
         self._functions = set(program.functions)
@@ -76,6 +78,7 @@ class Keeper:
             self._restore(mind, program, self._stored)
             self._stored = None
         self._origins = Origins(mind, max((number for queued, number in self._waiting if queued), default=0))
+        mind.take_event = self._origins.take_event
         for event in mind.events:
             self._origins.mark(event, Origin.NEVER)
 
@@ -96,7 +99,7 @@ class Keeper:
                 count += 1
         return count
 
-    def give_in_any_case(self, event: Any) -> None:
+    def give_in_any_case(self, event: Event) -> None:
         """A queued event of the mind's own is given again like those of others: the mind has no other word of it."""
         self._origins.mark(event, Origin.OTHERS)
 
@@ -219,7 +222,7 @@ class Keeper:
 
     # --- restoring ---
 
-    def _restore(self, mind: Any, program: CompiledProgram, stored: StoredMind) -> None:
+    def _restore(self, mind: MindState, program: CompiledProgram, stored: StoredMind) -> None:
         """Give a mind its program and all that was kept, without events."""
         values = self._read_values(stored)
         functions = values.get("functions", [])

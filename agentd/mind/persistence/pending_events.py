@@ -15,12 +15,13 @@ from agentd.language.terms.format import text
 from agentd.language.terms.source_annotations import SELF, SOURCE_PERCEPT, SOURCE_SELF, is_source
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.beliefs.term_copy import detach
-from agentd.mind.data.frames import ANNOTS, ARGS, PLAN, RELEVANT, STEP
 from agentd.mind.data.inputs import Mail
-from agentd.mind.data.intention import Event, Intention
+from agentd.mind.data.intention import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Event, Intention
 from agentd.mind.execution.answer_by_plan import AnsweringPlan
 from agentd.mind.persistence.rows import PendingKey
 from agentd.mind.persistence.term_codec import BadBytes, terms_from_bytes, terms_to_bytes
+from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.state import MindState
 
 _MOST_NOTED: Final = 4096
 """So many roots are noted before those of intentions that have ended are looked for."""
@@ -65,7 +66,7 @@ class Pending(NamedTuple):
         raise BadBytes("no event")
 
 
-def written(relevant: Any, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
+def written(relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
     """An event as it is written."""
     return f"{relevant.text}{text(Literal(relevant.sig, args, annots))}"
 
@@ -81,9 +82,9 @@ class _Root(NamedTuple):
 
 
 class Origins:
-    """Knows where the events and intentions of a mind come from. It takes the place of ``mind.take_event``."""
+    """Knows where the events and intentions of a mind come from. Its `take_event` is the mind's."""
 
-    def __init__(self, mind: Any, places: int) -> None:
+    def __init__(self, mind: MindState, places: int) -> None:
         """``places`` in the queue were given before, in a former life."""
         self._mind, self._take = mind, mind.take_event
         self._marked: dict[int, tuple[Event, Origin]] = {}
@@ -97,13 +98,12 @@ class Origins:
         self._places = places
         self._taken: Event | None = None
         """The event that a plan is being selected for."""
-        mind.take_event = self.take_event
 
     def mark(self, event: Event, origin: Origin) -> None:
         """Say where a queued event comes from."""
         self._marked[id(event)] = (event, origin)
 
-    def take_event(self, mind: Any, event: Event) -> bool:
+    def take_event(self, mind: MindState, event: Event) -> bool:
         """`agentd.mind.execution.event_selection.take_event`, noting where an intention that begins comes from."""
         self._taken = event
         taken = self._take_noted(mind, event) if event[3] is None else bool(self._take(mind, event))
@@ -133,7 +133,7 @@ class Origins:
             events.extend(left)
         return dropped
 
-    def _take_noted(self, mind: Any, event: Event) -> bool:
+    def _take_noted(self, mind: MindState, event: Event) -> bool:
         marked = self._marked.pop(id(event), None)
         origin = self._by_source(event) if marked is None else marked[1]
         began, seen = mind.intention_count, event[1]

@@ -1,4 +1,7 @@
-"""Plans nested in ``{ }``: which are in sight of an event (rule 95)."""
+"""Find the plan for an event: in order, with plans nested in ``{ }`` (rule 95), for contexts that ask for intentions.
+
+A context that asks for its intention gets that of the event in hand, which is noted in such programs alone.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from agentd.mind.beliefs.unification import Trail, undo
-from agentd.mind.data.frames import PLAN, Frame
-from agentd.mind.data.intention import Intention
+from agentd.mind.data.intention import PLAN, Event, Frame, Intention
+from agentd.mind.plans.plan_library import Plan, Relevant
+from agentd.mind.state import MindState
 
 
-def select_first(mind: Any, trail: Trail, event: Any) -> Frame | None:
+def select_first(mind: MindState, trail: Trail, event: Event) -> Frame | None:
     """The frame of the first applicable plan for an event, with its bindings on the trail."""
     relevant, args, annots, _ = event
     mark = len(trail)
@@ -22,7 +26,7 @@ def select_first(mind: Any, trail: Trail, event: Any) -> Frame | None:
     return None
 
 
-def select_nested(mind: Any, trail: Trail, event: Any) -> Frame | None:
+def select_nested(mind: MindState, trail: Trail, event: Event) -> Frame | None:
     """The same in programs with nested plans: those in sight come first."""
     relevant, args, annots, intention = event
     frame = nested_frame(mind, trail, relevant, args, annots, intention)
@@ -30,7 +34,7 @@ def select_nested(mind: Any, trail: Trail, event: Any) -> Frame | None:
 
 
 def nested_frame(
-    mind: Any, trail: Any, relevant: Any, args: Any, annots: Any, intention: Intention | None
+    mind: MindState, trail: Trail, relevant: Relevant, args: Any, annots: Any, intention: Intention | None
 ) -> Frame | None:
     """The frame of a nested plan for an event, if one is in sight and applicable."""
     for plan, around in nested_plans(mind, relevant, intention):
@@ -42,7 +46,7 @@ def nested_frame(
     return None
 
 
-def nested_plans(mind: Any, relevant: Any, intention: Intention | None) -> Iterator[tuple[Any, Frame]]:
+def nested_plans(mind: MindState, relevant: Relevant, intention: Intention | None) -> Iterator[tuple[Plan, Frame]]:
     """The nested plans that are in sight of an event, each with the frame of the plan around it.
 
     A goal sees the plans nested in the plan that called it, and those around that plan. A belief event of its own sees
@@ -57,7 +61,17 @@ def nested_plans(mind: Any, relevant: Any, intention: Intention | None) -> Itera
                 yield from _of_frame(mind, relevant, frame, None)
 
 
-def _of_frame(mind: Any, relevant: Any, frame: Frame, intention: Intention | None) -> Iterator[tuple[Any, Frame]]:
+def candidates(mind: MindState, relevant: Relevant, intention: Intention | None) -> Iterator[tuple[Plan, Frame | None]]:
+    """The plans that are relevant for an event in the order in which they are tried, nested ones with that frame."""
+    if mind.plans.has_nested:
+        yield from nested_plans(mind, relevant, intention)
+    for plan in relevant.plans:
+        yield plan, None
+
+
+def _of_frame(
+    mind: MindState, relevant: Relevant, frame: Frame, intention: Intention | None
+) -> Iterator[tuple[Plan, Frame]]:
     plan, around = frame[PLAN], frame
     while plan is not None:
         for inner in plan.subplans:
@@ -70,3 +84,19 @@ def _of_frame(mind: Any, relevant: Any, frame: Frame, intention: Intention | Non
         if enclosing is None:
             return
         around = enclosing
+
+
+def select_noted(mind: MindState, trail: Trail, event: Event) -> Frame | None:
+    """The frame of the first applicable plan, with the event known to its context as the one in hand."""
+    mind.plans.taken = event
+    try:
+        return select_nested(mind, trail, event)
+    finally:
+        mind.plans.taken = None
+
+
+def intention_in_hand(mind: MindState) -> Intention | None:
+    """The intention that is running, or whose event is being given a plan."""
+    taken = mind.plans.taken
+    found: Intention | None = mind.current if taken is None else taken[3]
+    return found

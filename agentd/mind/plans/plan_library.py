@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from agentd.language.compiler.code_writer import Ref
 from agentd.language.compiler.constants import signature_of
@@ -16,11 +16,31 @@ from agentd.language.terms.format import code_text
 from agentd.language.terms.from_ast import Instantiation
 from agentd.language.terms.source_annotations import SOURCE_SELF
 from agentd.language.terms.terms import Code, Literal, atom
-from agentd.mind.data.frames import Frame, Step
-from agentd.mind.execution.sleep_events import is_about_sleep
-from agentd.mind.plans.current_event import asks_for_intention, select_noted
-from agentd.mind.plans.nested_plans import select_first, select_nested
+from agentd.mind.beliefs.unification import Trail
+from agentd.mind.data.intention import Event, Frame, Step
+from agentd.mind.plans.builtins import Library
 
+if TYPE_CHECKING:
+    from agentd.mind.state import MindState
+
+Select: TypeAlias = "Callable[[MindState, Trail, Event], Frame | None]"
+"""Finds the plan for an event: returns the new frame with its bindings on the trail, or None."""
+
+
+class Selection(NamedTuple):
+    """How a mind finds plans."""
+
+    first: Select
+    """Tries the relevant plans in order."""
+    nested: Select
+    """The same for programs with nested plans."""
+    noted: Select
+    """The same for programs whose contexts ask for the intention in hand."""
+    by_rule: Select
+    """Lets the program's rules ``select__option`` choose."""
+
+
+_ASKING: Final = frozenset({".intention", ".current_intention"})
 _ATOMIC = signature("atomic")
 _NEVER = object()
 GENERATED: Final = "p__"
@@ -128,24 +148,24 @@ class Plan:
         for inner in self.subplans:
             inner.unload()
 
-    def _first_select(self, mind: Any, trail: Any, *event: Any) -> Frame | None:
+    def _first_select(self, mind: MindState, trail: Trail, *event: Event) -> Frame | None:
         self.load()
         found: Frame | None = self.select(mind, trail, *event)
         return found
 
-    def _first_trace(self, mind: Any, trail: Any, *event: Any) -> Any:
+    def _first_trace(self, mind: MindState, trail: Trail, *event: Event) -> Any:
         self.load()
         return self.trace(mind, trail, *event)
 
-    def _first_options(self, mind: Any, trail: Any, *event: Any) -> Any:
+    def _first_options(self, mind: MindState, trail: Trail, *event: Event) -> Any:
         self.load()
         return self.options(mind, trail, *event)
 
-    def _select_traced(self, mind: Any, trail: Any, *event: Any) -> Frame | None:
+    def _select_traced(self, mind: MindState, trail: Trail, *event: Event) -> Frame | None:
         found = self.trace(mind, trail, *event)
         return found if type(found) is list else None
 
-    def _trace_options(self, mind: Any, trail: Any, *event: Any) -> Any:
+    def _trace_options(self, mind: MindState, trail: Trail, *event: Event) -> Any:
         return next(self.options(mind, trail, *event))
 
     def load(self) -> None:
@@ -228,7 +248,9 @@ def _only_for(trigger: syntax.Trigger) -> tuple[str, str, Signature] | None:
 class PlanLibrary:
     """All plans of a mind, in order."""
 
-    def __init__(self, compiler: Any, runtime: dict[str, Any], provide: Any) -> None:
+    def __init__(
+        self, compiler: Library, runtime: dict[str, Any], provide: Callable[[Ref], Any], selection: Selection
+    ) -> None:
         self.compiler, self.runtime = compiler, runtime
         self._provide = provide
         self.plans: list[Plan] = []
@@ -237,18 +259,13 @@ class PlanLibrary:
         """Counts up whenever a plan or the source of one comes or goes."""
         self._labels = 0
         self._asks = False
-        self.select: Callable[[Any, Any, Any], Frame | None] | None = None
-        """Finds the plan for an event in another way than by trying the relevant ones in order: called with the mind,
-        the trail and the event, it returns the new frame with its bindings on the trail, or None."""
-        self.select_first: Callable[[Any, Any, Any], Frame | None] = select_first
-        """Tries the relevant plans in order."""
-        self.select_nested: Callable[[Any, Any, Any], Frame | None] = select_nested
-        self.select_noted: Callable[[Any, Any, Any], Frame | None] = select_noted
-        """The same for programs with nested plans, and for those whose contexts ask for the intention in hand."""
-        self._selecting: Callable[[Any, Any, Any], Frame | None] | None = None
+        self.select: Select | None = None
+        """Finds the plan for an event; None: the relevant ones are tried in order."""
+        self.selection = selection
+        self._selecting: Select | None = None
         self._scoped: Callable[..., Frame | None] | None = None
-        self.taken: Any = None
-        """The event that is being given a plan, where contexts ask for it (`agentd.mind.plans.current_event`)."""
+        self.taken: Event | None = None
+        """The event that is being given a plan, where contexts ask for it (`agentd.mind.plans.nested_plans`)."""
         self.has_meta = False
         self.has_nested = False
         self.sleeps = False
@@ -361,7 +378,7 @@ class PlanLibrary:
         """Remember what kinds of plans there are, so that only programs that use them pay for them."""
         if plan.syntax.trigger.operator == "^":
             self.has_meta = self.compiler.has_meta = True
-        self.sleeps = self.sleeps or is_about_sleep(plan.syntax.trigger)
+        self.sleeps = self.sleeps or _is_about_sleep(plan.syntax.trigger)
         if plan.subplans:
             self.has_nested = True
             self._choose()
@@ -370,14 +387,27 @@ class PlanLibrary:
 
     def note_formula(self, formula: Any) -> None:
         """Remember that a context, or a rule that contexts may use, asks for the intention in hand."""
-        if not self._asks and asks_for_intention(formula):
+        if not self._asks and _asks_for_intention(formula):
             self._asks = True
             self._choose()
 
     def _choose(self) -> None:
-        self.select_by(self.select_noted if self._asks else self.select_nested)
+        self.select_by(self.selection.noted if self._asks else self.selection.nested)
 
-    def select_by(self, select: Callable[[Any, Any, Any], Frame | None]) -> None:
+    def choose_by_rule(self) -> None:
+        """Choose among options by the program's rules ``select__option``, unless a selection function does."""
+        if self.compiler.form != "options":
+            self.choose_options(self.selection.by_rule)
+
+    def choose_options(self, select: Select) -> None:
+        """Find plans by a function that chooses among all options from now on."""
+        self.compiler.form = "options"
+        self.selection = Selection(select, select, select, select)
+        self.select_by(select)
+        for plan in self.plans:
+            plan.unload()
+
+    def select_by(self, select: Select) -> None:
         """Find the plans for events by this function from now on."""
         self._selecting = select
         self.select = select if self._scoped is None else partial(self._scoped, select)
@@ -385,7 +415,7 @@ class PlanLibrary:
     def select_within(self, scoped: Callable[..., Frame | None]) -> None:
         """From now on let ``scoped`` call the function that finds plans; it gets that and then its arguments."""
         self._scoped = scoped
-        self.select_by(self._selecting or self.select_first)
+        self.select_by(self._selecting or self.selection.first)
 
     def remove(self, plan: Plan) -> None:
         """Take a plan out; instances of it that run go on."""
@@ -397,3 +427,29 @@ class PlanLibrary:
 
     def __iter__(self) -> Iterator[Plan]:
         return iter(self.plans)
+
+
+def _asks_for_intention(formula: Any) -> bool:
+    """Whether a formula looks at intentions."""
+    pending = [formula]
+    while pending:
+        match pending.pop():
+            case syntax.InternalAction(name=name) if name in _ASKING:
+                return True
+            case syntax.InternalAction(args=args):
+                pending.extend(args)
+            case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
+                pending += (left, right)
+            case syntax.Not(operand=operand):
+                pending.append(operand)
+    return False
+
+
+def _is_about_sleep(trigger: syntax.Trigger) -> bool:
+    """Whether a plan's trigger is for the events of an agent's sleep (`agentd.mind.execution.sleep_events`)."""
+    literal = trigger.literal
+    return (
+        isinstance(literal, syntax.Structure)
+        and literal.functor in ("jag_sleeping", "jag_awaking")
+        and not literal.args
+    )

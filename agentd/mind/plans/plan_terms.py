@@ -18,6 +18,7 @@ from agentd.mind.beliefs.term_copy import is_ground, resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.plans.plan_library import GENERATED, Plan
+from agentd.mind.state import MindState
 
 _LINE, _FILE, _URL = signature("code_line", 1), signature("code_src", 1), signature("url", 1)
 
@@ -38,7 +39,7 @@ def read_plan(text: str) -> nodes.Plan:
         raise Failed("unknown", f"the plan cannot be read: {errors}") from errors
 
 
-def add_plans(mind: Any, term: Any, teller: Any, first: bool) -> None:
+def add_plans(mind: MindState, term: Any, teller: Any, first: bool) -> None:
     """Add a plan term, a text, or a list of both. A plan that is there already gets one source more."""
     members = proper(term)
     for item in [term] if members is None else members:
@@ -52,7 +53,7 @@ def add_plans(mind: Any, term: Any, teller: Any, first: bool) -> None:
         _add_plan(mind, node, values, teller, first)
 
 
-def _add_plan(mind: Any, node: nodes.Plan, values: dict[str, Any], teller: Any, first: bool) -> None:
+def _add_plan(mind: MindState, node: nodes.Plan, values: dict[str, Any], teller: Any, first: bool) -> None:
     known = _same_plan(mind, node, values)
     if known is not None:
         if teller not in known.sources:
@@ -69,13 +70,13 @@ def _add_plan(mind: Any, node: nodes.Plan, values: dict[str, Any], teller: Any, 
     mind.plans.add(plan, first=first)
 
 
-def refuse_label(mind: Any, label: Any) -> None:
+def refuse_label(mind: MindState, label: Any) -> None:
     """Fail where a plan of the library has this label already: labels name one plan each."""
     if is_label(label) and any(p.label.sig.functor == label.functor for p in mind.plans):
         raise Failed("internal_action", f"there is a plan with the label {label.functor} already")
 
 
-def _same_plan(mind: Any, node: nodes.Plan, values: dict[str, Any]) -> Plan | None:
+def _same_plan(mind: MindState, node: nodes.Plan, values: dict[str, Any]) -> Plan | None:
     """The plan of the library with the same trigger, context and body, whatever its label."""
     plan: Plan
     for plan in mind.plans:
@@ -90,7 +91,7 @@ def _rest(node: nodes.Plan) -> tuple[Any, ...]:
     return node.goal_condition, node.subplans
 
 
-def remove_plans(mind: Any, term: Any, teller: Any) -> None:
+def remove_plans(mind: MindState, term: Any, teller: Any) -> None:
     """Take a source away from the plans with a label (or a list of labels); a plan goes with its last one."""
     members = proper(term)
     for item in [term] if members is None else members:
@@ -123,12 +124,12 @@ def read_trigger(term: Any) -> Code:
     return wrong_arguments("a trigger in braces or its text is needed")
 
 
-def relevant_plans(mind: Any, term: Any, told_by: Any = None) -> list[Code]:
+def relevant_plans(mind: MindState, term: Any, told_by: Any = None) -> list[Code]:
     """The plans for a trigger, as terms."""
     return [term_of(plan, told_by) for plan in plans_for(mind, read_trigger(term))]
 
 
-def plans_for(mind: Any, trigger: Code) -> list[Plan]:
+def plans_for(mind: MindState, trigger: Code) -> list[Plan]:
     """The plans whose trigger unifies with this one, in order."""
     node = trigger.syntax
     literal = deref(instantiate(node.literal, dict(trigger.values)))

@@ -15,12 +15,13 @@ from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.data.effects import Log
 from agentd.mind.plans.plan_library import Plan
+from agentd.mind.state import MindState
 
 DEEPEST: Final = 1000
 """Terms nested deeper are left out of the text."""
 
 
-def program_text(mind: Any, goals: list[Any]) -> str:
+def program_text(mind: MindState, goals: list[Any]) -> str:
     """The program, with these initial goals. What cannot be written is left out, and told in the log."""
     lines: list[str] = []
 

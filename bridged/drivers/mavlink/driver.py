@@ -15,9 +15,9 @@ from bridged.drivers.mavlink.actions.context import Task
 from bridged.drivers.mavlink.manifest.action_binding import call_of
 from bridged.drivers.mavlink.manifest.capabilities import offer_of
 from bridged.drivers.mavlink.manifest.message_fields import unread
-from bridged.drivers.mavlink.registration import forward_of
 from bridged.drivers.mavlink.session import Conversation
-from bridged.drivers.mavlink.transport.link import Ids, LinkAddress
+from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
+from bridged.drivers.mavlink.transport.link import Ids
 from bridged.drivers.mavlink.transport.link_state import LinkState
 from bridged.drivers.mavlink.transport.shared_links import Links, Rider, SharedLink
 from bridged.drivers.mavlink.transport.signing import read_key
@@ -70,7 +70,7 @@ class MavlinkDriver:
             self._carry,
             unread(setup.manifest),
             None if robot.signing is None else read_key(setup.folder / robot.signing.passphrase_file),
-            forward_of(robot),
+            tuple(map(LinkAddress.parse, link_strings(robot.forward))),
             setup.state,
         )
         self._state = LinkState(setup.on_reading)

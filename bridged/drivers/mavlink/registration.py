@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from bridged.drivers.api import Driver, Order, Setup
-from bridged.drivers.mavlink.transport.address import FORMS, LinkAddress, LinkAddressError
+from bridged.drivers.mavlink.transport.address import FORMS, LinkAddress, LinkAddressError, link_strings
 from schemas.files.findings import Finding
 from schemas.manifest.loader import Manifest
 from schemas.mission.model import Robot
@@ -53,18 +53,9 @@ def make_driver(setup: Setup) -> Driver:
     return MavlinkDriver(setup)
 
 
-def forward_of(robot: Robot) -> tuple[LinkAddress, ...]:
-    """The links to the ground stations of a vehicle. Raises LinkAddressError."""
-    return tuple(LinkAddress.parse(text) for text in _forward(robot))
-
-
-def _forward(robot: Robot) -> tuple[str, ...]:
-    return (robot.forward,) if isinstance(robot.forward, str) else robot.forward
-
-
 def _forward_problems(robot: Robot, link: LinkAddress | None) -> Iterator[tuple[str, str]]:
     seen = set()
-    for text in _forward(robot):
+    for text in link_strings(robot.forward):
         try:
             address = LinkAddress.parse(text)
         except LinkAddressError as error:

@@ -1,6 +1,5 @@
 """The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
 
-from bridged.simulation.copter.arming_checks import arming_problems
 from bridged.simulation.copter.battery import CHARGE_S, Battery
 from bridged.simulation.copter.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
 from bridged.simulation.copter.dynamics import Axis, Motion, Vector
@@ -128,11 +127,34 @@ class Copter:
             return "init failed"
         return None
 
+    def arming_problems(self) -> list[str]:
+        """Return the failed arming checks in the vehicle's words; none if the motors can be armed."""
+        if not self.passed(Milestone.READY):
+            return ["System not initialised"]
+        if not self.passed(Milestone.EKF_YAW):
+            return ["Need Alt Estimate"]
+        if not self.passed(Milestone.ACCELS_AGREE):
+            return ["Accels inconsistent"]
+        problems = [self.hindrance] if self.hindrance else []
+        if not self.passed(Milestone.HOME):
+            problems.append("AHRS: waiting for home")
+        if not self.passed(Milestone.GYROS_AGREE):
+            problems.append("Gyros inconsistent")
+        if not self.mode.armable:
+            problems.append(f"{self.mode.name} mode not armable")
+        elif self.mode.needs_position and not self.passed(Milestone.POSITION):
+            problems.append("Need Position Estimate")
+        if self.home is not None and self.fence.breach(self.motion.position, self.home_on_chart):
+            problems.append("vehicle outside fence")
+        if self.battery.shortage or self.battery.empty:
+            problems.append("Battery failsafe")
+        return problems
+
     def arm(self, *, force: bool = False) -> Result:
         """Starts the motors and sets home here."""
         if self.armed:
             return Result.ACCEPTED
-        problems = arming_problems(self)
+        problems = self.arming_problems()
         if problems and not (force and self.passed(Milestone.READY)):
             for problem in problems:
                 self.say(f"Arm: {problem}", Severity.CRITICAL)

@@ -6,6 +6,7 @@ import pytest
 
 from agentd.mind.data.effects import CancelAction, PerformAction
 from agentd.mind.data.inputs import ActionDone
+from agentd.mind.execution.goal_execution import add_goal
 from tests.agentd.minds import run, term
 
 
@@ -23,7 +24,7 @@ from tests.agentd.minds import run, term
 def test_what_drops_a_goal_cancels_the_action_that_it_waits_for(formula: str) -> None:
     world = run(f"!away. +!away <- goto(1, 2, 3); .print(arrived). -!away <- .print(failed). +!stop <- {formula}.")
     (performed,) = world.of(PerformAction)
-    world.mind.add_goal(term("stop"))
+    add_goal(world.mind, term("stop"))
     world.settle()
     assert [one.id for one in world.of(CancelAction)] == [performed.id]
     world.feed(ActionDone(performed.id, False, "cancelled by bob", "cancelled"))

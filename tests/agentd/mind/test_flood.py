@@ -25,8 +25,8 @@ FLOOD = """
 
 @pytest.fixture(autouse=True)
 def _low_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.mind.mind.MOST_FOCUSES", 500)
-    monkeypatch.setattr("agentd.mind.mind.FOR_OTHERS", 50)
+    monkeypatch.setattr("agentd.mind.state.MOST_FOCUSES", 500)
+    monkeypatch.setattr("agentd.mind.state.FOR_OTHERS", 50)
 
 
 def focuses(mind: Mind) -> int:
@@ -45,9 +45,9 @@ def test_events_without_end_are_bounded_counted_and_told_once_in_a_while() -> No
     assert [text.startswith(first) for text in told] == [True] * 3
     assert "so far)" in told[1]
     assert mind.drops.counts["events"] > 1000
-    last = mind.drops.untold()
+    last = mind.drops.untold(mind.now)
     assert [note.text for note in last] == [f"{mind.drops.counts['events']} events were dropped in all"]
-    assert mind.drops.untold() == []
+    assert mind.drops.untold(mind.now) == []
 
 
 def test_messages_and_percepts_are_still_handled() -> None:

@@ -21,6 +21,7 @@ from agentd.mind.data.inputs import (
     PerceptRemoved,
     PerceptReplaced,
 )
+from agentd.mind.execution.goal_execution import add_goal
 from tests.agentd.minds import World, mind_of, run, term
 
 
@@ -89,7 +90,7 @@ def test_a_cycle_costs_the_same_however_many_intentions_run() -> None:
     def make(size: int) -> World:
         mind = mind_of("+!work(I) <- .my_name(_); !work(I).")
         for number in range(size):
-            mind.add_goal(term(f"work({number})"))
+            add_goal(mind, term(f"work({number})"))
         mind.run(0.0, 4 * size)
         return World(mind)
 
@@ -120,12 +121,12 @@ def test_an_atomic_plan_takes_its_turns_however_many_intentions_stand_by() -> No
     def make(size: int) -> World:
         mind = mind_of("+!work <- .my_name(_); !work. @a[atomic] +!go <- !part; !part; !part. +!part <- .my_name(_).")
         for _ in range(size):
-            mind.add_goal(term("work"))
+            add_goal(mind, term("work"))
         mind.run(0.0, 4 * size)
         return World(mind)
 
     def act(world: World) -> None:
-        world.mind.add_goal(term("go"))
+        add_goal(world.mind, term("go"))
         for _ in range(40):
             world.mind.run(0.0, 1)
         assert world.mind.atomic is None

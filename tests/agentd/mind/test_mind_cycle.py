@@ -100,7 +100,7 @@ def test_a_suspended_intention_goes_on_after_resume() -> None:
 
 
 def test_an_agent_that_floods_itself_is_bounded_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agentd.mind.mind.MOST_FOCUSES", 500)
+    monkeypatch.setattr("agentd.mind.state.MOST_FOCUSES", 500)
     world = run("!a. +!a <- for (.range(I,1,1000)) { !!b(I) }; .print(done). +!b(I) <- .wait(100000).")
     assert world.prints == ["done"]
     assert len(world.mind.all_intentions()) <= 501

@@ -50,7 +50,7 @@ Schedule = list[tuple[float, list[Input]]]
 def live(traced: Traced, schedule: Iterable[tuple[float, list[Input]]], cycles: int = 7) -> None:
     """Let a mind live: in each turn it runs until there is nothing to do, some cycles at a time."""
     now = [traced.birth.start]
-    traced.mind._clock = lambda: now[0]
+    traced.mind.clock = lambda: now[0]
     for turn, (seconds, items) in enumerate(schedule):
         for item in items:
             traced.mind.feed(item)

@@ -93,9 +93,7 @@ def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
         course = agent.host._tracing.course
         await until(lambda: not course.on, "the beginning is dropped")
         await greeted(agent, 1, 2)
-        recorder_of_mind = agent.host._mind.recorder
-        assert recorder_of_mind is not None
-        assert recorder_of_mind.pass_on is None  # nobody is told of inputs any more
+        assert agent.host._mind.on_input is None  # nobody is told of inputs any more
         assert course.dropped > 10
         assert agent.host.health().counters["trace_dropped"] == course.dropped
         late = Recorder(bus, "uav")

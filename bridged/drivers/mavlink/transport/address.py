@@ -76,3 +76,8 @@ def _bare_host(text: str, host: str) -> str:
     if not host or len(host) > 253 or any(c.isspace() or not c.isprintable() or c in "/[]" for c in host):
         raise LinkAddressError(text, f"expected a host name or an address, got {host!r}")
     return host
+
+
+def link_strings(field: str | tuple[str, ...]) -> tuple[str, ...]:
+    """The link strings of a field that holds one or more."""
+    return (field,) if isinstance(field, str) else field

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.simulation.copter.arming_checks import arming_problems
 from bridged.simulation.copter.copter import Copter
 from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.flight_tasks import GoTo
@@ -106,7 +105,7 @@ def _run_prearm_checks(desk: Desk, command: Command) -> Result:
     del command
     if desk.copter.armed:
         return Result.TEMPORARILY_REJECTED
-    for problem in arming_problems(desk.copter):
+    for problem in desk.copter.arming_problems():
         desk.copter.say(f"PreArm: {problem}", Severity.CRITICAL)
     return Result.ACCEPTED
 

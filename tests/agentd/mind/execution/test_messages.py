@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agentd.mind.data.effects import Log
 from agentd.mind.data.inputs import Mail
-from agentd.mind.mind import MOST_MAIL
+from agentd.mind.state import MOST_MAIL
 from tests.agentd.minds import World, mind_of, term
 from tests.agentd.teams import Stage
 from tests.support.amount import some_of
