@@ -20,8 +20,8 @@ from agentd.runtime.program_loader import compose, endings, restart_goal
 from agentd.trace.program_sources import Sources
 from commd.bus.bus import open_bus
 from commd.common.clock import Clock
-from commd.process.output import stderr
-from commd.process.process import ERROR, EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
+from commd.process.output import ERROR, stderr
+from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, run_daemon, tls_of
 from commd.process.restart_counter import begin_life
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Finding, Findings

@@ -31,6 +31,7 @@ from commd.process.systemd import Member, Unit
 from schemas.files.findings import Findings
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
+from schemas.wire.log_lines import RobotLeft
 
 SETTLED = 3.0
 """Wall seconds after the start by which everything is loaded."""
@@ -176,8 +177,8 @@ async def leave(bridge: Bridge, mission: Mission, stay: float, told_again: async
         left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown, stay, told_again)
     except Exception as error:  # one robot's defect must not keep the others from their way home
         asyncio.get_running_loop().call_exception_handler({"message": f"leaving {bridge.name}", "exception": error})
-        left = "not known, for a defect"
-    log.info("leaving %s: %s", bridge.name, left)
+        left = RobotLeft(robot=bridge.name, state="unconfirmed", text="not known, for a defect")
+    log.info("leaving %s: %s", left.robot, left.text, extra={"event": left})
 
 
 async def finish(tasks: list[asyncio.Task[Any]], bridges: list[Bridge]) -> int:

@@ -534,7 +534,7 @@ class Host:
             case Print(text=text):
                 self._prints.append(text)
                 for line in text.split("\n"):  # each with its agent: none may look like a line of somebody else
-                    stdout().write(f"[{self.part.name}] {escape_line(line)}")
+                    stdout().write(escape_line(line), agent=self.part.name)
             case Log(level=level):
                 log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
             case PerformAction():

@@ -22,7 +22,6 @@ from argosy.fleet_model.members import Member, TeamAgent, TeamRobot
 from argosy.fleet_model.message_log import Letters
 from argosy.fleet_model.mission_clock import MissionClock
 from argosy.fleet_model.naming import named
-from argosy.fleet_model.picture import OPERATOR
 from argosy.fleet_model.places import Places
 from argosy.fleet_model.robots import ActionSeen, ActionsSeen, written
 from argosy.fleet_model.roster import Roster
@@ -216,8 +215,9 @@ class TeamModel:
             return
         self.places.action(action, self._positions, self.now())
         agent = self.agents.get(name)
-        if agent is not None and status.reason.startswith(OPERATOR) and agent.robot in self.robots:
-            self.robots[agent.robot].seen.operator = shortened(status.reason.removeprefix(OPERATOR))
+        ordered = status.order if status.cause == "operator" else None
+        if agent is not None and ordered is not None and agent.robot in self.robots:
+            self.robots[agent.robot].seen.operator = ordered
 
     def mind(self, agent: str, view: MindView, *, detailed: bool = False) -> None:
         """An agent showed its mind; `detailed`: with its plans and all decisions that it keeps."""

@@ -18,9 +18,6 @@ from schemas.wire.records import ActionStatus, Health, Perception
 
 KEPT_PRINTS = 50
 
-OPERATOR = "operator: "
-"""How the reason of an action begins that an operator's order ended."""
-
 
 @dataclass
 class AgentSeen:
@@ -132,8 +129,8 @@ class Picture:
         robot = next((name for name in self.robots if agent in self.mission.agents_of(name)), None)
         if robot is not None and not status.final:
             self.robots[robot].unattended = False
-        elif robot is not None and status.reason.startswith(OPERATOR):
-            self.ordered(robot, status.reason.removeprefix(OPERATOR))
+        elif robot is not None and status.cause == "operator" and status.order is not None:
+            self.ordered(robot, status.order)
 
     def ordered(self, robot: str, order: str) -> None:
         """An operator ordered something that stands above the agents."""

@@ -17,11 +17,13 @@ from contextlib import suppress
 from pathlib import Path
 
 from argosy.processes.process_table import Process
+from schemas.wire import log_lines
+from schemas.wire.log_lines import LogLine
 
 KEPT_LINES = 50
 """Last lines of each process that are kept to explain its end."""
-MAX_LINE = 4_000
-"""Bytes of one line that are kept; the rest of it is cut."""
+MAX_LINE = 65_536
+"""Bytes of one line that are read: more than a `LogLine` can have; the rest is cut."""
 HURRIED = 1.0
 """Seconds that processes still have to leave once the user is in a hurry."""
 _LAUNCHER = str(Path(__file__).with_name("launcher.py"))
@@ -35,7 +37,9 @@ class Child:
         self.process, self.handle = process, handle
         self.name = process.name
         self.pid = handle.pid
-        self.lines: deque[str] = deque(maxlen=KEPT_LINES)
+        self.lines: deque[LogLine] = deque(maxlen=KEPT_LINES)
+        self.logged_error = self.stderr_line = ""
+        """The last error that it has logged, and its last line on standard error that is no log line."""
         self.started = time.monotonic()
         self.told_to_leave = self.killed = False
         """Whether it was told to leave, and whether it was killed as it did not."""
@@ -66,9 +70,8 @@ class Child:
             return "still runs"
         if code < 0:
             return f"was killed by {signal.Signals(-code).name}{self.in_vain}"
-        last = next((line for line in reversed(self.lines) if "error" in line.lower()), "")
-        said = f": {last.strip()}" if last else ""
-        return f"ended by itself with exit code {code}{said}{self.in_vain}"
+        error = self.logged_error or self.stderr_line
+        return f"ended by itself with exit code {code}{f': {error}' if error else ''}{self.in_vain}"
 
     def tell_to_leave(self) -> None:
         """Let it end in its own way."""
@@ -95,7 +98,7 @@ class Child:
 class Supervisor:
     """The processes of a run."""
 
-    def __init__(self, on_line: Callable[[Child, str], None], on_end: Callable[[Child], None]) -> None:
+    def __init__(self, on_line: Callable[[Child, LogLine], None], on_end: Callable[[Child], None]) -> None:
         """`on_line` gets each line that a process writes, `on_end` each process that ended for whatever reason."""
         self.children: list[Child] = []
         self._on_line, self._on_end = on_line, on_end
@@ -110,7 +113,7 @@ class Supervisor:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, **log_lines.AS_JSON, "PYTHONUNBUFFERED": "1"},
             process_group=0,
         )
         child = Child(process, handle)
@@ -179,17 +182,23 @@ class Supervisor:
         while data := await stream.read(_READ_BYTES):
             *lines, waiting = (waiting + data).split(b"\n")
             for line in lines:
-                self._said(child, line)
+                self._take(child, line, stream)
             if len(waiting) > MAX_LINE:
-                self._said(child, waiting)
+                self._take(child, waiting, stream)
                 waiting = b""
         if waiting:
-            self._said(child, waiting)
+            self._take(child, waiting, stream)
 
-    def _said(self, child: Child, line: bytes) -> None:
-        if len(line) > MAX_LINE:
+    def _take(self, child: Child, data: bytes, stream: asyncio.StreamReader) -> None:
+        if len(data) > MAX_LINE:
             self.cut_lines += 1
-        text = line[:MAX_LINE].decode(errors="replace").rstrip()
-        if text:
-            child.lines.append(text)
-            self._on_line(child, text)
+        line = log_lines.decode(data)
+        if line is None:
+            line = LogLine(text=log_lines.cut(data[:MAX_LINE].decode(errors="replace").rstrip()))
+            if line.text and stream is child.handle.stderr:
+                child.stderr_line = line.text
+        elif line.level == "error":
+            child.logged_error = line.text
+        if line.text:
+            child.lines.append(line)
+            self._on_line(child, line)

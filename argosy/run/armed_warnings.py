@@ -20,7 +20,7 @@ def in_the_air(status: Status) -> list[str]:
 def left_alone(status: Status, robot: RobotSeen) -> bool:
     """Whether a vehicle is armed, or was when it was last seen, and its bridge has not left it to a pilot."""
     left = status.left.get(robot.name)
-    return _maybe_flying(status, robot) and (left is None or not left.to_pilot or robot.lost)
+    return _maybe_flying(status, robot) and (left is None or left.state != "piloted" or robot.lost)
 
 
 def last_line(status: Status, robot: str) -> str:
@@ -38,24 +38,24 @@ def age(status: Status, robot: RobotSeen) -> float:
 
 def _maybe_flying(status: Status, robot: RobotSeen) -> bool:
     left = status.left.get(robot.name)
-    landed_since = left is not None and left.how == "not armed" and not robot.lost
+    landed_since = left is not None and left.state == "disarmed" and not robot.lost
     return robot.armed and not landed_since
 
 
 def _line(status: Status, robot: RobotSeen) -> str:
     name, left = robot.name, status.left.get(robot.name)
-    order = left.confirmed if left is not None else ""
+    order = left.order if left is not None else None
     where = "ARMED" if robot.altitude is not None and robot.altitude < ON_GROUND else "IN THE AIR"
     if left is not None:
-        how = f"{order.upper()} confirmed by its bridge" if order else f"its bridge says: {left.how}"
+        how = f"{order.upper()} confirmed by its bridge" if order else f"its bridge says: {left.text}"
     elif name in status.killed:
         how = "its bridge did not leave and was killed, no order was confirmed"
     else:
         how = "its bridge is dead, no order was confirmed"
     if name not in status.setup.real:
         return f"{name} WAS STILL {where}: {how}; it is simulated and ended with the run"
-    if left is not None and left.to_pilot and not robot.lost:
-        return f"{name} IS STILL {where}: {left.how}; nobody else watches it now"
+    if left is not None and left.state == "piloted" and not robot.lost:
+        return f"{name} IS STILL {where}: {left.text}; nobody else watches it now"
     if order and not robot.lost:
         return f"{name} IS STILL {where}: {how}; nobody watches it now"
     ago = f"last heard {status.now() - status.picture.heard_of(robot):.0f} s ago, {robot.last_known()}"

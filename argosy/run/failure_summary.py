@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argosy.run.end_conditions import Ending
-from argosy.run.output_lines import read_line
 from argosy.run.run_status import Status
 
 MOST = 10
@@ -23,7 +22,7 @@ def last_words(status: Status, ending: Ending) -> list[str]:
     for child in status.children:
         if not child.dead:
             continue
-        texts = [read_line(line).text for line in child.lines]
+        texts = [f"[{line.agent}] {line.text}" if line.agent else line.text for line in child.lines]
         new = [text for text in texts if text not in ending.text and (child.name, text) not in told][-MOST_LINES:]
         lines += [f"  last lines of {child.name}", *(f"    {text}" for text in new)] if new else []
     return [*lines, ""] if lines else []

@@ -18,7 +18,7 @@ from argosy.processes.supervisor import Child, Supervisor
 from argosy.recording.record.run_recorder import what_became_of_it
 from argosy.run.armed_warnings import age, last_line
 from argosy.run.end_conditions import Ending, Endings
-from argosy.run.output_parser import Hearing
+from argosy.run.process_output import ProcessOutput
 from argosy.run.recovery import Recovery
 from argosy.run.run_status import Status
 from argosy.run.watchdog import Watchdog
@@ -57,8 +57,8 @@ class Flight:
         """`bound` is called once the routers and bridges have their ports."""
         self.status, self._bound = status, bound
         self._mission, self._journal, self._picture = status.setup.mission, status.journal, status.picture
-        self._hearing = Hearing(status)
-        self._supervisor = Supervisor(self._hearing.wrote, self._ended)
+        self._output = ProcessOutput(status)
+        self._supervisor = Supervisor(self._output.wrote, self._ended)
         status.children = self._supervisor.children
         self._endings = Endings(status, self._supervisor)
         self._watchdog = Watchdog(status)
@@ -89,7 +89,7 @@ class Flight:
             startup.cancel()
             await asyncio.gather(startup, return_exceptions=True)
             self._marks["mission" if "startup" in self._marks else "startup"] = self.finished = self.status.now()
-            self._hearing.ending = True
+            self._output.ending = True
             self._journal.add("argosy", ending.text, "good" if ending.code == EXIT_DONE else "error")
             try:
                 if self._recovery.armed():

@@ -11,8 +11,7 @@ from argosy.fleet_model.picture import Picture
 from argosy.processes.process_table import Setup
 from argosy.processes.resource_usage import Meter
 from argosy.processes.supervisor import Child
-from argosy.recording.record.run_recorder import STARTED
-from argosy.run.output_lines import Left
+from schemas.wire.log_lines import RecordingStarted, RobotLeft
 from schemas.wire.records import RunPhase, RunState
 
 
@@ -38,8 +37,8 @@ class Status:
     """Mission time at which the run ends by its timeout; known once everything is up."""
     up: set[str] = field(default_factory=set)
     """Names of the processes that have shown themselves on the bus."""
-    left: dict[str, Left] = field(default_factory=dict)
-    """How each bridge left its robot, in its own words."""
+    left: dict[str, RobotLeft] = field(default_factory=dict)
+    """How each bridge left its robot."""
     killed: set[str] = field(default_factory=set)
     """Robots whose bridge did not leave in time."""
     frozen: set[str] = field(default_factory=set)
@@ -73,7 +72,7 @@ class Status:
         """Whether a process has come so far that it does its work."""
         subjects, kind = child.process.subject.split(), child.process.kind.name
         if kind == "recorder":
-            return any(line.startswith(STARTED) for line in child.lines)
+            return any(isinstance(line.event, RecordingStarted) for line in child.lines)
         if kind == "simulator":  # a robot that is never told to be connected is there when its simulator runs
             telling = self.setup.telling
             return all(self.picture.robots[robot].connected for robot in subjects if robot in telling)

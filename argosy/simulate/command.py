@@ -25,6 +25,7 @@ from schemas.files.endpoints import host_and_port
 from schemas.files.findings import Finding, Findings
 from schemas.files.yaml_positions import did_you_mean
 from schemas.mission.model import DEFAULT_PORT, Mission
+from schemas.wire.log_lines import LogLine
 
 LEAVE = 1.0
 """Wall seconds that a simulator has to leave."""
@@ -153,6 +154,6 @@ async def _watch(processes: list[Process]) -> int:
     return EXIT_FAILED if dead else EXIT_DONE
 
 
-def _said(child: Child, line: str) -> None:
+def _said(child: Child, line: LogLine) -> None:
     with suppress(OSError):
-        print(f"{child.name}: {line}", flush=True)
+        print(f"{child.name}: {line.text}", flush=True)

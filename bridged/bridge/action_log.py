@@ -20,7 +20,7 @@ from msgspec.structs import replace
 from bridged.drivers.api import Order
 from commd.process.restart_counter import machine_life
 from commd.process.state_dir import make_private_file, make_private_folder
-from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Header, Note, State
+from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cause, Header, Note, State
 
 KEEP = 3600.0
 """Wall seconds for which an id is remembered."""
@@ -45,6 +45,7 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     """Of the action that the id was used for."""
     state: State = "accepted"
     """`accepted` = begun; else how it ended."""
+    cause: Cause | None = None
     reason: str = ""
     after: int | None = None
     """Seq of the last percept before its end, in the life of the bridge that `boot` names."""
@@ -54,7 +55,7 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     free: bool = False
     """Whether any other agent may take it."""
     order: Order | None = None
-    """The operator's order that stands until `release`."""
+    """The operator's order that stands until `release`; of a line with an id: the order that stood above it."""
     paused: bool = False
     """Whether the operator has paused the robot."""
     machine: str = ""
@@ -70,6 +71,8 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
             id=self.id,
             state=self.state,
             result=self.state == "succeeded",
+            cause=self.cause,
+            order=self.order,
             reason=self.reason,
             after=self.after,
             name=self.name,
@@ -132,9 +135,11 @@ class Ledger:
             agent,
             status.name,
             status.state,
+            status.cause,
             status.reason,
             status.after,
             status.header.boot,
+            order=status.order,
         )
         self._append(entry)
 

@@ -5,6 +5,7 @@ Pure: requests and the time (mission seconds) go in, statuses come out. The ledg
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import math
 from collections.abc import Callable, Mapping
@@ -54,8 +55,8 @@ class ActionDesk:
         now: Callable[[], float],
         speed: float = 1.0,
     ) -> None:
-        self.blocked = ""
-        """Why no action is taken now (the operator, or the end of the bridge); empty = they are."""
+        self.blocked: Outcome | None = None
+        """Why no action is taken now (the operator, or the end of the bridge); None = they are."""
         self.lease = lease
         """Which agent has the robot."""
         self.on_control: Callable[[], None] = lambda: None
@@ -95,23 +96,23 @@ class ActionDesk:
         action = replace(request, agent=agent, name=name[:MAX_ID])
         if len(action.id) > MAX_ID:
             action = replace(action, id=action.id[:MAX_ID])
-            self._deny(action, f"an id has {MAX_ID} characters at most, got {len(request.id)}", follower)
+            self._deny(action, _bad(f"an id has {MAX_ID} characters at most, got {len(request.id)}"), follower)
         elif used := self._used_otherwise(action):
-            self._deny(action, used, follower)
+            self._deny(action, _bad(used), follower)
         elif self._known(action, follower):
             pass
         elif request.attempt > 1:
-            self._refuse(action, "bridge restarted", follower)
+            self._refuse(action, Outcome("refused", "bridge restarted", "restart"), follower)
         elif request.name not in ("", name) or request.agent not in ("", agent):
             said = f"{request.agent or agent}/{request.name or name}"
-            self._refuse(action, f"the key says {agent}/{name}, the action says {said}", follower)
+            self._refuse(action, _bad(f"the key says {agent}/{name}, the action says {said}"), follower)
         else:
             self._begin(action, follower)
 
     def turn_away(self, agent: str, name: str, request: Action, reason: str, follower: Follower) -> None:
         """Refuse a request of somebody who may not ask; its id is not used up by that."""
         action = replace(self._identified(agent, request), agent=agent, name=name[:MAX_ID])
-        self._deny(replace(action, id=action.id[:MAX_ID]), reason, follower)
+        self._deny(replace(action, id=action.id[:MAX_ID]), Outcome("refused", reason, "rights"), follower)
 
     def adopt(self, manifest: Manifest) -> None:
         """Take actions by another manifest from now on; those that run go on by their old entry."""
@@ -126,31 +127,37 @@ class ActionDesk:
         if job is not None and job.action.agent == agent:
             goes_on = "" if job.entry.cancel == "hold" or not job.entry.motion else "; the vehicle goes on"
             hold = job.entry.cancel == "hold"
-            return self._end(job, Outcome("cancelled", f"cancelled by {(by or agent)[:MAX_ID]}{goes_on}"), hold=hold)
+            said = f"cancelled by {(by or agent)[:MAX_ID]}{goes_on}"
+            return self._end(job, Outcome("cancelled", said, "cancelled"), hold=hold)
         known = self._ledger.find(action)
         if known is not None and known.agent == agent and known.final is not None:
             return known.final
         unknown = Action(id=action[:MAX_ID], agent=agent)
-        return self._statuses.make(unknown, "refused", f"no action {unknown.id} of {agent}")
+        return self._statuses.ended(unknown, _bad(f"no action {unknown.id} of {agent}"))
 
     def leave(self, agent: str, action: str, reason: str) -> ActionStatus:
         """Refuse to end an action for somebody who may not ask."""
         log.info("robot=%s cancel of %s refused: %s", self.robot, action[:MAX_ID], reason)
-        return self._statuses.make(Action(id=action[:MAX_ID], agent=agent), "refused", reason)
+        unasked = Action(id=action[:MAX_ID], agent=agent)
+        return self._statuses.ended(unasked, Outcome("refused", reason, "rights"))
 
-    def order(self, order: Order, reason: str, *, block: bool, insist: bool) -> Execution:
-        """Begin an order from above: every action that runs fails with `reason`; `block` refuses new ones after it.
+    def order(self, order: Order, ending: Outcome, *, block: bool, insist: bool) -> Execution:
+        """Begin an order from above: every action that runs ends as `ending`; `block` refuses new ones after it.
 
         It goes on against a pilot only if it `insist`s.
         """
         if block:
-            self.blocked = reason
+            self.block(ending)
         self._pause.end()
-        execution = self._calls.order(order, reason, insist=insist)
+        execution = self._calls.order(order, ending, insist=insist)
         self.step()
         for job in list(self._jobs.values()):
-            self._end(job, Outcome("failed", reason), hold=False)
+            self._end(job, ending, hold=False)
         return execution
+
+    def block(self, why: Outcome) -> None:
+        """Take no action from now on."""
+        self.blocked = dataclasses.replace(why, state="refused")
 
     @property
     def ordered(self) -> Order | None:
@@ -199,8 +206,8 @@ class ActionDesk:
         """End the pause: what it has interrupted is asked for again by the same rules, what has waited begins."""
         self._pause.end()
         for job in [job for job in self._jobs.values() if job.held]:
-            if reason := self._driver.refuses(job.entry):
-                self._end(job, Outcome("refused", reason), hold=False)
+            if refusal := self._driver.refuses(job.entry):
+                self._end(job, refusal, hold=False)
             else:
                 self._perform(job)
         self._tell_all()
@@ -224,7 +231,7 @@ class ActionDesk:
                 self._finish(job, job.execution.outcome)
             elif elapsed >= job.deadline_at:
                 waits = f"; it waited for {job.execution.waits_for}" if job.execution.waits_for else ""
-                outcome = Outcome("timed_out", f"not done within {job.deadline:g} s{waits}")
+                outcome = Outcome("timed_out", f"not done within {job.deadline:g} s{waits}", "deadline")
                 holds = job.entry.cancel == "hold" and not defers("hold", self._driver.under_way)
                 self._end(job, outcome, hold=holds)
             elif now - job.told_at >= self._feedback_every or job.execution.cause != job.cause:
@@ -271,45 +278,50 @@ class ActionDesk:
             return True
         if (entry := self._ledger.find(action.id)) is None:
             return False
-        reason = "the bridge restarted while it ran; how it ended is not known"
-        follower(entry.final or self._statuses.make(action, "failed", reason))
+        unknown = Outcome("failed", "the bridge restarted while it ran; how it ended is not known", "restart")
+        follower(entry.final or self._statuses.ended(action, unknown))
         return True
 
     def _begin(self, action: Action, follower: Follower) -> None:
         entry = ACTIONS.get(action.name) or self._manifest.actions.get(action.name)
         if entry is None:
             known = ", ".join(f"{name}/{one.arity}" for name, one in (self._manifest.actions | ACTIONS).items())
-            self._refuse(action, f"{self.robot} has no action {action.name}; it has {known}", follower)
+            self._refuse(action, _bad(f"{self.robot} has no action {action.name}; it has {known}"), follower)
             return
         try:
             arguments = read_arguments(action.name, entry, action.parameters, self._manifest.robot.values)
         except BadArgument as error:
-            self._refuse(action, str(error), follower)
+            self._refuse(action, _bad(str(error)), follower)
             return
         if action.deadline is not None and not action.deadline > 0:
-            self._refuse(action, f"deadline: expected more than 0 s, got {action.deadline:g}", follower)
+            self._refuse(action, _bad(f"deadline: expected more than 0 s, got {action.deadline:g}"), follower)
             return
         now = self._now()
         lent = self.lease.refuses(action.agent, ", ".join(self.running), now)
+        refusal = self.blocked or (
+            Outcome("refused", lent, "agent_lost" if self.lease.closed else "lease") if lent else None
+        )
         if action.name in ACTIONS:
-            self._answer_built_in(action, arguments, self.blocked or lent, follower)
+            self._answer_built_in(action, arguments, refusal, follower)
             return
         rival = self.lease.holder not in ("", action.agent)
-        if reason := self.blocked or lent or self._driver.refuses(entry) or self._busy(action, entry, rival):
-            self._refuse(action, reason, follower)
+        if refusal := refusal or self._driver.refuses(entry) or self._busy(action, entry, rival):
+            self._refuse(action, refusal, follower)
             return
         try:
             self._ledger.begin(action)
         except OSError as error:
             if not entry.supersedes:
-                self._refuse(action, f"its id cannot be kept on disk: {error.strerror}", follower)
+                unkept = Outcome("refused", f"its id cannot be kept on disk: {error.strerror}", "storage")
+                self._refuse(action, unkept, follower)
                 return
             log.error(
                 "robot=%s the id of %s cannot be kept on disk: %s", self.robot, action.id, error.strerror
             )  # a way down must stay
         taken = self._take(action, entry) if rival else []
         for other in self._superseded(entry):
-            self._end(other, Outcome("cancelled", f"superseded by {action.name} of {self._asker(action)}"), hold=False)
+            said = f"superseded by {action.name} of {self._asker(action)}"
+            self._end(other, Outcome("cancelled", said, "superseded"), hold=False)
         self.lease.take(action.agent, now)
         if entry.motion or entry.supersedes or entry.confirm == "mode":
             self.by_hand = self._is_by_hand(action)
@@ -352,21 +364,26 @@ class ActionDesk:
         log.warning("robot=%s %s", self.robot, reason)
         self._pause.end()
         for job in [job for job in self._jobs.values() if job.held]:
-            self._end(job, Outcome("failed", reason), hold=False)
+            self._end(job, Outcome("failed", reason, "pilot"), hold=False)
 
-    def _answer_built_in(self, action: Action, arguments: dict[str, Argument], reason: str, follower: Follower) -> None:
+    def _answer_built_in(
+        self, action: Action, arguments: dict[str, Argument], refusal: Outcome | None, follower: Follower
+    ) -> None:
         """`release` and `hand_over`: done at once, and never while an action of the holder runs."""
-        if not reason and self.lease.holder == action.agent and self._jobs:
-            reason = f"busy: {', '.join(self.running)} is running; cancel it first, or wait for its end"
-        if not reason and action.name == "release":
-            reason = self.lease.release(action.agent)
-        elif not reason:
-            reason = self.lease.give(action.agent, str(arguments["agent"]), self._now())
-        if reason:
-            self._refuse(action, reason, follower)
+        if refusal is None and self.lease.holder == action.agent and self._jobs:
+            said = f"busy: {', '.join(self.running)} is running; cancel it first, or wait for its end"
+            refusal = Outcome("refused", said, "busy")
+        if refusal is None:
+            if action.name == "release":
+                held = self.lease.release(action.agent)
+            else:
+                held = self.lease.give(action.agent, str(arguments["agent"]), self._now())
+            refusal = Outcome("refused", held, "lease") if held else None
+        if refusal is not None:
+            self._refuse(action, refusal, follower)
             return
         log.info("robot=%s action %s %s succeeded", self.robot, action.id, action.name)
-        status = self._statuses.make(action, "succeeded")
+        status = self._statuses.ended(action, Outcome("succeeded"))
         follower(status)
         self._publish(action.agent, status)
         self._record(action, status)
@@ -375,7 +392,7 @@ class ActionDesk:
         """Take the robot from an agent of lower rank: what runs for it fails. Returns what moved the robot."""
         taken = list(self._jobs.values())
         for job in taken:
-            self._end(job, Outcome("failed", f"lease taken by {action.agent}"), hold=False)
+            self._end(job, Outcome("failed", f"lease taken by {action.agent}", "lease"), hold=False)
         moving = [job for job in taken if job.entry.motion]
         if not entry.motion and not entry.supersedes:
             self._hold_for(moving)
@@ -385,28 +402,30 @@ class ActionDesk:
     def _hold_for(self, taken: list[Job]) -> None:
         """Let the robot stay where it is: whoever has taken it does not move it."""
         for job in taken:
-            self._calls.hold(job.execution, job.status.reason)
+            self._calls.hold(job.execution, Outcome("failed", job.status.reason, "lease"))
 
-    def _busy(self, action: Action, entry: ActionEntry, rival: bool) -> str:
-        """Why an action cannot begin beside those that run, empty if it can; what runs for a `rival` would end."""
+    def _busy(self, action: Action, entry: ActionEntry, rival: bool) -> Outcome | None:
+        """Why an action cannot begin beside those that run; None if it can. What runs for a `rival` would end."""
         if rival:
-            return ""
+            return None
         ending = self._superseded(entry)
         for job in self._jobs.values():
             both_move = entry.motion and job.entry.motion
             if job not in ending and (both_move or job.action.name == action.name):
-                return f"busy: {job.action.name} is running"
-        return f"busy: {MAX_RUNNING} actions are running" if len(self._jobs) >= MAX_RUNNING else ""
+                return Outcome("refused", f"busy: {job.action.name} is running", "busy")
+        if len(self._jobs) < MAX_RUNNING:
+            return None
+        return Outcome("refused", f"busy: {MAX_RUNNING} actions are running", "busy")
 
     def _superseded(self, entry: ActionEntry) -> list[Job]:
         return [job for job in self._jobs.values() if job.entry.motion] if entry.supersedes else []
 
-    def _refuse(self, action: Action, reason: str, follower: Follower) -> None:
-        self._record(action, self._deny(action, reason, follower))
+    def _refuse(self, action: Action, refusal: Outcome, follower: Follower) -> None:
+        self._record(action, self._deny(action, refusal, follower))
 
-    def _deny(self, action: Action, reason: str, follower: Follower) -> ActionStatus:
+    def _deny(self, action: Action, refusal: Outcome, follower: Follower) -> ActionStatus:
         """Refuse an action whose id stands for another one, or for none."""
-        status = self._statuses.make(action, "refused", reason)
+        status = self._statuses.ended(action, refusal)
         log.info("robot=%s action %s %s refused: %s", self.robot, action.id, action.name, status.reason)
         follower(status)
         self._publish(action.agent, status)
@@ -422,7 +441,7 @@ class ActionDesk:
         del self._jobs[job.action.id]
         job.progress.end()
         self._board.flush(self._now())
-        status = self._statuses.make(job.action, outcome.state, outcome.reason, job.execution.feedback)
+        status = self._statuses.ended(job.action, outcome, job.execution.feedback)
         self._tell(job, status)  # first: its agent waits for it
         self._record(job.action, status)
         self._note(job)
@@ -454,6 +473,11 @@ class ActionDesk:
             self._ledger.finish(action.agent, status)
         except OSError as error:
             log.error("robot=%s how %s ended cannot be kept on disk: %s", self.robot, status.id, error.strerror)
+
+
+def _bad(reason: str) -> Outcome:
+    """Refuse a request for what is in it."""
+    return Outcome("refused", reason, "request")
 
 
 def _held(name: str, feedback: Mapping[str, float] = MappingProxyType({})) -> Execution:

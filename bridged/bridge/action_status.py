@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from numbers import Real
+from types import MappingProxyType
 
 from msgspec.structs import replace
 
 from bridged.bridge.percepts import PerceptBoard
+from bridged.drivers.api import Outcome
 from schemas.wire.records import Action, ActionStatus, Header, State
 
 MAX_ID = 200
@@ -19,6 +21,7 @@ MAX_FIGURES = 64
 """Figures of one action's progress that its status carries."""
 MAX_FIGURE_NAME = 100
 """Characters of a figure's name."""
+NO_FIGURES: Mapping[str, float] = MappingProxyType({})
 
 
 class Statuses:
@@ -28,22 +31,27 @@ class Statuses:
         self._robot, self._boot, self._stamp, self._board = robot, boot, stamp, board
         self._seq = 0
 
+    def ended(self, action: Action, outcome: Outcome, feedback: Mapping[str, float] = NO_FIGURES) -> ActionStatus:
+        """Return how an action has ended."""
+        succeeded = outcome.state == "succeeded"
+        status = self.make(action, outcome.state, outcome.reason, feedback)
+        return replace(status, result=succeeded, cause=None if succeeded else outcome.cause, order=outcome.order)
+
     def make(
-        self, action: Action, state: State, reason: str = "", feedback: Mapping[str, float] | None = None
+        self, action: Action, state: State, reason: str = "", feedback: Mapping[str, float] = NO_FIGURES
     ) -> ActionStatus:
         """Return what has become of an action by now."""
         self._seq += 1
-        made = ActionStatus(
+        return ActionStatus(
             header=Header(seq=self._seq, stamp=self._stamp(), source=self._robot, boot=self._boot),
             id=action.id,
             state=state,
             reason=legible(reason, MAX_REASON),
-            feedback=figures(feedback or {}),
+            feedback=figures(feedback),
             after=self._board.last_seq(action.agent),
             name=action.name,
             parameters=action.parameters,
         )
-        return replace(made, result=state == "succeeded") if made.final else made
 
 
 def legible(text: object, at_most: int) -> str:

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from bridged.bridge.action_server import ActionDesk
 from bridged.bridge.live_manifest import RunningManifest
 from bridged.bridge.percepts import PerceptBoard
-from bridged.bridge.safety_orders import Orders
+from bridged.bridge.safety_orders import Orders, by_operator
 from bridged.drivers.api import Order
 from bridged.drivers.api import Outcome as OfOrder
 from bridged.drivers.argument_check import signature
@@ -162,7 +162,7 @@ class Service:
                 return self._release(orders, query)
             _tell_outcome(query, orders.release())
             return None
-        desk.blocked = f"operator: {order}"
+        desk.block(by_operator(order))
         self._stops += 1
         return self._carry_out(orders, order, query)
 

@@ -23,6 +23,7 @@ from schemas.wire.records import Note
 HOLD_PATIENCE = 10.0
 """Wall seconds in which a robot must hold that was told so by an action of its manifest."""
 log = logging.getLogger("orders")
+_PAUSED = Outcome("cancelled", "paused by the operator", "operator")
 
 
 @dataclass(frozen=True)
@@ -78,14 +79,15 @@ class Body:
         """A motion begins, or began in a former life of the bridge: the robot is not left without an order."""
         self._moving, self._halt, self._halt_until = True, None, math.inf
 
-    def refuses(self, entry: ActionEntry) -> str:
-        """Why an action cannot begin now: what its driver says, or the robot's own if it moves the robot."""
+    def refuses(self, entry: ActionEntry) -> Outcome | None:
+        """Why an action cannot begin now, by its driver and, if it moves the robot, the robot's own; None if it can."""
         name = self._manifest.driver_of(entry)
         driver = self._drivers[name]
-        refusal = self._upkeep[name].problem or driver.refuses(entry)
-        return refusal or (self.own.refuses(entry) if entry.motion and driver is not self.own else "")
+        if problem := self._upkeep[name].problem:
+            return Outcome("refused", problem)
+        return driver.refuses(entry) or (self.own.refuses(entry) if entry.motion and driver is not self.own else None)
 
-    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
+    def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
         """Begin an order by the robot's driver, or by the action that the manifest names for it; actions end.
 
         One that does not `insist` leaves a safer motion alone.
@@ -97,19 +99,19 @@ class Body:
             return execution
         for execution, begun in list(self._of.items()):
             if not (by_itself and begun.driver is self.own):  # whose driver ends them itself
-                self._end(execution, reason)
-        return self.own.order(order, reason, insist=insist) if by_itself else self._by_action(order)
+                self._end(execution, ending)
+        return self.own.order(order, ending, insist=insist) if by_itself else self._by_action(order)
 
     def pause(self, interrupted: Collection[Execution]) -> Execution:
         """Hold the robot until `resume`; `interrupted` end without a word, other actions go on."""
         for execution in interrupted:
             begun = self._of.get(execution)
             if begun is not None and not (begun.driver is self.own and isinstance(self.own, Pausable)):
-                self._end(execution, "paused by the operator")
+                self._end(execution, _PAUSED)
         if isinstance(self.own, Pausable):
             return self.own.pause(interrupted)
         if "hold" in self.own.orders:
-            return self.own.order("hold", "paused by the operator", insist=True)
+            return self.own.order("hold", _PAUSED, insist=True)
         return self._by_action("hold")
 
     def resume(self) -> Execution:
@@ -128,16 +130,16 @@ class Body:
         ran, begun = not execution.over, self._of.get(execution)
         (self.own if begun is None else begun.driver).stop(execution, outcome, hold=hold)
         if ran and hold and self._holds_by_action:
-            said = self._hold(outcome.reason)
+            said = self._hold(outcome)
             if said and execution.outcome is not None:
                 execution.outcome = replace(execution.outcome, reason=f"{execution.outcome.reason}; {said}")
 
-    def hold(self, execution: Execution, reason: str) -> None:
+    def hold(self, execution: Execution, ending: Outcome) -> None:
         """Let the robot stay where it is although what moved it has ended: whoever has it now does not move it."""
         if self._holds_by_action:
-            self._hold(reason)
+            self._hold(ending)
         elif begun := self._of.get(execution):
-            begun.driver.stop(execution, Outcome("failed", reason), hold=True)
+            begun.driver.stop(execution, ending, hold=True)
 
     @property
     def active(self) -> bool:
@@ -246,7 +248,7 @@ class Body:
         """A driver does not run: what it carries out has failed, and what an auxiliary one told holds no longer."""
         for execution, begun in list(self._of.items()):
             if begun.driver is self._drivers[name]:
-                self._end(execution, why)
+                self._end(execution, Outcome("failed", why))
         if name != self._manifest.robot.driver:
             for source in {entry.source for entry in self._manifest.part(name).percepts.values()}:
                 self._setup.on_reading(Reading(source, None, name))
@@ -255,7 +257,7 @@ class Body:
     def _step(self) -> None:
         """A driver has looked at its executions: also at a hold that nobody else waits for."""
         if self._halt is not None and self._setup.clock.wall() > self._halt_until:
-            outcome = Outcome("timed_out", f"not done within {HOLD_PATIENCE:g} s")
+            outcome = Outcome("timed_out", f"not done within {HOLD_PATIENCE:g} s", "deadline")
             self.stop(self._halt, outcome, hold=False)
         self._setup.on_step()
 
@@ -264,19 +266,19 @@ class Body:
         self._loop.beat()
         self._step()
 
-    def _end(self, execution: Execution, reason: str) -> None:
+    def _end(self, execution: Execution, ending: Outcome) -> None:
         if not execution.over:
-            self._of[execution].driver.stop(execution, Outcome("failed", reason), hold=False)
+            self._of[execution].driver.stop(execution, ending, hold=False)
 
     @property
     def _holds_by_action(self) -> bool:
         return "hold" not in self.own.orders and "hold" in self._manifest.orders
 
-    def _hold(self, reason: str) -> str:
+    def _hold(self, ending: Outcome) -> str:
         """End what moves the robot, and let it hold by its action. Returns in words why it does not hold yet."""
         for execution, begun in list(self._of.items()):
             if begun.motion:
-                self._end(execution, reason)
+                self._end(execution, ending)
         halt = self._by_action("hold")
         self._halt_until = self._setup.clock.wall() + HOLD_PATIENCE
         halt.ended = lambda: self._tell_unheld(halt)

@@ -25,10 +25,10 @@ class Guarded:
         except Exception as error:
             return _failed(name, error)
 
-    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
+    def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
         """Begin an order."""
         try:
-            return self._driver.order(order, reason, insist=insist)
+            return self._driver.order(order, ending, insist=insist)
         except Exception as error:
             return _failed(order, error)
 
@@ -54,10 +54,10 @@ class Guarded:
             log.exception("defect in the driver when %s was to end", execution.name)
         execution.end(outcome)
 
-    def hold(self, execution: Execution, reason: str) -> None:
+    def hold(self, execution: Execution, ending: Outcome) -> None:
         """Let the robot stay where it is although what moved it has ended."""
         try:
-            self._driver.hold(execution, reason)
+            self._driver.hold(execution, ending)
         except Exception:
             log.exception("defect in the driver when the robot was to hold after %s", execution.name)
 

@@ -16,9 +16,11 @@ from bridged.bridge.error_boundary import Guarded
 from bridged.drivers.api import Execution, Order, Outcome
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
+from commd.process.log_handler import one_line
 from schemas.files.durations import Duration
 from schemas.files.findings import Findings
 from schemas.mission.model import NO_STEPS, Mission
+from schemas.wire.log_lines import LeftAs, OrderEnded, RobotLeft, RobotReleased
 from schemas.wire.records import Note
 
 ORDER_PATIENCE = 10.0
@@ -66,6 +68,16 @@ def read_steps(mission: Mission, robot: str, field: Literal["on_agent_loss", "on
     return tuple(steps)
 
 
+def by_operator(order: Order) -> Outcome:
+    """How actions end upon the operator's order."""
+    return Outcome("failed", f"operator: {order}", "operator", order)
+
+
+def _stops(more: str = "", order: Order | None = None) -> Outcome:
+    """How actions end when the bridge does."""
+    return Outcome("failed", f"the bridge stops{more}", "shutdown", order)
+
+
 class Orders:
     """Carry out orders, one at a time: a later one takes over from a sequence that is under way.
 
@@ -95,15 +107,16 @@ class Orders:
         """Whether the robot does what it was ordered at the end of the bridge."""
         desk.on_control = self._taken
         if desk.ordered:
-            desk.blocked = f"operator: {desk.ordered}"
+            standing = by_operator(desk.ordered)
+            desk.block(standing)
             told = "as a former life of the bridge was told: no action is taken until `release`"
-            log.warning("robot=%s %s, %s", desk.robot, desk.blocked, told)
+            log.warning("robot=%s %s, %s", desk.robot, standing.reason, told)
 
     def notes(self) -> list[Note]:
         """Return the warnings that hold now."""
         left, blocked = self._left if self._driver.overridden else None, None
         if self._desk.blocked:
-            text = f"no action is taken: {self._desk.blocked}"
+            text = f"no action is taken: {self._desk.blocked.reason}"
             ordered = Note("operator_order", text, self._desk.ordered or "")
             blocked = Note("bridge_stops", text) if self._stopping else ordered
         return [note for note in (left, self._unheard, self._deferred, self._alarm, blocked) if note is not None]
@@ -126,23 +139,26 @@ class Orders:
         """Whether the loss of an agent is being answered."""
         return self._sequence is not None and bool(self._desk.lease.closed)
 
-    async def carry_out(self, order: Order, reason: str, *, block: bool, insist: bool = False) -> Outcome:
-        """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over.
+    async def carry_out(self, order: Order, ending: Outcome, *, block: bool, insist: bool = False) -> Outcome:
+        """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over; actions end as `ending`.
 
         Without `insist` it ends when a pilot, a ground station or a failsafe sets another mode.
         """
-        execution = self._desk.order(order, reason, block=block, insist=insist)
+        execution = self._desk.order(order, ending, block=block, insist=insist)
         if not block:  # to call off a sequence leaves the operator's order alone
             self._execution = execution
         outcome = await self._confirmed(execution)
+        robot, confirmed = self._desk.robot, outcome.state == "succeeded"
+        ended = OrderEnded(robot=robot, order=order, confirmed=confirmed, reason=one_line(outcome.reason))
         log.log(
-            logging.INFO if outcome.state == "succeeded" else logging.ERROR,
+            logging.INFO if confirmed else logging.ERROR,
             "robot=%s %s (%s): %s %s",
-            self._desk.robot,
+            robot,
             order,
-            reason,
+            ending.reason,
             outcome.state,
             outcome.reason,
+            extra={"event": ended} if ending.cause == "operator" else None,
         )
         return outcome
 
@@ -176,15 +192,16 @@ class Orders:
         if may_move and self._lost is not None and self._lost[0] == self._desk.lease.answers and not self._stopping:
             self._back_at = back_at
             self._begin_loss(*self._lost)
-        return await self.carry_out(order, f"operator: {order}", block=True, insist=True)
+        return await self.carry_out(order, by_operator(order), block=True, insist=True)
 
     def release(self) -> Outcome:
         """The operator lets the agents act again, but not while the bridge leaves the robot."""
         if self._stopping:
             return Outcome("refused", "the bridge stops: it takes no action any more")
-        self._desk.blocked = ""
+        self._desk.blocked = None
         self._desk.stand(None)
-        log.info("robot=%s released: actions are taken again", self._desk.robot)
+        released = RobotReleased(robot=self._desk.robot)
+        log.info("robot=%s released: actions are taken again", self._desk.robot, extra={"event": released})
         waits = "; it is paused: they begin when it is told to `continue`" if self._desk.paused else ""
         lost = f"; {self._desk.lease.closed}" if self._loss else ""
         return Outcome("succeeded", f"actions are taken again{waits}{lost}")
@@ -205,12 +222,12 @@ class Orders:
         """
         if self._stopping:
             return Outcome("refused", "the bridge stops: it takes no action any more")
-        if not self._desk.paused and self._desk.blocked:
-            return Outcome("refused", f"it is not paused: {self._desk.blocked}; `release` gives it back to its agents")
+        if not self._desk.paused and (blocked := self._desk.blocked):
+            return Outcome("refused", f"it is not paused: {blocked.reason}; `release` gives it back to its agents")
         if not self._desk.paused:
             return Outcome("succeeded", "it was not paused")
         if order := self._desk.ordered:
-            return await self.carry_out(order, f"operator: {order}", block=True, insist=True)
+            return await self.carry_out(order, by_operator(order), block=True, insist=True)
         outcome = await self._confirmed(self._desk.resume())
         if outcome.state == "succeeded" and self._desk.paused:
             self._desk.go_on()
@@ -233,7 +250,7 @@ class Orders:
             log.warning("robot=%s is not armed and the machine was started since: that ends the order", desk.robot)
             self.release()
         elif (order := desk.ordered) and driver.active:
-            await self.carry_out(order, f"operator: {order}", block=True)
+            await self.carry_out(order, by_operator(order), block=True)
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
         """Do what the mission declares, step by step, until an agent takes control or somebody above it speaks.
@@ -242,7 +259,7 @@ class Orders:
         """
         log.error("robot=%s agent %s is lost (%s)", self._desk.robot, agent, why)
         arming = self._desk.arming
-        self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}"))
+        self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}", "agent_lost"))
         if (self._may_move or arming) and not self._stopping:
             self.call_off()
             self._lost = agent, steps
@@ -365,7 +382,8 @@ class Orders:
         """What the operator does with the robot, and until when; empty = nothing. The operator stands above us."""
         if self._desk.paused:
             return "the robot is paused: it is brought to safety on `continue`"
-        return f"{self._desk.blocked}: it is brought to safety on `release`" if self._desk.blocked else ""
+        blocked = self._desk.blocked
+        return f"{blocked.reason}: it is brought to safety on `release`" if blocked else ""
 
     async def _wait_for_operator(self, why: str) -> None:
         """Wait while the operator has a robot that may move; an agent that is back may take control after that."""
@@ -389,7 +407,8 @@ class Orders:
         if order not in self._driver.orders:
             return outcome
         while self._driver.active and not self._driver.overridden:
-            outcome = await self.carry_out(order, f"{why}: {order}", block=False)
+            ending = Outcome("failed", f"{why}: {order}", "agent_lost", order)
+            outcome = await self.carry_out(order, ending, block=False)
             if outcome.state == "succeeded" or (self._driver.heard and (again or outcome.state != "timed_out")):
                 break
             again = self._driver.heard
@@ -397,8 +416,8 @@ class Orders:
                 await asyncio.sleep(AGAIN)
         return outcome
 
-    async def shut_down(self, order: Order, stay: float = 0.0, leave: asyncio.Event | None = None) -> str:
-        """Leave the robot safe at the end of the bridge. Returns in words what was left.
+    async def shut_down(self, order: Order, stay: float = 0.0, leave: asyncio.Event | None = None) -> RobotLeft:
+        """Leave the robot safe at the end of the bridge. Returns how it was left.
 
         Stay with it for at most `stay` mission seconds, until it is disarmed, a pilot has it, or `leave` is set; with
         one that was not heard yet and for which an agent answers, `FIRST_HEARD` wall seconds until it is heard.
@@ -426,16 +445,18 @@ class Orders:
         """Whether others fly the robot, and not its own way home or down: a failsafe is watched to the ground."""
         return bool(self._driver.overridden) and self._driver.under_way not in COMING
 
-    async def _leave_safe(self, order: Order) -> str:
-        """Order what leaves the robot safe, or what is tried instead. Returns in words what was left."""
+    async def _leave_safe(self, order: Order) -> RobotLeft:
+        """Order what leaves the robot safe, or what is tried instead. Returns how it was left."""
         self.call_off()
-        self._stopping, self._desk.blocked = True, "the bridge stops"
+        self._stopping = True
+        self._desk.block(_stops())
         self._desk.end_pause()
         if self._desk.arming and not self._driver.active:
-            self._desk.end_all("", Outcome("failed", "the bridge stops"))
+            self._desk.end_all("", _stops())
             await asyncio.sleep(ARMING_SHOWS)
         if not self._driver.active:
-            return self._as_last_heard("not armed" if self._driver.arms else "left as it is")
+            said = self._as_last_heard("not armed" if self._driver.arms else "left as it is")
+            return self._left_as("disarmed" if self._driver.heard else "unconfirmed", said)
         outcome, done = Outcome("failed", "the robot has no such order"), order
         for attempt in (order, *self._others(order)):
             if attempt not in self._driver.orders:
@@ -443,18 +464,22 @@ class Orders:
             if mode := self._driver.overridden:
                 under_way = self._driver.under_way
                 if under_way in COMING:
-                    self._desk.end_all("", Outcome("failed", f"the bridge stops; the vehicle comes home in {mode}"))
-                    return f"{under_way}: the vehicle is in {mode}, which others set"
-                self._desk.end_all("", Outcome("failed", f"the bridge stops; {mode} is the pilot's"))
-                return f"left to the pilot in {mode}, {self._as_last_heard('armed')}"
-            outcome, done = await self.carry_out(attempt, f"the bridge stops: {attempt}", block=True), attempt
+                    self._desk.end_all("", _stops(f"; the vehicle comes home in {mode}"))
+                    return self._left_as("ordered", f"the vehicle is in {mode}, which others set", under_way)
+                self._desk.end_all("", _stops(f"; {mode} is the pilot's"))
+                return self._left_as("piloted", f"left to the pilot in {mode}, {self._as_last_heard('armed')}")
+            outcome, done = await self.carry_out(attempt, _stops(f": {attempt}", attempt), block=True), attempt
             if outcome.state == "succeeded":
                 self._secured = True
-                return f"{attempt}: {outcome.reason or 'the vehicle does it'}"
+                return self._left_as("ordered", outcome.reason or "the vehicle does it", attempt)
             if outcome.state == "timed_out":
                 break  # it does not answer: another order would not be heard either
-        state = "armed" if self._driver.arms else "it may be moving"
-        return f"{self._as_last_heard(state)}, and it has not confirmed {done}: {outcome.reason}"
+        state = self._as_last_heard("armed" if self._driver.arms else "it may be moving")
+        return self._left_as("unconfirmed", f"{state}, and it has not confirmed {done}: {outcome.reason}")
+
+    def _left_as(self, state: LeftAs, said: str, order: Order | None = None) -> RobotLeft:
+        text = f"{order}: {said}" if order else said
+        return RobotLeft(robot=self._desk.robot, state=state, order=order, text=one_line(text))
 
     def _others(self, order: Order) -> list[Order]:
         """What is tried when the robot does not do `order`, of what it can."""

@@ -10,9 +10,9 @@ from typing import Any, Literal, Protocol, runtime_checkable
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
 from schemas.files.findings import Finding
-from schemas.manifest.loader import ActionEntry, Manifest, Order
+from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.mission.model import Robot
-from schemas.wire.records import Note
+from schemas.wire.records import Cause, Note, Order
 
 Scalar = bool | int | float | str
 Value = Scalar | list[Any]
@@ -57,10 +57,15 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How an execution ended, and why in words if it did not succeed."""
+    """How an execution ended, and why if it did not succeed."""
 
     state: FinalState
     reason: str = ""
+    """For people."""
+    cause: Cause = "driver"
+    """Of one that did not succeed."""
+    order: Order | None = None
+    """The order that overrides it."""
 
 
 @dataclass(eq=False)
@@ -143,14 +148,14 @@ class Driver(Protocol):
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action whose arguments have been checked."""
 
-    def refuses(self, entry: ActionEntry) -> str:
-        """Why an action cannot begin now, empty if it can.
+    def refuses(self, entry: ActionEntry) -> Outcome | None:
+        """Why an action cannot begin now; None if it can.
 
         Others have the robot until an agent takes control again, or it cannot be told from another one.
         """
 
-    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
-        """Begin one of its `orders`, which stand above every action; whatever runs fails with `reason`.
+    def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
+        """Begin one of its `orders`, which stand above every action; whatever runs ends as `ending`.
 
         The operator's orders `insist`; the others end when a pilot, a ground station or a failsafe takes over, and
         succeed at once where a safer motion is under way (`defers`), whoever began it.

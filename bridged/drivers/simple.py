@@ -39,11 +39,11 @@ class PlainDriver:
         execution.end(outcome)
         self.setup.on_step()
 
-    def refuses(self, entry: ActionEntry) -> str:
+    def refuses(self, entry: ActionEntry) -> Outcome | None:
         """Nothing: nobody else has the robot."""
-        return ""
+        return None
 
-    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
+    def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
         """Fail: the robot knows no order."""
         execution = Execution(order)
         execution.end(Outcome("failed", f"the driver has no order `{order}`"))

@@ -14,7 +14,7 @@ from commd.client.percept_sync import Perceiving
 from commd.liveness.bridge_presence import BridgeWatch
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
-from schemas.wire.records import Action, ActionStatus, Cancel, State
+from schemas.wire.records import Action, ActionStatus, Cancel, Cause, State
 from schemas.wire.terms import Term
 
 log = logging.getLogger("actions")
@@ -107,11 +107,11 @@ class Acting:
         heard = loop.time()
         until, late = heard + patience, f"the bridge has not taken it within {patience:g} s"
 
-        def ended(state: State, why: str) -> ActionStatus:
-            return ActionStatus(id=identity, state=state, result=False, reason=why, name=name)
+        def ended(state: State, cause: Cause, why: str) -> ActionStatus:
+            return ActionStatus(id=identity, state=state, result=False, cause=cause, reason=why, name=name)
 
         def failed(why: str) -> ActionStatus:
-            return ended("failed", why)
+            return ended("failed", "unreachable", why)
 
         async def asked() -> bool:
             wanted = await ready()
@@ -121,7 +121,7 @@ class Acting:
         while True:
             taken = silent = False
             if not self._wanted[identity]:  # asked for again now, it could begin after its cancellation
-                return ended("cancelled", "the agent has dropped it")
+                return ended("cancelled", "cancelled", "the agent has dropped it")
             if self._bridge.hangs:
                 return failed(_HANGS)
             action = Action(
@@ -154,9 +154,9 @@ class Acting:
                         timer.reschedule(min(until, heard + SILENCE))
                         reason = "bridge_lost: its answers ended without an outcome"
                     if not taken and not self._wanted[identity]:
-                        return ended("cancelled", "the agent has dropped it")
+                        return ended("cancelled", "cancelled", "the agent has dropped it")
             except BadRecord as bad:
-                return failed(f"cannot be sent: {bad}")
+                return ended("failed", "request", f"cannot be sent: {bad}")
             except BusClosed as closed:
                 reason = f"bridge_lost: {closed}"
             except TimeoutError:

@@ -17,8 +17,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from commd.process import output
 from commd.process.output import Output, stderr
 from schemas.files.terminal import escape_line
+from schemas.wire.log_lines import cut
 
 BURST = 50
 """Lines of one kind that pass in one window."""
@@ -28,9 +30,13 @@ KINDS = 500
 """Kinds of messages of one window that are told apart; all further ones together are one more kind."""
 SUBJECTS = 500
 """Agents, robots and boards whose last error is kept."""
-LONGEST = 4_000
-"""Characters of a line; the rest is counted."""
-PRIORITIES = {"DEBUG": 7, "INFO": 6, "WARNING": 4, "ERROR": 3, "CRITICAL": 2}
+PRIORITIES = {
+    "DEBUG": output.DEBUG,
+    "INFO": output.INFORMATIONAL,
+    "WARNING": output.WARNING,
+    "ERROR": output.ERROR,
+    "CRITICAL": output.CRITICAL,
+}
 """The levels as syslog and the journal number them."""
 _SUBJECT = re.compile(r"(?:agent|robot|board)=%s")
 
@@ -118,7 +124,8 @@ class LogHandler(logging.Handler):
             self.release()
 
     def _write(self, record: logging.LogRecord) -> None:
-        self._output.write(self.format(record), PRIORITIES.get(record.levelname, 6))
+        priority = PRIORITIES.get(record.levelname, output.INFORMATIONAL)
+        self._output.write(self.format(record), priority, event=getattr(record, "event", None))
 
     def last_error(self, subject: str) -> LastError | None:
         """Return the newest error that is about an agent, robot or board, or about nobody in particular."""
@@ -137,11 +144,10 @@ class LogHandler(logging.Handler):
 
 
 class LineFormatter(logging.Formatter):
-    """`LEVEL daemon logger text`, with the time before it where the reader does not note that himself."""
+    """A prefix, such as `%(levelname)s `, and the message of the record as one line."""
 
-    def __init__(self, daemon: str, *, dated: bool) -> None:
-        when = "%(asctime)s.%(msecs)03d " if dated else ""
-        super().__init__(f"{when}%(levelname)s {daemon} %(name)s %(message)s", "%H:%M:%S")
+    def __init__(self, prefix: str) -> None:
+        super().__init__(f"{prefix}%(message)s", "%H:%M:%S")
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the record as one line; of an error that was caught, what it is and where it was raised."""
@@ -173,9 +179,14 @@ def _said(record: logging.LogRecord) -> str:
 
 
 def begin_logging(daemon: str) -> LogHandler:
-    """Log to standard error from now on, as a daemon of this name, from level INFO on."""
+    """Log to standard error from now on, as a daemon of this name, from level INFO on.
+
+    A line is `LEVEL daemon logger text`, with the time before it where the reader does not note that himself. A
+    `LogLine` has the text alone.
+    """
     handler = LogHandler(stderr())
-    handler.setFormatter(LineFormatter(daemon, dated=not stderr().dates_its_lines))
+    when = "" if stderr().dates_its_lines else "%(asctime)s.%(msecs)03d "
+    handler.setFormatter(LineFormatter("" if stderr().structured else f"{when}%(levelname)s {daemon} %(name)s "))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     return handler
 
@@ -194,5 +205,4 @@ def subject_of(record: logging.LogRecord) -> str:
 
 def one_line(text: str) -> str:
     """Return a text without line breaks and what a terminal takes for a command, that is Unicode, of bounded length."""
-    text = escape_line(text.rstrip("\n"))
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text) - LONGEST} characters more)"
+    return cut(escape_line(text.rstrip("\n")))

@@ -1,6 +1,7 @@
 """What a daemon writes to its terminal, pipe or journal: by a thread, so that who does not read cannot stop it.
 
-To the journal each line begins with its priority, `<4>`, as sd-daemon(3) has it.
+To the journal each line begins with its priority, `<4>`, as sd-daemon(3) has it; to a supervisor that wants it, each is
+a `LogLine`.
 
 A paused pager, Ctrl-S or a parent that reads no more would otherwise hang the event loop in a write, and with it the
 heartbeats of a vehicle.
@@ -16,12 +17,17 @@ import threading
 import time
 from functools import cache
 
+from msgspec.structs import replace
+
 from schemas.files.terminal import escape_lines
+from schemas.wire import log_lines
+from schemas.wire.log_lines import AnyEvent, Level, LogLine
 
 LINES = 10_000
 """Lines that may wait for their reader; further ones are dropped, and counted in the next line that gets through."""
-INFORMATIONAL = 6
-"""Priority of a line that says no other, as syslog(3) counts them: 7 for debugging, 4 a warning, 3 an error."""
+DEBUG, INFORMATIONAL, NOTICE, WARNING, ERROR, CRITICAL = 7, 6, 5, 4, 3, 2
+"""Priorities as syslog(3) counts them."""
+_LEVELS: dict[int, Level] = {NOTICE: "notice", WARNING: "warning", ERROR: "error", CRITICAL: "error"}
 FLUSH = 0.5
 """Wall seconds that the reader has for the last lines when the daemon ends."""
 
@@ -29,7 +35,11 @@ FLUSH = 0.5
 class Output:
     """One stream of lines, written in order to a file descriptor."""
 
-    def __init__(self, descriptor: int, lines: int = LINES, encoding: str = "utf-8") -> None:
+    def __init__(
+        self, descriptor: int, lines: int = LINES, encoding: str = "utf-8", *, structured: bool = False
+    ) -> None:
+        """`structured`: each line is a `LogLine`."""
+        self.structured = structured
         self.dropped = 0
         """Lines so far that nobody read, or that could not be written."""
         self._descriptor, self._encoding = descriptor, encoding
@@ -51,13 +61,25 @@ class Output:
         """Go on writing to where it writes now, whatever becomes of its descriptor."""
         self._descriptor = os.dup(self._descriptor)
 
-    def write(self, text: str, priority: int = INFORMATIONAL) -> None:
-        """Write a line, or several that belong together, later; never waits."""
-        text = escape_lines(text)
-        if self._to_journal:  # a text must not set a priority of its own
-            text = "\n".join(f"<{priority}>{line}" for line in text.split("\n"))
+    def write(
+        self, text: str, priority: int = INFORMATIONAL, *, agent: str = "", event: AnyEvent | None = None
+    ) -> None:
+        """Write a line, or several that belong together, later; never waits.
+
+        `agent`: whose program has printed it. `event`: what a supervisor acts on.
+        """
+        lines = escape_lines(text).split("\n")
+        if self.structured:
+            level = _LEVELS.get(priority, "info")
+            records = [LogLine(text=log_lines.cut(line), level=level, agent=agent) for line in lines]
+            records[0] = replace(records[0], event=event)
+            data = b"\n".join(map(log_lines.encode, records))
+        else:
+            # a text must not set a priority, or an agent, of its own
+            prefix = (f"<{priority}>" if self._to_journal else "") + (f"[{agent}] " if agent else "")
+            data = "\n".join(f"{prefix}{line}" for line in lines).encode(self._encoding, "backslashreplace")
         try:
-            self._waiting.put_nowait(text.encode(self._encoding, "backslashreplace") + b"\n")
+            self._waiting.put_nowait(data + b"\n")
         except queue.Full:
             self.dropped += 1
 
@@ -96,13 +118,13 @@ def _is_journal(descriptor: int) -> bool:
 @cache
 def stdout() -> Output:
     """Return the process' standard output."""
-    return Output(1, encoding=sys.stdout.encoding)
+    return Output(1, encoding=sys.stdout.encoding, structured=log_lines.wanted())
 
 
 @cache
 def stderr() -> Output:
     """Return the process' standard error."""
-    return Output(2, encoding=sys.stderr.encoding)
+    return Output(2, encoding=sys.stderr.encoding, structured=log_lines.wanted())
 
 
 def flush() -> None:

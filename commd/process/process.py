@@ -24,7 +24,7 @@ from commd.common.clock import Clock
 from commd.process.hung import tell_when_aborted
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
 from commd.process.loop_lag import loop_lag
-from commd.process.output import flush, stderr
+from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import end_lives
 from schemas.files.endpoints import check_endpoint
 from schemas.files.findings import Findings
@@ -41,8 +41,6 @@ GREETING = 2.0
 """Wall seconds that a board's commd has to say which version it speaks."""
 LINGER = 1.0
 """Wall seconds that threads have which are no daemons when the daemon has ended."""
-ERROR = 3
-"""Priority of the words by which a daemon ends, as syslog(3) counts them."""
 log = logging.getLogger("process")
 
 EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2

@@ -17,9 +17,10 @@ import msgspec
 from msgspec import Meta, inspect
 
 from schemas.files.durations import Duration
-from schemas.manifest.model import WAYS, ActionEntry, Manifest, Order, PerceptEntry, RobotEntry
+from schemas.manifest.model import WAYS, ActionEntry, Manifest, PerceptEntry, RobotEntry
 from schemas.manifest.rules import FUNCTOR, RESERVED
 from schemas.manifest.text import plain
+from schemas.wire.records import Order
 
 FILE = "manifest.schema.json"
 """Its name beside the shipped manifests."""

@@ -27,7 +27,6 @@ from schemas.manifest.model import (
     Field,
     FieldValue,
     Manifest,
-    Order,
     Parameter,
     ParameterType,
     PerceptEntry,
@@ -37,6 +36,7 @@ from schemas.manifest.model import (
     Values,
 )
 from schemas.manifest.rules import RULES, name_problems
+from schemas.wire.records import Order
 
 __all__ = [
     "ActionDescription",
@@ -45,7 +45,6 @@ __all__ = [
     "Field",
     "FieldValue",
     "Manifest",
-    "Order",
     "Parameter",
     "ParameterType",
     "PerceptEntry",

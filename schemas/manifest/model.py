@@ -14,7 +14,7 @@ from msgspec import Meta
 from schemas.files.durations import Duration
 from schemas.files.findings import Finding
 from schemas.files.toml_positions import line_of
-from schemas.wire.records import Record
+from schemas.wire.records import Order, Record
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Factor = Annotated[float, Meta(ge=-1e15, le=1e15)]
@@ -23,7 +23,6 @@ Value = bool | int | float | str
 Argument = Value | list[Any]
 """An argument of an action after it was checked: lists hold values, lists, or structures (`dict` by name)."""
 Values = Literal["typed", "text"]
-Order = Literal["hold", "land", "rtl"]
 WAYS = ("command", "message", "topic", "service", "call")
 """Fields of an action of which it has exactly one."""
 

@@ -18,6 +18,7 @@ from schemas.files.units import Distance
 from schemas.files.yaml_positions import Positions, Steps, convert, did_you_mean, read_yaml
 from schemas.wire.keys import Sight
 from schemas.wire.names import check_name
+from schemas.wire.records import Order
 
 THIS_MACHINE = "local"
 """Name of the one board of a mission that declares none."""
@@ -45,7 +46,6 @@ NO_STEPS = "none"
 """What `on_idle` says to switch it off."""
 
 M = TypeVar("M", bound="FileModel")
-Order = Literal["hold", "land", "rtl"]
 Accepted: TypeAlias = tuple[str, ...] | Literal["all"]
 """Performatives."""
 Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]

@@ -14,6 +14,41 @@ VERSION = 1
 State = Literal["accepted", "running", "succeeded", "failed", "refused", "cancelled", "timed_out"]
 FINAL_STATES: frozenset[State] = frozenset({"succeeded", "failed", "refused", "cancelled", "timed_out"})
 
+Cause = Literal[
+    "operator",
+    "agent_lost",
+    "shutdown",
+    "pilot",
+    "limits",
+    "lease",
+    "deadline",
+    "cancelled",
+    "superseded",
+    "busy",
+    "request",
+    "rights",
+    "restart",
+    "storage",
+    "unreachable",
+    "driver",
+]
+"""Why an action did not succeed.
+
+- `operator`, `agent_lost`, `shutdown`: the operator, the loss of its agent, or the end of the bridge overrides it.
+- `pilot`: others (pilot, ground station or failsafe) set the mode.
+- `limits`: the mission's `limits` forbid it.
+- `lease`: another agent has the robot.
+- `deadline`: not done in time.
+- `cancelled`: by its agent, or by hand.
+- `superseded`: another action took over; `busy`: another action runs.
+- `request`: the robot has no such action, or not with these arguments; `rights`: whoever asked may not ask.
+- `restart`: the bridge was restarted; `storage`: its id cannot be kept on disk.
+- `unreachable`: its bridge gives no outcome.
+- `driver`: the robot or its driver.
+"""
+Order = Literal["hold", "land", "rtl"]
+"""What brings a robot to safety without its agents."""
+
 
 class Record(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     """A record on the wire: unknown fields are ignored and counted, new fields are optional."""
@@ -67,8 +102,12 @@ class ActionStatus(Record, frozen=True, kw_only=True):
     state: State
     result: bool | None = None
     """The paper's boolean: did it succeed; none while it runs."""
+    cause: Cause | None = None
+    """Why it did not succeed; none if it did, or still runs."""
+    order: Order | None = None
+    """The order that overrides it (`operator`, `agent_lost`, `shutdown`)."""
     reason: str = ""
-    """In words, with the vehicle's own text."""
+    """For people, with the vehicle's own text."""
     feedback: dict[str, float] = {}
     """Progress of a long action, such as `{"distance": 12.5}`, in the units of the manifest."""
     after: int | None = None
@@ -343,7 +382,7 @@ class Health(Record, frozen=True, kw_only=True):
     """Digest of the present percept set per agent (bridges only)."""
     paused: bool = False
     """The operator has paused the robot (bridges only)."""
-    ordered: Literal["hold", "land", "rtl"] | None = None
+    ordered: Order | None = None
     """The operator's order that is in force until `release` (bridges only)."""
     notes: tuple[Note, ...] = ()
     """Warnings that hold now."""

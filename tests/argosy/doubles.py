@@ -23,7 +23,8 @@ from commd.bus.bus import Bus, Query, open_bus
 from commd.common.clock import Clock
 from commd.process.process import report_health
 from schemas.mission.model import load_mission
-from schemas.wire import keys
+from schemas.wire import keys, log_lines
+from schemas.wire.log_lines import LogLine, RobotLeft
 from schemas.wire.mind_records import IntentionView, MindView
 from schemas.wire.records import ActionStatus, Health, Outcome, Perception, StopOrder
 from schemas.wire.terms import Term
@@ -40,6 +41,11 @@ def percept(bus: Bus, name: str, *parameters: Term) -> None:
         keys.percept(bus.fleet, "uav", name),
         Perception(header=bus.header("percepts"), name=name, parameters=parameters),
     )
+
+
+def say(line: LogLine) -> None:
+    """Write a line as a daemon does."""
+    print(log_lines.encode(line).decode(), file=sys.stderr, flush=True)
 
 
 async def fly(bus: Bus, clock: Clock) -> None:
@@ -83,7 +89,7 @@ async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     bus.serve(keys.stop(bus.fleet, "uav1"), StopOrder, ordered)
     bus.watch(keys.alive(bus.fleet, "uav", "agentd", "*"), lambda key, alive: begun.set())
     await bus.claim("uav1")
-    print("INFO bridged bridged serving uav1", file=sys.stderr)
+    say(LogLine(text="serving uav1", level="info"))
     flying = asyncio.create_task(fly_with_agent())
     await stop.wait()
     if FAULT in ("stubborn", "done-aloft"):
@@ -92,7 +98,8 @@ async def bridge(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
     flying.cancel()
     if flew:
         percept(bus, "state", "RTL", True, True)
-        print("INFO bridged bridged leaving uav1: rtl: the vehicle does it", file=sys.stderr, flush=True)
+        left = RobotLeft(robot="uav1", state="ordered", order="rtl", text="rtl: the vehicle does it")
+        say(LogLine(text="leaving uav1: rtl: the vehicle does it", level="info", event=left))
         await asyncio.sleep(0.2)
 
 
@@ -125,7 +132,7 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
         await bus.claim("uav")
     for text in ("taking off to 5 m", "flying to -27.6, -48.5 at 40 m", "mission done"):
         await asyncio.sleep(0.8)
-        print(f"[uav] {text}", flush=True)
+        say(LogLine(text=text, level="info", agent="uav"))
     said.set()
     await stop.wait()
 

@@ -12,7 +12,7 @@ from argosy.run.run_status import Status
 from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.mind_records import IntentionView, MindView
-from schemas.wire.records import ActionStatus, Health, Perception, State
+from schemas.wire.records import ActionStatus, Health, Order, Perception, State
 from schemas.wire.terms import Term
 
 MISSION = Path(__file__).parents[2] / "missions" / "single_uav.yaml"
@@ -39,9 +39,25 @@ class Recording:
         gone = Perception(name=name, update="remove")
         self.picture.percept(keys.percept("single-uav", "uav", name), gone)
 
-    def action(self, number: int, name: str, state: State, *parameters: Term, reason: str = "") -> None:
-        """Play the status of an action."""
-        status = ActionStatus(id=f"uav:1:{number}", state=state, name=name, parameters=parameters, reason=reason)
+    def action(
+        self,
+        number: int,
+        name: str,
+        state: State,
+        *parameters: Term,
+        reason: str = "",
+        by_operator: Order | None = None,
+    ) -> None:
+        """Play the status of an action; `by_operator`: the order that overrides it."""
+        status = ActionStatus(
+            id=f"uav:1:{number}",
+            state=state,
+            name=name,
+            parameters=parameters,
+            reason=reason,
+            cause="operator" if by_operator else None,
+            order=by_operator,
+        )
         self.picture.status(keys.status("single-uav", "uav", name), status)
 
     def mind(self, *stack: str, done: bool = False) -> None:

@@ -247,9 +247,9 @@ def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpo
             assert outcome.ok, outcome.reason
             assert field.vehicle.copter.mode.name == "BRAKE"
             heard = await asker
-            assert (heard[-1].state, heard[-1].reason) == ("failed", "operator: hold")
+            assert (heard[-1].state, heard[-1].cause, heard[-1].order) == ("failed", "operator", "hold")
             refused = await field.do(bus, "set_mode", "GUIDED")
-            assert (refused.state, refused.reason) == ("refused", "operator: hold")
+            assert (refused.state, refused.cause, refused.order) == ("refused", "operator", "hold")
             assert (await order(bus, "release")).ok
             assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
             field.stop.set()

@@ -66,7 +66,7 @@ def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_release_
         assert isinstance(outcome, Outcome)
         assert outcome.ok, outcome.reason
         assert isinstance(status, ActionStatus)
-        assert (status.state, status.reason) == ("refused", "operator: hold")
+        assert (status.state, status.cause, status.order) == ("refused", "operator", "hold")
         outcome, status = await together(studio, (stop, release), (act, command(studio, "2")))
         assert isinstance(status, ActionStatus)
         assert status.state == "succeeded", status.reason
@@ -74,7 +74,7 @@ def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_release_
         assert [isinstance(one, Outcome) and one.ok for one in outcomes] == [True, True]
         assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded", "the release came last"
         outcomes = await together(studio, (stop, release), (stop, hold))
-        assert (await studio.do("cmd_vel", 1, 0, 0)).reason == "operator: hold", "the stop came last"
+        assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator", "the stop came last"
 
     in_the_studio(endpoint, tmp_path, body)
 

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from schemas.wire.log_lines import RobotLeft
 from tests.bridged.sky import GOAL, Sky
 from tests.support.notes import identities
 
 
-def left(sky: Sky) -> str:
-    """What the bridge says that it leaves."""
+def left(sky: Sky) -> RobotLeft:
+    """How the bridge leaves its vehicle."""
     return asyncio.run(sky.bridge.orders.shut_down("rtl"))
 
 
@@ -26,22 +27,26 @@ def silent(sky: Sky, seconds: float) -> Sky:
 
 
 def test_a_vehicle_that_was_never_heard_is_not_called_disarmed(tmp_path: Path) -> None:
-    assert left(silent(Sky(tmp_path), 10)) == "never heard"
+    found = left(silent(Sky(tmp_path), 10))
+    assert (found.state, found.text) == ("unconfirmed", "never heard")
 
 
 def test_a_vehicle_that_is_heard_and_not_armed_is_left_as_that(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     sky.wait(3)
-    assert left(sky) == "not armed"
-    assert re.fullmatch(r"not armed when last heard \d+ s ago", left(silent(sky, 10)))
+    assert (left(sky).state, left(sky).text) == ("disarmed", "not armed")
+    found = left(silent(sky, 10))
+    assert found.state == "unconfirmed"
+    assert re.fullmatch(r"not armed when last heard \d+ s ago", found.text)
 
 
 def test_a_vehicle_lost_while_armed_is_left_as_armed_when_last_heard(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 0.01)
-    said = left(silent(Sky(tmp_path).flying(), 20))
-    assert re.match(r"armed when last heard (19|20|21) s ago, and it has not confirmed rtl: ", said), said
+    found = left(silent(Sky(tmp_path).flying(), 20))
+    assert (found.state, found.order) == ("unconfirmed", None)
+    assert re.match(r"armed when last heard (19|20|21) s ago, and it has not confirmed rtl: ", found.text), found
 
 
 def test_a_normal_start_warns_of_no_missing_heartbeat_and_a_vehicle_that_stays_away_is_a_warning(

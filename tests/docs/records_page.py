@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import get_args
 
+import schemas.wire.records
 from schemas.wire.keys import CHANNELS
-from schemas.wire.records import VERSION, State
+from schemas.wire.records import VERSION
 from tests.docs.pages import ROOT
 
 SOURCES = (ROOT / "schemas/wire/records.py", ROOT / "schemas/wire/mind_records.py")
@@ -62,9 +63,9 @@ def _meaning(following: list[ast.stmt]) -> str:
 
 
 def _type(annotation: ast.expr) -> str:
-    if isinstance(annotation, ast.Name) and annotation.id == "State":
-        return ", ".join(f"`{word}`" for word in get_args(State))
     text = re.sub(r"\btuple\[(.*), \.\.\.\]", r"list of \1", ast.unparse(annotation).replace(" | None", ""))
+    if words := get_args(getattr(schemas.wire.records, text, None)):  # such as `State`
+        return ", ".join(f"`{word}`" for word in words)
     if told := re.fullmatch(r"Literal\[(.*)\]", text):
         return ", ".join(f"`{word}`" for word in told[1].replace("'", "").split(", "))
     text = re.sub(r"\bstr\b", "string", re.sub(r"\bfloat\b", "number", re.sub(r"\bbool\b", "true or false", text)))

@@ -22,14 +22,15 @@ from argosy.recording.file.write_queue import Intake
 from argosy.recording.file.writer import COMPRESSIONS
 from argosy.recording.record.backfill import Asker
 from argosy.recording.record.recorder import Limits, Recorder
-from argosy.recording.record.recorder_output import StatusLine, summary
-from argosy.recording.record.run_recorder import STARTED
+from argosy.recording.record.recorder_output import StatusLine, content, warnings
 from argosy.recording.record.subscriptions import hear, wanted_keys
 from commd.bus.bus import Bus
+from commd.process.output import ERROR, NOTICE, flush, stderr, stdout
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
 from schemas.mission.model import Mission, load_mission
 from schemas.version import RELEASE
+from schemas.wire.log_lines import RecordingEnded, RecordingStarted
 
 ENDS = {
     signal.SIGINT: "ctrl-C",
@@ -111,7 +112,9 @@ def run(args: Namespace) -> int:
             return EXIT_BAD_INPUT
         return await _Recording(bus, recorder, Asker(bus, fleet, intake, recorder.minds, only)).run(fleet, only)
 
-    return on_the_bus(args, record)
+    code = on_the_bus(args, record)
+    flush()
+    return code
 
 
 def _facts(
@@ -153,7 +156,7 @@ class _Recording:
         hear(self._bus, fleet, only, recorder.intake)
         self._asker.start()
         self._bus.on_router(self._router)
-        print(f"{STARTED}{recorder.path}", flush=True)
+        stdout().write(f"recording {recorder.path}", NOTICE, event=RecordingStarted())
         for one in await unreached(self._bus):
             print(f"note: {one}", file=sys.stderr)
         nobody = asyncio.create_task(self._say_if_nobody_is_there(fleet))
@@ -184,14 +187,17 @@ class _Recording:
     def _leave(self) -> NoReturn:
         """Leave without the thread that writes: it waits for the disk, and nothing can end that."""
         told = f"{self._recorder.path.parent.absolute()} takes nothing any more: left without what still waits"
-        print(f"error: {told}; what is recorded up to there can be read", file=sys.stderr, flush=True)
+        stderr().write(f"error: {told}; what is recorded up to there can be read", ERROR)
+        flush()
         os._exit(EXIT_FAILED)
 
     def _finish(self) -> int:
-        for line in summary(self._recorder):
-            print(line, flush=True)
+        held = content(self._recorder)
+        stdout().write(f"{held}; ended: {self._recorder.why}", NOTICE, event=RecordingEnded(text=held))
+        for line in warnings(self._recorder):
+            stdout().write(line, NOTICE)
         if self._recorder.problem:
-            print(f"error: {self._recorder.problem}; what is recorded up to there can be read", file=sys.stderr)
+            stderr().write(f"error: {self._recorder.problem}; what is recorded up to there can be read", ERROR)
             return EXIT_FAILED
         return EXIT_DONE
 

@@ -8,7 +8,6 @@ from typing import Self
 
 from argosy.recording.record.filter import NOTES
 from argosy.recording.record.recorder import Recorder
-from argosy.recording.record.run_recorder import ENDED
 from schemas.humanize import count, size
 
 REFRESH = 1.0
@@ -46,11 +45,16 @@ class StatusLine:
             await asyncio.sleep(REFRESH)
 
 
-def summary(recorder: Recorder) -> list[str]:
-    """Return what is said at the end."""
+def content(recorder: Recorder) -> str:
+    """Return how much was recorded, and where it is."""
     many = f"{count(recorder.messages, 'message')} in {recorder.seconds:.1f} s"
     files = str(recorder.path) if len(recorder.files) == 1 else f"{recorder.path} and {len(recorder.files) - 1} more"
-    lines = [f"{files}: {many}, {size(recorder.size)}{ENDED}{recorder.why}"]
+    return f"{files}: {many}, {size(recorder.size)}"
+
+
+def warnings(recorder: Recorder) -> list[str]:
+    """Return what is missing in a recording or was not understood."""
+    lines = []
     if recorder.dropped:
         lines.append(f"warning: {recorder.dropped} messages did not fit and are missing")
     if recorder.unread:

@@ -8,13 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from argosy.cli.extras import install_command
+from schemas.wire.log_lines import LogLine, RecordingEnded
 
 IN_A_REPORT = "recording.mcap"
 """Name of the recording in the folder of a report."""
-STARTED = "recording "
-"""How the line of a recorder begins from which on everything is heard."""
-ENDED = "; ended: "
-"""What stands in the line by which it tells what it has recorded."""
 MISSING = f"no recording: it needs `{install_command('record')}`"
 
 
@@ -49,10 +46,10 @@ def recording_of(record: Path | None, report: Path | None) -> RunRecording | str
     return RunRecording(report / IN_A_REPORT, False)
 
 
-def what_became_of_it(lines: Iterable[str], how: str) -> str:
-    """Return in words what a recorder has recorded, by the lines that it wrote; `how` it ended if it did not say."""
-    told = next((line for line in reversed(list(lines)) if ENDED in line), "")
-    return told.rpartition(ENDED)[0] or f"cut off: the recorder {how}"
+def what_became_of_it(lines: Iterable[LogLine], how: str) -> str:
+    """Return as text what a recorder has recorded; `how` it ended if its file is not complete."""
+    ended = next((line.event for line in lines if isinstance(line.event, RecordingEnded)), None)
+    return f"cut off: the recorder {how}" if ended is None else ended.text
 
 
 def record_command(recording: RunRecording, mission: str, router: str, speed: float) -> list[str]:

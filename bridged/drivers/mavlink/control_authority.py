@@ -94,7 +94,7 @@ class Control:
         self._pending = None
         reason = f"the mode became {pending.mode}, which nobody here asked for (pilot, ground station or failsafe)"
         for task in moving:
-            self._end(task, Outcome("failed", f"{reason}: {said}" if said else reason))
+            self._end(task, Outcome("failed", f"{reason}: {said}" if said else reason, "pilot"))
 
     def settle(self) -> None:
         """Another task begins: wait for texts no longer."""
@@ -123,7 +123,7 @@ class Control:
         """A task that sets the mode, or knows which changes end it, judges for itself, unless it yields."""
         name, now = self._flight.vehicle.mode_name, self._flight.now
         for task in [task for task in self._tasks if task.yields]:
-            self._end(task, Outcome("failed", f"the mode became {name}, which nobody here asked for"))
+            self._end(task, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
         if any(task.sets_mode or task.judges_mode for task in self._tasks):
             return
         self._pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))

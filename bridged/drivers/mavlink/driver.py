@@ -141,25 +141,26 @@ class MavlinkDriver:
         self._asked.set()
         return self._conversation.perform(task, offer_of(entry, call.number), call)
 
-    def refuses(self, entry: ActionEntry) -> str:
-        """Why an action cannot begin now, empty if it can; setting the mode takes control again.
+    def refuses(self, entry: ActionEntry) -> Outcome | None:
+        """Why an action cannot begin now; None if it can. Setting the mode takes control again.
 
         Of two vehicles that cannot be told apart none is armed or moved; one that flies is left its ways down.
         """
         if refusal := self._conversation.vehicle.not_commanded:
-            return refusal
+            return Outcome("refused", refusal)
         if (two := self._two()) and not (self.active and may_lead_down(entry)):
-            return two
+            return Outcome("refused", two)
         mode = self._conversation.control.override
         if not mode or entry.confirm == "mode":
-            return ""
+            return None
         who = "(pilot, ground station or failsafe)"
-        return f"override: others have set {mode} {who}; an agent takes control again by setting the mode"
+        said = f"override: others have set {mode} {who}; an agent takes control again by setting the mode"
+        return Outcome("refused", said, "pilot")
 
-    def order(self, order: Order, reason: str, *, insist: bool) -> Execution:
-        """Begin an order from above; every action that runs fails with `reason`."""
+    def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
+        """Begin an order from above; every action that runs ends as `ending`."""
         self._asked.set()
-        return self._conversation.order(order, reason, insist=insist)
+        return self._conversation.order(order, ending, insist=insist)
 
     def pause(self, interrupted: Collection[Execution]) -> Execution:
         """Hold the vehicle by its mode; on `resume` it goes on in the mode before."""

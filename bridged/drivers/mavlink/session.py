@@ -146,11 +146,11 @@ class Conversation:
     def begin(self, task: Task, procedure: Procedure, call: Call) -> Task:
         """Start a procedure; its first step is taken at once."""
         if len(self._tasks) >= MAX_TASKS:
-            task.end(Outcome("refused", f"{MAX_TASKS} actions are under way already"))
+            task.end(Outcome("refused", f"{MAX_TASKS} actions are under way already", "busy"))
             return task
         if task.moves:
             for other in [other for other in self._tasks if other.name == stay.__name__]:
-                self.end(other, Outcome("cancelled", f"{task.name} takes over"))
+                self.end(other, Outcome("cancelled", f"{task.name} takes over", "superseded"))
         self.control.settle()
         if procedure is arm and not self.vehicle.armed:  # whoever starts the motors answers for the flight
             self.control.overridden = False
@@ -175,21 +175,21 @@ class Conversation:
         self._link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
         self.streams.adopt(manifest, self.flight.now)
 
-    def order(self, order: Order, reason: str, *, insist: bool) -> Task:
-        """Start an order from above the agents; whatever runs fails with `reason`.
+    def order(self, order: Order, ending: Outcome, *, insist: bool) -> Task:
+        """Start an order from above the agents; whatever runs ends as `ending`.
 
         One that does not `insist` ends when others set the mode: the pilot is above it.
         """
         mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
         for other in list(self._tasks):
-            self.end(other, Outcome("failed", reason))
+            self.end(other, ending)
         self._commanded = True
         return self.begin(Task(order, moves=False, sets_mode=True, yields=not insist), secure, mode_call(mode))
 
     def pause(self, interrupted: list[Task]) -> Task:
         """Hold the vehicle by its mode until `resume`; `interrupted`, and what else moves it or sets its mode, ends."""
         for task in [task for task in self._tasks if task in interrupted or task.moves or task.sets_mode]:
-            self.end(task, Outcome("cancelled", "paused by the operator"))
+            self.end(task, Outcome("cancelled", "paused by the operator", "operator"))
         hold = self.modes.hold
         if self._commanded or self.vehicle.mode != hold:
             self._mode_before_pause = self.vehicle.mode
@@ -202,7 +202,7 @@ class Conversation:
         before = self._mode_before_pause
         mode = self.modes.guided if before is None else before
         for task in [task for task in self._tasks if task.sets_mode]:  # a hold that is not confirmed yet
-            self.end(task, Outcome("cancelled", "the operator continues"))
+            self.end(task, Outcome("cancelled", "the operator continues", "operator"))
         return self.begin(Task("continue", moves=False, sets_mode=True), self._leave_hold, mode_call(mode))
 
     def _leave_hold(self, flight: Flight, task: Task, call: Call) -> Steps:
@@ -327,7 +327,7 @@ class Conversation:
             return
         log.warning("system %d: %s; it is held", self.identity.vehicle, left)
         for task in self.moving:
-            self.end(task, Outcome("failed", left))
+            self.end(task, Outcome("failed", left, "limits"))
         self._hold()
 
     def _hold(self) -> None:

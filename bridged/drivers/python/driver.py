@@ -92,7 +92,7 @@ class PythonDriver(PlainDriver):
         """Begin to call a function."""
         call = Call(name, entry.call)
         if refused := self.refuses(entry):
-            call.end(Outcome("refused", refused))
+            call.end(refused)
             return call
         try:
             given = arguments_of(entry, arguments)
@@ -104,10 +104,12 @@ class PythonDriver(PlainDriver):
         self._workers[entry.call].begin(lambda: call.work(function, given), lambda result: self._returned(call, result))
         return call
 
-    def refuses(self, entry: ActionEntry) -> str:
+    def refuses(self, entry: ActionEntry) -> Outcome | None:
         """A function is called once at a time."""
         worker = self._workers[entry.call]
-        return f"`{entry.call}` has not returned from its last call for {worker.busy:.1f} s" if worker.busy else ""
+        if not worker.busy:
+            return None
+        return Outcome("refused", f"`{entry.call}` has not returned from its last call for {worker.busy:.1f} s", "busy")
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution: a generator is closed at its next `yield`, a function runs on, and is not called meanwhile.

@@ -23,10 +23,12 @@ def test_what_a_program_prints_sends_no_terminal_a_command() -> None:
 
 
 def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    written: list[str] = []
+    written: list[tuple[str, str]] = []
 
     class Out:
-        write = staticmethod(written.append)
+        @staticmethod
+        def write(text: str, *, agent: str) -> None:
+            written.append((agent, text))
 
     class Told:
         name = "bob"
@@ -40,14 +42,17 @@ def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.M
     for plain in (False, True):
         host._carry_out(Print(HOSTILE, plain=plain))
     assert written == 2 * [
-        "[bob] \\x1b]0;owned\\x07\\x1b[2J\\r\\x9b31m\\u202eERROR",
-        "[bob] ERROR bridged orders robot=uav1 lost",
+        ("bob", "\\x1b]0;owned\\x07\\x1b[2J\\r\\x9b31m\\u202eERROR"),
+        ("bob", "ERROR bridged orders robot=uav1 lost"),
     ]
 
 
 def test_a_log_line_and_a_finding_show_what_they_name_as_text() -> None:
     record = logging.LogRecord("mail", logging.INFO, "", 0, "agent=%s", (HOSTILE,), None)
-    assert LineFormatter("agentd", dated=False).format(record) == f"INFO agentd mail agent={escape_line(HOSTILE)}"
+    assert (
+        LineFormatter("%(levelname)s agentd %(name)s ").format(record)
+        == f"INFO agentd mail agent={escape_line(HOSTILE)}"
+    )
     assert "\x1b" not in str(Finding(HOSTILE, 1, 1, HOSTILE))
     assert escape_line(HOSTILE).isprintable()
     assert escape_lines("a\tb\nc\ud800é") == "a\tb\nc\\ud800é"

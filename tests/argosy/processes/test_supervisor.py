@@ -11,6 +11,8 @@ from collections.abc import Awaitable, Callable
 
 from argosy.processes.process_table import Kind, Process
 from argosy.processes.supervisor import MAX_LINE, Child, Supervisor
+from schemas.wire import log_lines
+from schemas.wire.log_lines import LogLine
 
 KIND = Kind("thing", lambda setup: [], lambda setup, subject: [])
 
@@ -26,7 +28,7 @@ def supervised(body: Callable[[Supervisor, list[str], list[Child]], Awaitable[No
     async def run() -> None:
         lines: list[str] = []
         ended: list[Child] = []
-        supervisor = Supervisor(lambda child, line: lines.append(line), ended.append)
+        supervisor = Supervisor(lambda child, line: lines.append(line.text), ended.append)
         try:
             async with asyncio.timeout(60):
                 await body(supervisor, lines, ended)
@@ -66,9 +68,21 @@ def test_a_process_that_writes_without_end_cannot_fill_the_memory() -> None:
 
 def test_a_process_that_ends_by_itself_is_dead_and_tells_its_last_error() -> None:
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        await supervisor.start(script("import sys; print('error: no such vehicle'); print('bye'); sys.exit(7)"))
+        code = "import os; os.write(2, b'no such vehicle\\n'); os.write(1, b'bye\\n'); os._exit(7)"
+        await supervisor.start(script(code))
         await until(lambda: bool(supervisor.dead()))
-        assert supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: error: no such vehicle"
+        assert supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: no such vehicle"
+
+    supervised(body)
+
+
+def test_the_last_error_that_a_daemon_logged_tells_more_than_what_it_wrote_after_it() -> None:
+    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
+        error = log_lines.encode(LogLine(text="the disk is full", level="error"))
+        await supervisor.start(script(f"import os; os.write(2, {error!r} + b'\\nbye\\n'); os._exit(7)"))
+        await until(lambda: bool(supervisor.dead()))
+        assert supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: the disk is full"
+        assert lines == ["the disk is full", "bye"]
 
     supervised(body)
 

@@ -20,7 +20,7 @@ from argosy.recording.file.reader import open_recording
 from argosy.recording.file.write_queue import Heard, Intake
 from argosy.recording.file.writer import RecordingWriter
 from argosy.recording.record.recorder import Limits, Recorder
-from argosy.recording.record.recorder_output import summary
+from argosy.recording.record.recorder_output import content, warnings
 from argosy.recording.record.run_recorder import RunRecording, record_command
 from schemas.wire import keys
 from schemas.wire.records import Perception
@@ -95,9 +95,11 @@ def told_truly(recorder: Recorder, error: str) -> None:
     assert 0 < recorder.messages < 600
     assert recorder.size == path.stat().st_size
     assert "it was cut off" in found.missing
-    (line,) = summary(recorder)
+    assert warnings(recorder) == []
+    line = content(recorder)
     assert line.startswith(f"{path}: {recorder.messages} messages in ")
-    assert line.endswith(f" MB; ended: {recorder.problem}")
+    assert line.endswith(" MB")
+    assert recorder.why == recorder.problem
 
 
 def test_a_disk_that_fills_up_ends_the_recording_and_the_summary_tells_what_is_there(small_disk: Path) -> None:

@@ -11,6 +11,7 @@ from argosy.recording.file.reader import open_recording
 from argosy.recording.file.records import TokenSeen
 from argosy.recording.record import run_recorder
 from argosy.recording.record.run_recorder import NoRecording, RunRecording, recording_of, what_became_of_it
+from schemas.wire.log_lines import LogLine, RecordingEnded
 from schemas.wire.records import Perception
 from tests.argosy.conftest import Start
 from tests.argosy.recording.files import validated
@@ -75,6 +76,7 @@ def test_without_the_extra_a_report_is_written_all_the_same(monkeypatch: pytest.
 
 
 def test_what_became_of_it_is_what_the_recorder_said_last() -> None:
-    said = ["recording a.mcap", "a.mcap: 5 messages in 2.0 s, 3.0 kB; ended: SIGTERM", "warning: ..."]
+    ended = RecordingEnded(text="a.mcap: 5 messages in 2.0 s, 3.0 kB")
+    said = [LogLine(text="recording a.mcap"), LogLine(text="ended", event=ended), LogLine(text="warning: ...")]
     assert what_became_of_it(said, "left") == "a.mcap: 5 messages in 2.0 s, 3.0 kB"
     assert what_became_of_it(said[:1], "was killed by SIGKILL") == "cut off: the recorder was killed by SIGKILL"

@@ -8,13 +8,17 @@ import pytest
 
 from argosy.run.armed_warnings import in_the_air, last_line
 from argosy.run.end_conditions import Ending
-from argosy.run.output_lines import Left, Line, Ordered, of_a_bridge, read_line
 from argosy.run.summary import summary
 from schemas.mission.model import Failsafe
+from schemas.wire.log_lines import RobotLeft
 from schemas.wire.terms import Term
 from tests.argosy.recorded import Recording
 
 FAILED = Ending(1, "failed: for a test")
+HOME = RobotLeft(robot="uav1", state="ordered", order="rtl", text="rtl: the vehicle does it")
+DISARMED = RobotLeft(robot="uav1", state="disarmed", text="not armed")
+PILOTED = RobotLeft(robot="uav1", state="piloted", text="left to the pilot in LOITER, armed")
+SILENT = RobotLeft(robot="uav1", state="unconfirmed", text="armed, and it has not confirmed rtl: no answer")
 
 
 def airborne(*, real: bool = True) -> Recording:
@@ -34,24 +38,20 @@ def last_words(recording: Recording) -> str:
 
 def test_a_vehicle_that_flies_on_is_told_in_the_last_line_of_the_summary() -> None:
     recording = airborne()
-    recording.status.left["uav1"] = Left("uav1", "rtl: the vehicle does it")
+    recording.status.left["uav1"] = HOME
     assert last_words(recording) == "uav1 IS STILL IN THE AIR: RTL confirmed by its bridge; nobody watches it now"
 
 
 @pytest.mark.parametrize(
     ("left", "killed", "how"),
     [
-        (
-            Left("uav1", "armed, and it has not confirmed rtl: no answer"),
-            False,
-            "its bridge says: armed, and it has not confirmed rtl: no answer",
-        ),
+        (SILENT, False, "its bridge says: armed, and it has not confirmed rtl: no answer"),
         (None, True, "its bridge did not leave and was killed, no order was confirmed"),
         (None, False, "its bridge is dead, no order was confirmed"),
     ],
 )
 def test_a_vehicle_that_nobody_confirmed_to_come_home_is_told_to_be_taken_over(
-    left: Left | None, killed: bool, how: str
+    left: RobotLeft | None, killed: bool, how: str
 ) -> None:
     recording = airborne()
     recording.status.killed |= {"uav1"} if killed else set()
@@ -65,7 +65,7 @@ def test_a_vehicle_that_nobody_confirmed_to_come_home_is_told_to_be_taken_over(
 def test_a_lost_vehicle_that_was_armed_may_be_flying_and_the_summary_keeps_its_last_state() -> None:
     recording = airborne()
     recording.percept("state", "", False, False)
-    recording.status.left["uav1"] = Left("uav1", "not armed")
+    recording.status.left["uav1"] = DISARMED
     assert last_words(recording).startswith("uav1 MAY STILL BE IN THE AIR: last heard 12 s ago, armed, GUIDED, 39 m up")
     text = summary(recording.status, FAILED, [("startup", 1.0)])
     assert "  uav1       LOST, last heard 12 s ago: GUIDED, armed, 39.0 m above home" in text
@@ -99,13 +99,13 @@ def test_a_vehicle_whose_bridge_died_is_heard_again_by_its_state_alone() -> None
 
 def test_a_vehicle_that_its_bridge_found_disarmed_is_not_called_flying() -> None:
     recording = airborne()
-    recording.status.left["uav1"] = Left("uav1", "not armed")
+    recording.status.left["uav1"] = DISARMED
     assert in_the_air(recording.status) == []
 
 
 def test_a_vehicle_that_a_pilot_flies_is_left_to_him() -> None:
     recording = airborne()
-    recording.status.left["uav1"] = Left("uav1", "left to the pilot in LOITER, armed")
+    recording.status.left["uav1"] = PILOTED
     assert last_words(recording) == (
         "uav1 IS STILL IN THE AIR: left to the pilot in LOITER, armed; nobody else watches it now"
     )
@@ -113,7 +113,7 @@ def test_a_vehicle_that_a_pilot_flies_is_left_to_him() -> None:
 
 def test_a_simulated_vehicle_ends_with_the_run() -> None:
     recording = airborne(real=False)
-    recording.status.left["uav1"] = Left("uav1", "rtl: the vehicle does it")
+    recording.status.left["uav1"] = HOME
     assert last_words(recording) == (
         "uav1 WAS STILL IN THE AIR: RTL confirmed by its bridge; it is simulated and ended with the run"
     )
@@ -133,23 +133,3 @@ def test_the_vehicles_own_failsafe_is_counted_on_only_if_the_mission_has_one() -
     robot = type(mission.robots["uav1"])(manifest="arducopter", link="udpin:1:1", failsafe=Failsafe(gcs="human"))
     recording.status.setup = replace(recording.status.setup, mission=replace(mission, robots={"uav1": robot}))
     assert last_line(recording.status, "uav1").startswith("its own failsafe is the last line; take over")
-
-
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        ("INFO bridged bridged serving uav1", Line("serving uav1", "detail")),
-        ("WARNING agentd agent agent=uav slow", Line("agent=uav slow", "warning")),
-        ("error: bridged: no such robot", Line("error: bridged: no such robot", "error")),
-        ("[uav] hello", Line("[uav] hello")),
-    ],
-)
-def test_a_daemons_line_is_shown_without_what_is_known_of_it(line: str, said: Line) -> None:
-    assert read_line(line) == said
-
-
-def test_what_a_bridge_says_of_its_vehicle_is_understood() -> None:
-    assert of_a_bridge(Line("leaving uav1: rtl: the vehicle does it")) == Left("uav1", "rtl: the vehicle does it")
-    assert Left("uav1", "armed, and it has not confirmed rtl: no answer").confirmed == ""
-    assert of_a_bridge(Line("robot=uav1 land (operator: land): succeeded ")) == Ordered("uav1", "land", True, "")
-    assert of_a_bridge(Line("land (the bridge stops: land): succeeded ")) is None

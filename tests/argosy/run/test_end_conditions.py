@@ -15,7 +15,7 @@ from argosy.run.summary import summary
 from schemas.mission.model import NO_STEPS
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
-from schemas.wire.records import Note
+from schemas.wire.records import Note, Order
 from schemas.wire.terms import Atom
 from tests.argosy.recorded import Recording
 from tests.argosy.run.test_screen import in_flight, screen
@@ -30,10 +30,10 @@ def look(recording: Recording) -> Ending | None:
     return first or endings.look()
 
 
-def ordered(order: str) -> Recording:
+def ordered(order: Order) -> Recording:
     """Return a recording in which an operator stops a flight to a waypoint."""
     recording = in_flight()
-    recording.action(1, "goto", "failed", -27.603683, -48.518052, 40, reason=f"operator: {order}")
+    recording.action(1, "goto", "failed", -27.603683, -48.518052, 40, by_operator=order)
     return recording
 
 
@@ -131,7 +131,7 @@ def test_a_lost_vehicle_is_not_down() -> None:
 
 def test_an_order_is_told_once_whatever_else_it_ends() -> None:
     recording = ordered("rtl")
-    recording.action(2, "takeoff", "refused", 5, reason="operator: rtl")
+    recording.action(2, "takeoff", "refused", 5, by_operator="rtl")
     assert sum("the operator orders" in line for line in recording.lines) == 1
 
 

@@ -26,8 +26,9 @@ def test_a_bridge_that_stops_says_that_its_vehicle_comes_home_by_others(sky: Sky
     async def body(sky: Sky) -> None:
         take_over(sky, mode)
         await passing(sky, 2)
-        said = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
-        assert said == f"{order}: the vehicle is in {order.upper()}, which others set"
+        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+        assert (left.state, left.order) == ("ordered", order)
+        assert left.text == f"{order}: the vehicle is in {order.upper()}, which others set"
 
     flown(body, sky)
 
@@ -46,7 +47,7 @@ def test_a_bridge_that_is_started_again_and_stops_at_once_hears_its_vehicle_firs
             await passing(sky, 0.5)
             modes.add(mode_of(sky))
         assert "RTL" in modes
-        assert await left == "not armed"
+        assert (await left).state == "disarmed"
 
     flown(body, again)
 
@@ -62,7 +63,8 @@ def test_a_bridge_that_stops_waits_in_bounds_for_a_vehicle_never_heard(
         if answered:
             sky.bridge.lease.restore("uav", False)
         began = sky.clock.wall()
-        assert await leaving(sky, sky.bridge.orders.shut_down("rtl", stay=300.0)) == "never heard"
+        left = await leaving(sky, sky.bridge.orders.shut_down("rtl", stay=300.0))
+        assert (left.state, left.text) == ("unconfirmed", "never heard")
         assert wall <= sky.clock.wall() - began <= wall + 3
 
     flown(body, Sky(tmp_path))

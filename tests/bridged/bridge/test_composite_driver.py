@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from bridged.bridge.safety_orders import by_operator
 from bridged.drivers import check_manifest
 from bridged.drivers.python.driver import PythonDriver
 from schemas.manifest.loader import find_manifest, read_manifest
@@ -110,8 +111,10 @@ def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own
         going, reeling = sky.begin("goto", *GOAL), sky.begin("reel", 5)
         await rig.until(lambda: going[-1].state == "running" and any(one.feedback for one in reeling), "both run")
         assert any(one.feedback.get("to_go") == 5 for one in reeling)
-        sky.bridge.desk.order("rtl", "operator: rtl", block=True, insist=True)
-        assert {(one[-1].state, one[-1].reason) for one in (going, reeling)} == {("failed", "operator: rtl")}
+        sky.bridge.desk.order("rtl", by_operator("rtl"), block=True, insist=True)
+        assert {(one[-1].state, one[-1].cause, one[-1].order) for one in (going, reeling)} == {
+            ("failed", "operator", "rtl")
+        }
         await rig.until(lambda: sky.belief("holds") == (False,), "the generator is closed")
         await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
 

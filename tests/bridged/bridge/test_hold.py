@@ -13,6 +13,7 @@ from bridged.bridge import composite_driver as body_module
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.live_manifest import RunningManifest
 from bridged.bridge.robot_setup import order_findings
+from bridged.bridge.safety_orders import by_operator
 from bridged.drivers import check_manifest
 from bridged.drivers.api import Outcome
 from bridged.drivers.zenoh.driver import ZenohDriver
@@ -182,7 +183,8 @@ def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next_one_e
         turtle.begin()
         assert turtle.bridge.lease.answers == "a"
         assert turtle.bridge.driver.active
-        assert await turtle.bridge.orders.shut_down("rtl") == "hold: the vehicle does it"
+        left = await turtle.bridge.orders.shut_down("rtl")
+        assert (left.state, left.order) == ("ordered", "hold")
         await until(lambda: turtle.stops == 1, "it is told to stop")
         assert not turtle.bridge.driver.active
 
@@ -194,7 +196,8 @@ def test_a_robot_that_knows_no_arming_is_not_called_disarmed_when_it_is_left(end
         driver = turtle.bridge.driver.own
         assert isinstance(driver, ZenohDriver)
         await until(lambda: driver.heard, "somebody listens")
-        assert await turtle.bridge.orders.shut_down("rtl") == "left as it is"
+        left = await turtle.bridge.orders.shut_down("rtl")
+        assert (left.state, left.text) == ("disarmed", "left as it is")
 
     with_a_turtle(endpoint, tmp_path, body)
 
@@ -208,7 +211,7 @@ def test_the_order_that_ends_a_motion_cannot_be_taken_away_while_the_robot_may_b
         change = ManifestChange(remove=("orders.hold",))
         said = "orders.hold: the robot may be moving, and this order ends it; stop it first"
         assert turtle.bridge.live.change(change) == [said]
-        stopped = turtle.bridge.desk.order("hold", "operator: hold", block=False, insist=True)
+        stopped = turtle.bridge.desk.order("hold", by_operator("hold"), block=False, insist=True)
         await until(lambda: stopped.over and not turtle.bridge.driver.active, "it holds")
         assert turtle.bridge.live.change(change) == []
 

@@ -238,7 +238,8 @@ def test_continue_leaves_a_robot_to_the_operators_order(sky: Sky, order: Order, 
         assert await resume(sky) == Outcome("succeeded", f"the vehicle is in {mode}")
         await passing(sky, 5)
         assert (mode_of(sky), sky.bridge.desk.paused) == (mode, False)
-        assert sky.begin("goto", *GOAL)[-1].reason == f"operator: {order}"
+        refused = sky.begin("goto", *GOAL)[-1]
+        assert (refused.cause, refused.order) == ("operator", order)
 
     flown(sky, body)
 
@@ -262,7 +263,7 @@ def test_another_order_ends_the_pause_and_the_actions(sky: Sky, order: str) -> N
         await passing(sky, 2)
         await pause(sky)
         assert (await answered(sky, sky.bridge.orders.operator(order))).state == "succeeded"  # type: ignore[arg-type]
-        assert (going[-1].state, going[-1].reason) == ("failed", f"operator: {order}")
+        assert (going[-1].state, going[-1].cause, going[-1].order) == ("failed", "operator", order)
         assert not sky.bridge.desk.paused
 
     flown(sky, body)

@@ -14,6 +14,7 @@ from bridged.bridge.idle_monitor import Idleness
 from bridged.bridge.safety_orders import UNATTENDED, Step
 from bridged.drivers.api import Execution, Order
 from bridged.drivers.mavlink.driver import MavlinkDriver
+from schemas.wire.log_lines import RobotLeft
 from tests.bridged.sky import Sky, is_command
 from tests.support.notes import identities
 
@@ -34,7 +35,7 @@ async def passing(sky: Sky, seconds: float) -> None:
         await asyncio.sleep(0)
 
 
-async def leaving(sky: Sky, left: Awaitable[str]) -> str:
+async def leaving(sky: Sky, left: Awaitable[RobotLeft]) -> RobotLeft:
     """Let mission time pass until the bridge has left."""
     task = asyncio.ensure_future(left)
     for _ in range(60):
@@ -260,9 +261,9 @@ def test_the_operators_order_outlives_a_bridge_that_is_killed_until_release(sky:
     async def body(sky: Sky) -> None:
         await ordered(sky, "hold")
         again = restarted(sky, tmp_path)
-        assert again.begin("set_mode", "GUIDED", id="uav:t:90")[-1].reason == "operator: hold", "from the start on"
+        assert again.begin("set_mode", "GUIDED", id="uav:t:90")[-1].cause == "operator", "from the start on"
         await passing(again, 3)
-        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].reason == "operator: hold"
+        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
         assert again.bridge.health().ordered == "hold"
         assert ("operator_order", "hold") in identities(again.bridge.health().notes)
         assert again.bridge.orders.release().state == "succeeded"
@@ -298,7 +299,7 @@ def test_a_restarted_bridge_leaves_a_safer_motion_alone_that_a_pilot_has_begun_m
         again = restarted(sky, tmp_path)
         await passing(again, 3)
         assert mode_of(again) == "LAND"
-        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].reason == "operator: hold"
+        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
 
     flown(body, sky)
 
@@ -315,7 +316,7 @@ def test_a_restarted_bridge_leaves_a_pilot_the_vehicle_that_was_taken_over_under
             await passing(again, 0.5)
             await asyncio.sleep(0.02)
         assert mode_of(again) == "LOITER"
-        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].reason == "operator: hold"
+        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
 
     flown(body, sky)
 
@@ -331,7 +332,7 @@ def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge(
         assert asked.done()
         await leaving(sky, orders.shut_down("land"))
         last = restarted(sky, tmp_path).bridge.desk
-        assert (last.paused, last.ordered, last.blocked) == (False, None, "")
+        assert (last.paused, last.ordered, last.blocked) == (False, None, None)
 
     sky = Sky(tmp_path)
     sky.wait(2)
@@ -497,7 +498,8 @@ def test_a_bridge_that_stops_lets_a_landing_go_on(sky: Sky) -> None:
 
     async def body(sky: Sky) -> None:
         left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
-        assert left == "rtl: land is under way: the vehicle is in LAND"
+        assert (left.state, left.order) == ("ordered", "rtl")
+        assert left.text == "rtl: land is under way: the vehicle is in LAND"
         assert mode_of(sky) == "LAND"
 
     flown(body, sky)
@@ -528,7 +530,8 @@ def test_a_bridge_that_stops_leaves_a_pilots_vehicle_to_the_pilot_and_says_so(sk
     async def body(sky: Sky) -> None:
         take_over(sky)
         await passing(sky, 3)
-        assert await leaving(sky, sky.bridge.orders.shut_down("rtl")) == "left to the pilot in LOITER, armed"
+        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+        assert (left.state, left.text) == ("piloted", "left to the pilot in LOITER, armed")
         await passing(sky, 5)
         assert mode_of(sky) == "LOITER"
 
@@ -542,7 +545,8 @@ def test_a_vehicle_that_somebody_flew_before_the_bridge_started_is_left_to_them(
 
     async def body(sky: Sky) -> None:
         await passing(sky, 3)
-        assert await leaving(sky, sky.bridge.orders.shut_down("rtl")) == "left to the pilot in LOITER, armed"
+        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+        assert (left.state, left.text) == ("piloted", "left to the pilot in LOITER, armed")
 
     flown(body, later)
 
@@ -553,7 +557,8 @@ def test_an_agent_that_takes_control_again_is_answered_for_again(sky: Sky) -> No
     assert sky.do("set_mode", "GUIDED").state == "succeeded"
 
     async def body(sky: Sky) -> None:
-        assert (await leaving(sky, sky.bridge.orders.shut_down("rtl"))).startswith("rtl: the vehicle is in RTL")
+        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+        assert (left.state, left.order) == ("ordered", "rtl")
 
     flown(body, sky)
 
@@ -673,8 +678,9 @@ def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_agents_ac
         await passing(sky, 0.1)
         released = sky.bridge.orders.release()
         assert (released.state, released.reason) == ("refused", "the bridge stops: it takes no action any more")
-        assert sky.begin("goto", 0.0, 0.0, 20)[-1].reason == "the bridge stops: rtl"
-        assert (await leaving(sky, left)).startswith("rtl: the vehicle is in RTL")
+        refused = sky.begin("goto", 0.0, 0.0, 20)[-1]
+        assert (refused.state, refused.cause, refused.order) == ("refused", "shutdown", "rtl")
+        assert (await leaving(sky, left)).order == "rtl"
 
     flown(body, sky)
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.bridge.safety_orders import Step
+from bridged.bridge.safety_orders import Step, by_operator
 from bridged.drivers.api import Order, Outcome
 from bridged.simulation.copter.fault_injection import Faults
+from schemas.wire.log_lines import RobotLeft
 from tests.bridged.bridge.test_safety_orders import leaving, passing
 from tests.bridged.drivers.mavlink.test_recorded_flights import Replay
 from tests.bridged.recorded import PX4, packets
@@ -59,20 +60,20 @@ def test_every_action_is_refused_and_the_reason_names_the_autopilot(stranger: Sk
 
 @pytest.mark.parametrize("order", ["hold", "land", "rtl"])
 def test_an_operators_order_is_refused_with_that_reason(stranger: Sky, order: Order) -> None:
-    execution = stranger.bridge.desk.order(order, f"operator: {order}", block=True, insist=True)
+    execution = stranger.bridge.desk.order(order, by_operator(order), block=True, insist=True)
     stranger.wait(1)
     assert execution.outcome == Outcome("refused", SAID)
     assert heard_by(stranger) == {"HEARTBEAT"}
 
 
 def test_neither_a_lost_agent_nor_the_end_of_the_bridge_orders_anything(stranger: Sky) -> None:
-    async def lost() -> str:
+    async def lost() -> RobotLeft:
         async with asyncio.timeout(60):
             stranger.bridge.orders.agent_lost("uav", "a test", (Step("hold", 1.0), Step("rtl")))
             await passing(stranger, 20)
             return await leaving(stranger, stranger.bridge.orders.shut_down("rtl"))
 
-    assert "armed" in asyncio.run(lost())
+    assert asyncio.run(lost()).state == "piloted"
     assert heard_by(stranger) == {"HEARTBEAT"}
 
 

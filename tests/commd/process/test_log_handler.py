@@ -7,12 +7,15 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
-from commd.process.log_handler import BURST, KINDS, LONGEST, WINDOW, LineFormatter, LogHandler, one_line
+from commd.process.log_handler import BURST, KINDS, WINDOW, LineFormatter, LogHandler, one_line
 from commd.process.output import Output
+from schemas.wire import log_lines
+from schemas.wire.log_lines import LONGEST, AnyEvent, LogLine, RobotReleased
 from tests.support.processes import ROOT
 
 SPEAKER = """\
@@ -20,6 +23,7 @@ import logging
 from commd.process.output import stdout
 from commd.process.process import run_daemon
 from schemas.files.findings import Finding, Findings
+from schemas.wire.log_lines import RobotReleased
 
 async def main(stop):
     log = logging.getLogger("mail")
@@ -29,7 +33,8 @@ async def main(stop):
         {}["x"]
     except KeyError:
         log.exception("defect in argosy: %s", "a save")
-    stdout().write("<0>of a program")
+    log.info("an event", extra={"event": RobotReleased(robot="uav1")})
+    stdout().write("<0>of a program", agent="a")
     raise Findings([Finding("m.yaml", 1, 2, "one"), Finding("m.yaml", 3, 4, "two")])
 
 raise SystemExit(run_daemon("commd", main))
@@ -42,7 +47,7 @@ class Recorded(Output):
     def __init__(self) -> None:
         self.lines: list[tuple[int, str]] = []
 
-    def write(self, text: str, priority: int = 6) -> None:
+    def write(self, text: str, priority: int = 6, *, agent: str = "", event: AnyEvent | None = None) -> None:
         self.lines.append((priority, text))
 
 
@@ -52,7 +57,7 @@ class Desk:
     def __init__(self) -> None:
         self.output, self.time = Recorded(), 1000.0
         self.handler = LogHandler(self.output, lambda: self.time)
-        self.handler.setFormatter(LineFormatter("commd", dated=False))
+        self.handler.setFormatter(LineFormatter("%(levelname)s commd %(name)s "))
         self.log = logging.Logger("mail")
         self.log.addHandler(self.handler)
 
@@ -66,11 +71,13 @@ def desk() -> Desk:
     return Desk()
 
 
-def spoken(tmp_path: Path, *, journal: bool) -> tuple[list[str], list[str], int]:
+def spoken(
+    tmp_path: Path, *, journal: bool = False, wanted: Mapping[str, str] | None = None
+) -> tuple[list[str], list[str], int]:
     """What a daemon says to a stream that is, or is not, the journal's: standard error and output, and how it ends."""
     reader, writer = os.pipe()
     found = os.fstat(writer)
-    environment = dict(os.environ)
+    environment = {**os.environ, **(wanted or {})}
     environment.pop("JOURNAL_STREAM", None)
     environment.pop("ARGOSY_DEBUG", None)
     if journal:
@@ -94,23 +101,56 @@ def spoken(tmp_path: Path, *, journal: bool) -> tuple[list[str], list[str], int]
 def test_to_the_journal_each_line_begins_with_its_priority_also_what_a_program_prints(tmp_path: Path) -> None:
     said, _, code = spoken(tmp_path, journal=True)
     assert code == 2
-    printed = "<6><0>of a program"  # by another thread than what is logged: its place among the others is open
+    printed = "<6>[a] <0>of a program"  # by another thread than what is logged: its place among the others is open
     assert said.count(printed) == 1
     assert [line for line in said if line != printed] == [
         "<6>INFO commd mail taken=3",
         r"<4>WARNING commd mail two\nlines <0>",
-        "<3>ERROR commd mail defect in argosy: a save error=KeyError: 'x' at=<string>:11",
+        "<3>ERROR commd mail defect in argosy: a save error=KeyError: 'x' at=<string>:12",
+        "<6>INFO commd mail an event",
         "<3>m.yaml:1:2: error: one",
         "<3>m.yaml:3:4: error: two",
     ]
 
 
 def test_to_anybody_else_lines_have_no_priority(tmp_path: Path) -> None:
-    said, printed, code = spoken(tmp_path, journal=False)
+    said, printed, code = spoken(tmp_path)
     assert code == 2
     assert said[0] == "INFO commd mail taken=3"
     assert not any(line.startswith("<") for line in said)
-    assert printed == ["<0>of a program"]
+    assert printed == ["[a] <0>of a program"]
+
+
+def test_to_a_supervisor_that_wants_it_each_line_is_a_record_with_what_it_acts_on(tmp_path: Path) -> None:
+    said, printed, code = spoken(tmp_path, wanted=log_lines.AS_JSON)
+    assert code == 2
+    assert [log_lines.decode(line.encode()) for line in said] == [
+        LogLine(text="taken=3", level="info"),
+        LogLine(text=r"two\nlines <0>", level="warning"),
+        LogLine(text="defect in argosy: a save error=KeyError: 'x' at=<string>:12", level="error"),
+        LogLine(text="an event", level="info", event=RobotReleased(robot="uav1")),
+        LogLine(text="m.yaml:1:2: error: one", level="error"),
+        LogLine(text="m.yaml:3:4: error: two", level="error"),
+    ]
+    assert [log_lines.decode(line.encode()) for line in printed] == [
+        LogLine(text="<0>of a program", level="info", agent="a")
+    ]
+
+
+def test_a_text_without_end_is_cut_in_a_record() -> None:
+    reader, writer = os.pipe()
+    output = Output(writer, structured=True)
+    output.write("é" * 100_000)
+    output.flush(10)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as lines:
+        line = log_lines.decode(lines.read())
+    assert line == LogLine(text="é" * LONGEST + f"… ({100_000 - LONGEST} characters more)", level="info")
+
+
+def test_no_other_text_is_taken_for_a_record() -> None:
+    for text in (b"", b"error: no", b"[a] hello", b'{"text": 1}', b'"text"', b"\xff", b'{"text": "", "level": "loud"}'):
+        assert log_lines.decode(text) is None
 
 
 def test_of_one_kind_so_many_pass_and_the_rest_is_counted_and_told(desk: Desk) -> None:

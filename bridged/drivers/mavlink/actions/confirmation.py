@@ -177,9 +177,10 @@ def within_limits(flight: Flight, call: Call) -> Outcome | None:
     if flight.altitude_of_home() is None:
         return Outcome("refused", "the vehicle's altitude is not known yet")
     if call.limited and flight.limited and not flight.vehicle.placed:
-        return Outcome("refused", "the vehicle has not told lately where it is, so the mission's limits cannot be kept")
+        said = "the vehicle has not told lately where it is, so the mission's limits cannot be kept"
+        return Outcome("refused", said, "limits")
     broken = flight.outside_limits(above_home(flight, call)) if call.limited else ""
-    return Outcome("refused", broken) if broken else None
+    return Outcome("refused", broken, "limits") if broken else None
 
 
 def target_shown(flight: Flight, call: Call) -> Generator[None, None, bool]:

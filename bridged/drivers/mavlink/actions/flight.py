@@ -85,7 +85,7 @@ def take_off(flight: Flight, task: Task, call: Call) -> Steps:
     """NAV_TAKEOFF: within the tolerance of the altitude above home."""
     vehicle, wanted = flight.vehicle, call.parameters[6]
     if broken := flight.too_high(wanted):
-        return Outcome("refused", broken)
+        return Outcome("refused", broken, "limits")
     if flight.goes_on(call) and vehicle.aloft:
         return (yield from _climb_on(flight, task, call))
     aloft_before = vehicle.aloft
@@ -110,7 +110,7 @@ def take_off_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
     if mode is None or not isinstance(wanted, int | float):
         return Outcome("refused", f"a vehicle of this kind has no mode to take off by: {vehicle.modes.vehicle}")
     if broken := flight.too_high(float(wanted)):
-        return Outcome("refused", broken)
+        return Outcome("refused", broken, "limits")
     if not vehicle.armed or (vehicle.aloft and not flight.goes_on(call)):
         return Outcome("refused", f"a takeoff begins armed on the ground; {flight.state_in_words()}")
     failure = yield from write_parameter(flight, task, "TKOFF_ALT", float(wanted))

@@ -37,8 +37,10 @@ def upload_mission(flight: Flight, task: Task, call: Call) -> Steps:
         items = read_items(said, AMSL if call.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
     except ValueError as error:
         return Outcome("refused", str(error))
-    if refused := _flown_now(flight) or outside(flight, items):
-        return Outcome("refused", refused)
+    if flown := _flown_now(flight):
+        return Outcome("refused", flown)
+    if broken := outside(flight, items):
+        return Outcome("refused", broken, "limits")
     with Speaking(flight, task) as busy:
         if busy:
             return Outcome("refused", busy)

@@ -193,7 +193,7 @@ def _read_within_limits(flight: Flight, task: Task) -> Generator[None, None, Out
         flight.plan.items = held
         tell_items(flight)
     broken = outside(flight, held[1:])
-    return Outcome("refused", broken) if broken else None
+    return Outcome("refused", broken, "limits") if broken else None
 
 
 def _ground(flight: Flight) -> bool:

@@ -73,7 +73,7 @@ def send_velocity(flight: Flight, task: Task, call: Call) -> Steps:
     if velocity is None:
         return Outcome("refused", "the vehicle's heading is not known yet")
     if call.limited and (broken := flight.leads_outside(velocity)):
-        return Outcome("refused", broken)
+        return Outcome("refused", broken, "limits")
 
     def fits(message: dialect.MAVLink_message) -> bool:
         if message.type_mask & VELOCITY_IGNORED:
@@ -128,7 +128,7 @@ def _place_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None
         return Outcome("refused", "the vehicle's heading is not known yet")
     north, east, down = (there - now for there, now in zip(goal, (here.x, here.y, here.z), strict=True))
     if call.limited and (broken := flight.outside_limits(flight.vehicle.position.moved(north, east, -down))):
-        return Outcome("refused", broken)
+        return Outcome("refused", broken, "limits")
 
     def fits(message: dialect.MAVLink_message) -> bool:
         shown = not message.type_mask & POSITION_IGNORED

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.bridge.safety_orders import by_operator
 from bridged.simulation.copter.flight_modes import Mode
 from tests.bridged.simulation.copter.test_setpoints_and_outputs import manifest as manifest_with_raw_commands
 from tests.bridged.sky import GOAL, MISSION, Message, Sky
@@ -110,7 +111,7 @@ def test_an_order_does_not_believe_that_a_vehicle_stands_because_it_stood_long_a
     assert sky.do("takeoff", 10).state == "succeeded"
     sky.wait(5)
     assert sky.do("goto", *GOAL[:2], 20).state == "succeeded"
-    order = sky.bridge.desk.order("rtl", "a test", block=False, insist=True)
+    order = sky.bridge.desk.order("rtl", by_operator("rtl"), block=False, insist=True)
     sky.forward(lambda: order.outcome is not None, "the order is confirmed", 30)
     assert order.outcome is not None
     assert order.outcome.state == "succeeded"

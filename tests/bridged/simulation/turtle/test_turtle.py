@@ -162,7 +162,7 @@ def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint:
         assert reply.record is not None
         assert reply.record.ok
         await until(lambda: studio.turtle.linear == (0, 0), "it stands")
-        assert (await studio.do("cmd_vel", 1, 0, 0)).reason == "operator: hold"
+        assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator"
         assert [one async for one in studio.bus.query(stop, StopOrder(order="release"), Outcome, 10)]
         studio.leave.set()
         await until(lambda: not studio.values("pose"), "the pose is gone")

@@ -184,14 +184,14 @@ def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_and_thei
                 await asyncio.sleep(0.05)
             await until(lambda: driver.counters()["messages"] == 3, "the vehicle is heard beside its companion")
             assert not two_told(driver)
-            assert driver.refuses(MANIFEST.actions["arm_motors"]) == ""
+            assert driver.refuses(MANIFEST.actions["arm_motors"]) is None
             for _ in range(3):
                 speak(1)
                 await asyncio.sleep(0.05)
             await until(lambda: two_told(driver), "the warning")
-            assert driver.refuses(MANIFEST.actions["arm_motors"]).startswith(
-                "two vehicles are system 1, at udp:127.0.0.1"
-            )
+            refusal = driver.refuses(MANIFEST.actions["arm_motors"])
+            assert refusal is not None
+            assert refusal.reason.startswith("two vehicles are system 1, at udp:127.0.0.1")
         driving.cancel()
         await asyncio.gather(driving, return_exceptions=True)
 
@@ -217,9 +217,11 @@ def test_two_vehicles_of_one_id_in_flight_are_left_their_ways_down_which_go_to_b
             where = sorted(f"udp:127.0.0.1:{vehicle.port}" for vehicle in (one, other))
             said = f"two vehicles are system 1, at {' and '.join(where)}"
             for name in ("takeoff", "goto", "setpoint"):
-                assert driver.refuses(MANIFEST.actions[name]).startswith(said)
+                refusal = driver.refuses(MANIFEST.actions[name])
+                assert refusal is not None
+                assert refusal.reason.startswith(said)
             for name in ("land", "return_to_launch", "set_mode", "arm_motors"):
-                assert driver.refuses(MANIFEST.actions[name]) == ""
+                assert driver.refuses(MANIFEST.actions[name]) is None
             for name, arguments in (("set_mode", {"mode": "GUIDED"}), ("arm_motors", {"arm": True})):
                 outcome = driver.perform(name, MANIFEST.actions[name], arguments).outcome
                 assert outcome is not None

@@ -9,6 +9,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.bridge.safety_orders import by_operator
 from bridged.drivers import check_manifest
 from bridged.drivers.mavlink.vehicle.flight_modes import (
     ARDUCOPTER,
@@ -21,6 +22,7 @@ from bridged.drivers.mavlink.vehicle.flight_modes import (
     table_of,
 )
 from schemas.manifest.loader import load_manifest
+from schemas.wire.log_lines import RobotLeft
 from schemas.wire.records import Note
 from tests.bridged.scripted import Scripted
 from tests.bridged.sky import MISSION, Sky
@@ -118,7 +120,7 @@ def test_orders_from_above_mean_what_they_can_mean_for_the_vehicle(
     scripted.armed = True
     scripted.at = scripted.at.moved(100, 0, 0 if modes.ground else 50)
     sky.wait(2)
-    execution = sky.driver.order(order, "the operator", insist=True)  # type: ignore[arg-type]
+    execution = sky.driver.order(order, by_operator(order), insist=True)  # type: ignore[arg-type]
     sky.forward(lambda: execution.over, "the order", 15)
     assert execution.outcome is not None
     assert execution.outcome.state == "succeeded", execution.outcome.reason
@@ -203,13 +205,13 @@ def test_the_end_of_the_bridge_sends_a_rover_home(rover: Sky) -> None:
     orders = rover.bridge.orders
     loop = asyncio.new_event_loop()
 
-    async def shut_down() -> str:
+    async def shut_down() -> RobotLeft:
         task = loop.create_task(orders.shut_down("rtl"))
         while not task.done():
             rover.step()
             await asyncio.sleep(0)
         return task.result()
 
-    said = loop.run_until_complete(asyncio.wait_for(shut_down(), 20))
+    left = loop.run_until_complete(asyncio.wait_for(shut_down(), 20))
     loop.close()
-    assert "RTL" in said
+    assert (left.state, left.order) == ("ordered", "rtl")
