@@ -10,7 +10,7 @@ from argparse import ArgumentParser, Namespace
 
 from agentd.extensions.file_access import state_folder
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError, Load, compile_program
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Program
 from agentd.persistence.checkpoint import CheckpointError

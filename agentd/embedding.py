@@ -7,7 +7,7 @@ from pathlib import Path
 
 from agentd.extensions.plugins import discover
 from agentd.language.compiler.compile import CompiledProgram, compile_program
-from agentd.language.parser.parser import parse_file, parse_program
+from agentd.language.parse import parse_file, parse_program
 from agentd.runtime.program_paths import read_folders
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from agentd.check.finding_kinds import Kind, finding
 from agentd.language.errors.suggestions import near
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Directive, InternalAction, Item, Position, String, Structure
 from agentd.language.syntax_tree.signatures import DEFAULT

@@ -12,7 +12,7 @@ from agentd.check.finding_kinds import Kind, finding
 from agentd.check.includes import Includes, near_file
 from agentd.check.survey import survey
 from agentd.check.symbol_table import Survey
-from agentd.language.parser.parser import parse_file, parse_term
+from agentd.language.parse import parse_file, parse_term
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Belief, Goal, InternalAction, Item, ListTerm, Program, Structure
 from agentd.runtime.program_paths import SourcePaths

@@ -23,7 +23,7 @@ from threading import Lock
 from typing import Any
 
 from agentd.environment.percepts import PerceptBoard
-from agentd.language.parser.parser import parse_literal
+from agentd.language.parse import parse_literal
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.beliefs.term_copy import is_ground, resolve

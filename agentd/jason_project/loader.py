@@ -10,7 +10,7 @@ from typing import Any
 from agentd.jason_project.project_parser import parse_project
 from agentd.jason_project.syntax import AgentEntry, ClassSpec, Option, Project
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError
-from agentd.language.parser.parser import parse_term
+from agentd.language.parse import parse_term
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import Problem, SyntaxErrors
 from agentd.language.syntax_tree.source import read_source

@@ -177,7 +177,7 @@ class Mind(MindState):
         return not self.ready and self.wake_at is None and not self.waiting
 
     def query(self, formula: Any) -> bool:
-        """Whether a parsed formula (`agentd.language.parser.parser.parse_formula`) follows from the beliefs.
+        """Whether a parsed formula (`agentd.language.parse.parse_formula`) follows from the beliefs.
 
         It leaves no trace in the mind, whatever rules it uses: who looks on changes nothing.
         """

@@ -11,7 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
-from agentd.language.parser.parser import parse_formula
+from agentd.language.parse import parse_formula
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Belief, Goal, Item, Program
 from agentd.mind import Mind

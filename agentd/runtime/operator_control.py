@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Final, TypeAlias
 
 from agentd.conversion.term_conversion import MAX_DEPTH, BadTerm, to_wire
-from agentd.language.parser.parser import parse_literal
+from agentd.language.parse import parse_literal
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Structure
 from agentd.language.terms.from_ast import instantiate

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from agentd.language.parser.parser import parse_file, parse_formula, parse_program
+from agentd.language.parse import parse_file, parse_formula, parse_program
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Belief, Formula, Goal, Item, Program
 from schemas.files.findings import Finding, Findings

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from agentd.language.compiler.compile import CompiledProgram, compile_program, in_namespace
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 
 USUAL_FOLDERS = (".", "src/agt", "src/agt/inc", "src/asl", "asl")
 """Where projects of Jason keep their programs, under the project's folder; looked into after all that is named."""

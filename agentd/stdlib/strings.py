@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.language.parser.parser import parse_term
+from agentd.language.parse import parse_term
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.terms.format import text
 from agentd.language.terms.from_ast import instantiate

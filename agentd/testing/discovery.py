@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError, in_namespace
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.printer import source_text

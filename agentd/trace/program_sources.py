@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from agentd.language.parser.parser import parse_program, parse_source
+from agentd.language.parse import parse_program, parse_source
 from agentd.language.syntax_tree.nodes import Program
 from agentd.language.syntax_tree.source import Source, read_source
 
@@ -37,7 +37,7 @@ class Sources:
     _packed: dict[str, bytes] = field(default_factory=dict)
 
     def parse_file(self, path: str | Path) -> Program:
-        """As `agentd.language.parser.parser.parse_file`, and keep the text."""
+        """As `agentd.language.parse.parse_file`, and keep the text."""
         return parse_source(lambda: self._read(path), path)
 
     def _read(self, path: str | Path) -> Source:
@@ -62,7 +62,7 @@ class Texts:
         self._files = files
 
     def parse_file(self, path: str | Path) -> Program:
-        """As `agentd.language.parser.parser.parse_file`. Raises FileNotFoundError for a file that is not among the
+        """As `agentd.language.parse.parse_file`. Raises FileNotFoundError for a file that is not among the
         texts."""
         text = self._files.get(str(path))
         if text is None:

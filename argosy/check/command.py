@@ -16,7 +16,7 @@ from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_te
 from agentd.check.finding_kinds import FAILS_WHERE_REACHED
 from agentd.check.programs import Surveyed, read_survey
 from agentd.conversion.slow_notice import loading, told_if_long
-from agentd.language.parser.parser import parse_file, parse_literal
+from agentd.language.parse import parse_file, parse_literal
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Formula, Program, Structure
 from agentd.runtime.program_loader import compose, endings

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from agentd.language.compiler.compile import DirectiveError, compile_program
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Program
 from agentd.runtime.program_loader import compose

@@ -11,7 +11,7 @@ import sys
 import time
 
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.mind import Mind
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, PerceptReplaced

@@ -21,7 +21,7 @@ import msgspec
 
 from agentd.environment import Environment
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.standalone import standalone_team
 from agentd.standalone.command import DEEPEST_CALLS
 from benchmarks.processes import BenchmarkFailed, lines, started

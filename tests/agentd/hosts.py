@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.mind.data.effects import TeamRequest
 from agentd.mind.data.inputs import Mail, TeamReply
 from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.terms.format import text
 from agentd.language.terms.source_annotations import SOURCE_PERCEPT, is_source

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 from typing import Any, Final
 
-from agentd.language.parser.parser import parse_formula
+from agentd.language.parse import parse_formula
 from agentd.mind.data.inputs import Mail, PerceptReplaced
 from commd.bus.bus import Bus
 from schemas.wire import keys

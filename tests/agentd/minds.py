@@ -6,7 +6,7 @@ from typing import Any
 
 from agentd.conversion.log_format import line_of
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_program, parse_term
+from agentd.language.parse import parse_program, parse_term
 from agentd.language.terms.from_ast import instantiate
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect, Log, Print

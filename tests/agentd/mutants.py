@@ -9,9 +9,9 @@ from functools import lru_cache
 from typing import Any, Final, TypeAlias
 
 from agentd.language.errors.lexical import broken
+from agentd.language.parse import parse_program
 from agentd.language.parser.lexer import lexicon, tokenize
 from agentd.language.parser.parse_tables import load
-from agentd.language.parser.parser import parse_program
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Body, Plan, Position, Program, Trigger
 from agentd.language.syntax_tree.printer import source_text

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.standalone.clocks import VirtualClock
 from agentd.standalone.standalone_team import Team
 

@@ -7,7 +7,7 @@ from datetime import UTC
 from typing import Any
 
 from agentd.language.compiler.compile import CompiledProgram, compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.mind.data.inputs import Input

@@ -14,7 +14,7 @@ from agentd.check.command import Robot, check_program, findings_of
 from agentd.check.external_knowledge import from_team
 from agentd.check.programs import read_survey
 from agentd.language.compiler.compile import DirectiveError, compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Program
 from agentd.language.syntax_tree.printer import source_text

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.mind import Mind
 from agentd.mind.data.effects import Print, StopTeam

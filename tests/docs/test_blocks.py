@@ -12,7 +12,7 @@ import yaml
 import zenoh
 
 from agentd.jason_project.project_parser import parse_project
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from tests.docs.commands import calls, complaint, mentions
 from tests.docs.pages import LANGUAGES, Block, blocks, pages, without_blocks
 from tests.docs.table import NOT_WELL_FORMED, entry

@@ -24,7 +24,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
-from agentd.language.parser.parser import parse_formula, parse_literal, parse_trigger
+from agentd.language.parse import parse_formula, parse_literal, parse_trigger
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Body, Operator, Plan, Position, Step, Structure, Trigger, Variable

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import msgspec
 
-from agentd.language.parser.parser import parse_plan, parse_term
+from agentd.language.parse import parse_plan, parse_term
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.printer import source_text

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from agentd.language.parser.parser import parse_plan, parse_trigger
+from agentd.language.parse import parse_plan, parse_trigger
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.signatures import signature

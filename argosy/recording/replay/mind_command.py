@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from agentd.extensions.plugins import discover
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from argosy.recording.file import mind_inputs
 from argosy.recording.file.reader import BadRecording, Recording, open_recording

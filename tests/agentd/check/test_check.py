@@ -11,7 +11,7 @@ import pytest
 from agentd.check.command import add_arguments, check_program, run
 from agentd.check.external_knowledge import Arities
 from agentd.language.compiler.compile import DirectiveError
-from agentd.language.parser.parser import parse_file, parse_program
+from agentd.language.parse import parse_file, parse_program
 from agentd.mind.data.registry import missing_action
 from agentd.runtime.program_paths import SourcePaths
 from schemas.files.findings import Finding

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from agentd.language.compiler.compile import DirectiveError, compile_program
-from agentd.language.parser.parser import parse_file, parse_program
+from agentd.language.parse import parse_file, parse_program
 from agentd.mind import Mind
 from tests.agentd.minds import World, run
 

@@ -18,9 +18,9 @@ from pygments.token import Error, Name, Text
 from agentd.editor import textmate
 from agentd.editor.lexer import AgentSpeakLexer, ProjectLexer, classed
 from agentd.editor.token_classes import Class, library_names, unclassed
+from agentd.language.parse import parse_program
 from agentd.language.parser.lexer import BROKEN
 from agentd.language.parser.parse_tables import load
-from agentd.language.parser.parser import parse_program
 from agentd.mind.data import registry
 
 ROOT = Path(__file__).parents[3]

@@ -229,7 +229,7 @@ def test_another_thread_settles_an_action_and_changes_percepts(tmp_path: Path) -
 
     lines: list[str] = []
     from agentd.language.compiler.compile import compile_program
-    from agentd.language.parser.parser import parse_program
+    from agentd.language.parse import parse_program
 
     program = compile_program(parse_program("!s. +!s <- work; ?worked; .print(done); .stopMAS(0, 7).", "bob.asl"))
     assert Team([("bob", program)], out=lines.append, environment=Threaded()).run(60.0, False) == 7

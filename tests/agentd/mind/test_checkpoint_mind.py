@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from agentd.conversion.term_conversion import perceived
-from agentd.language.parser.parser import parse_plan
+from agentd.language.parse import parse_plan
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text

@@ -8,7 +8,7 @@ import pytest
 
 from agentd.conversion.log_format import lines_of
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.mind import Mind
 from agentd.mind.data.effects import Log, PerformAction
 from agentd.mind.data.inputs import ActionDone

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.mind import Mind
 from agentd.mind.data.effects import Log, Print, SendMail
 from agentd.mind.data.inputs import Mail, PerceptAdded

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import agentd
-from agentd.language.parser.parser import parse_formula
+from agentd.language.parse import parse_formula
 from agentd.mind.data.effects import Log
 from agentd.mind.data.inputs import Mail
 from tests.agentd.minds import World, mind_of, term

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from agentd.language.parser.parser import parse_formula
+from agentd.language.parse import parse_formula
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import Var

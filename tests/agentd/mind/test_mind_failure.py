@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentd.language.parser.parser import parse_formula
+from agentd.language.parse import parse_formula
 from tests.agentd.minds import run
 
 

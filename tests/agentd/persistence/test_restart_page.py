@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.mail import outbox
 from agentd.mind import Mind
 from agentd.persistence import checkpointer

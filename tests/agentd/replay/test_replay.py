@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agentd.conversion.term_conversion import perceived
-from agentd.language.parser.parser import parse_formula
+from agentd.language.parse import parse_formula
 from agentd.language.terms.terms import EMPTY, Literal, atom, make_list
 from agentd.mind.data.effects import Effect, PerformAction, SendMail, TeamRequest
 from agentd.mind.data.formula_failure import Failed

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from random import Random
 from typing import TypeVar
 
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.language.syntax_tree.nodes import Rule
 from tests.agentd.generated_queries import Call, Case, Generator
 from tests.agentd.minds import run

@@ -12,8 +12,9 @@ import pytest
 from agentd.check.command import check_program
 from agentd.check.includes import Includes
 from agentd.check.survey import survey
+from agentd.language import parse
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser import fact_runs, parser
+from agentd.language.parser import fact_runs
 from agentd.language.parser.fact_runs import GroundFact
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Belief, Directive, Position, Program
@@ -79,7 +80,7 @@ def _tree(node: Any) -> Any:
 def _read(text: str, recognise_facts: bool) -> Any:
     """A program, or what is wrong with it."""
     try:
-        return parser._whole(Source(text, "a.asl"), recognise_facts)
+        return parse._whole(Source(text, "a.asl"), recognise_facts)
     except SyntaxErrors as errors:
         return errors.problems
 
@@ -104,9 +105,9 @@ def _assert_alike(text: str) -> int:
 def _problems(text: str) -> Any:
     """What the parser says of a text that is large enough."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parser, "LARGE", 0)
+        patch.setattr(parse, "LARGE", 0)
         with pytest.raises(SyntaxErrors) as caught:
-            parser.parse_program(text, "a.asl")
+            parse.parse_program(text, "a.asl")
     return caught.value.problems
 
 
@@ -170,10 +171,10 @@ def _large(count: int = 3000) -> str:
 
 def test_a_mind_and_a_check_read_facts_without_parsing_each(monkeypatch: pytest.MonkeyPatch) -> None:
     text = f"{_large()}!s.\n+!s : pos(2999, X, T, [_|R]) <- .print(X, T, R).\n"
-    program = parser.parse_program(text, "a.asl")
+    program = parse.parse_program(text, "a.asl")
     parsed = []
-    parse = fact_runs.FactRun.parse
-    monkeypatch.setattr(fact_runs.FactRun, "parse", lambda run: (parsed.append(run), parse(run)))
+    parse_run = fact_runs.FactRun.parse
+    monkeypatch.setattr(fact_runs.FactRun, "parse", lambda run: (parsed.append(run), parse_run(run)))
     mind = Mind("a", compile_program(program))
     assert len([*mind.beliefs.facts()]) == 3000
     assert not parsed
@@ -184,18 +185,18 @@ def test_a_mind_and_a_check_read_facts_without_parsing_each(monkeypatch: pytest.
 def test_a_fact_that_names_a_registered_function_is_computed() -> None:
     register = '{ register_function("twice", 1, "twice") }\n'
     text = f"{register}p(1).\np(twice(4)).\n{_large(1000)}twice(X, Y) :- Y = X * 2.\n"
-    mind = Mind("a", compile_program(parser.parse_program(text, "a.asl")))
+    mind = Mind("a", compile_program(parse.parse_program(text, "a.asl")))
     assert [fact.args for fact in mind.beliefs.facts() if fact.functor == "p"] == [(1.0,), (8.0,)]
 
 
 def test_facts_in_a_namespace_belong_to_it() -> None:
     text = "{ begin namespace(n) }\n" + _large(1000) + "{ end }\n"
-    mind = Mind("a", compile_program(parser.parse_program(text, "a.asl")))
+    mind = Mind("a", compile_program(parse.parse_program(text, "a.asl")))
     assert {fact.sig.namespace for fact in mind.beliefs.facts()} == {"n"}
 
 
 def test_a_changed_copy_of_a_fact_is_a_plain_belief() -> None:
-    fact = parser.parse_program(_large(1000), "a.asl").items[7]
+    fact = parse.parse_program(_large(1000), "a.asl").items[7]
     assert type(fact) is GroundFact
     other = replace(fact, position=Position("b.asl", 1, 1))
     assert type(other) is Belief
@@ -203,6 +204,6 @@ def test_a_changed_copy_of_a_fact_is_a_plain_belief() -> None:
 
 
 def test_a_directive_among_large_facts_is_told_each_time(tmp_path: Path) -> None:
-    program = parser.parse_program(_large(1000) + 'include("a.asl").\ninclude("b.asl").\n', "a.asl")
+    program = parse.parse_program(_large(1000) + 'include("a.asl").\ninclude("b.asl").\n', "a.asl")
     assert [one.line for one in check_program(program)] == [1001, 1002]
     assert len(survey(program.items, Includes("a.asl", None, [])).beliefs) == 3  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.language.syntax_tree.printer import source_text
 
 VALID = (

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language.parser.parser import parse_file
+from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Program
 from tests.agentd import mutants

@@ -6,7 +6,7 @@ from typing import Any
 
 from hypothesis import HealthCheck, given, settings
 
-from agentd.language.parser.parser import parse_literal, parse_plan, parse_program, parse_term, parse_trigger
+from agentd.language.parse import parse_literal, parse_plan, parse_program, parse_term, parse_trigger
 from agentd.language.syntax_tree.nodes import Plan, Program, Structure, Term, Trigger
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.terms.format import text

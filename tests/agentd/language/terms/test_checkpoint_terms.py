@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text

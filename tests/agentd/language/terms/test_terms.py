@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 
 from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
-from agentd.language.parser.parser import parse_term
+from agentd.language.parse import parse_term
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.order import compare, distinct, ordered, sorted_annots

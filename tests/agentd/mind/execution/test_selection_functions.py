@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from agentd.language.compiler.compile import compile_program
-from agentd.language.parser.parser import parse_program
+from agentd.language.parse import parse_program
 from agentd.mind import Mind
 from agentd.mind.data.inputs import GoalAdded, Mail
 from agentd.mind.data.intention import Intention

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agentd.language.parser import parse_tables
-from agentd.language.parser.parser import (
+from agentd.language.parse import (
     parse_file,
     parse_formula,
     parse_literal,
@@ -17,6 +16,7 @@ from agentd.language.parser.parser import (
     parse_term,
     parse_trigger,
 )
+from agentd.language.parser import parse_tables
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import (
     And,
@@ -53,7 +53,7 @@ from agentd.language.syntax_tree.nodes import (
 from agentd.language.syntax_tree.printer import source_text
 from tests.agentd.minds import run
 
-CORPUS = Path(__file__).parents[3] / "conformance"
+CORPUS = Path(__file__).parents[2] / "conformance"
 PROGRAMS = sorted(path for path in CORPUS.rglob("*.asl") if not path.with_suffix(".err").exists())
 
 
