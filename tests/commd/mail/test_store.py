@@ -51,7 +51,7 @@ def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Pat
     program = """if True:
         import asyncio, os, sys
         from pathlib import Path
-        from commd import facts
+        from commd.mail import kv_table as facts
         from commd.mail.store import open_store
         async def main():
             async with open_store(Path(sys.argv[1])) as store:
@@ -236,7 +236,7 @@ def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_
     program = """if True:
         import asyncio, os, sys
         from pathlib import Path
-        from commd import facts
+        from commd.mail import kv_table as facts
         from commd.mail.store import open_store
         async def main():
             async with open_store(Path(sys.argv[1])) as store:

@@ -80,7 +80,7 @@ def test_what_zenoh_says_of_handshakes_is_told_in_words(said: str, words: str) -
 
 _SPEAKER = """
 import os, sys, time
-from commd import refusals
+from commd.router import tls_rejections as refusals
 from commd.process.output import flush, stdout
 refusals.hear_refusals()
 for number in range(3 * refusals.REASONS):
