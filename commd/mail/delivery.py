@@ -1,7 +1,7 @@
 """Empties the lines of waiting messages: batch by batch, in order, one batch of a line on its way at a time.
 
 A line goes on at once when its peer appears; while the peer is away or does not answer, a timer tries again. Lines
-whose peers answer have couriers of their own, so that those which hang delay nobody else.
+whose peers answer have workers of their own, so that peers that hang delay no others.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ RETRY_FIRST, RETRY_MOST = 0.05, 5.0
 """Wall seconds between two attempts, doubling."""
 LATER_MOST = 2.0
 """The same for a peer that is there and has no room."""
-COURIERS, PROBES = 32, 8
+WORKERS, PROBES = 32, 8
 """Batches on their way at the same time, to receivers here and as many to other boards: to peers that answer, and to
 those that did not."""
 OF_ONE, PROBES_OF_ONE = 16, 2
@@ -82,39 +82,51 @@ class Away:
     timer: asyncio.TimerHandle | None = None
 
 
-class _Office:
-    """Lanes that wait for a courier of one kind."""
+class _WorkerPool:
+    """The lanes of one kind that are ready, and how many workers serve each group of them."""
 
-    def __init__(self) -> None:
-        self.ready: deque[Lane] = deque()
-        self.wanted = asyncio.Semaphore(0)
-        """Counts `ready`."""
-        self.busy: Counter[str] = Counter()
-        """Couriers on their way, by group."""
-        self.held: dict[str, deque[Lane]] = {}
-        """Lanes whose group has as many couriers as it may, by group."""
+    def __init__(self, workers: int, of_one: int) -> None:
+        """At most `of_one` of the `workers` serve one group at the same time."""
+        self.workers = workers
+        self._of_one = of_one
+        self._ready: deque[Lane] = deque()
+        self._wanted = asyncio.Semaphore(0)
+        """Counts `_ready`."""
+        self._busy: Counter[str] = Counter()
+        """Workers by the group that they serve."""
+        self._held: dict[str, deque[Lane]] = {}
+        """Lanes whose group has as many workers as it may, by group."""
 
     def add(self, lane: Lane) -> None:
-        """Let a lane wait for a courier."""
-        self.ready.append(lane)
-        self.wanted.release()
+        """Let a lane wait for a worker."""
+        self._ready.append(lane)
+        self._wanted.release()
+
+    async def next(self, group_of: Callable[[str], str]) -> tuple[Lane, str]:
+        """Wait for a lane whose group may have another worker. Returns it and the group, for `free`."""
+        while True:
+            await self._wanted.acquire()
+            lane = self._ready.popleft()
+            group = group_of(lane.line)
+            if self._busy[group] < self._of_one:
+                self._busy[group] += 1
+                return lane, group
+            self._held.setdefault(group, deque()).append(lane)
 
     def free(self, group: str) -> None:
-        """A courier is back from a group: one of its lanes may go, and all of them when it was the last courier (they
-        may belong to another group by now)."""
-        self.busy[group] -= 1
-        held = self.held.get(group, deque())
-        for _ in range(1 if self.busy[group] else len(held)):
-            if held:
-                self.add(held.popleft())
+        """Let the next lane of a group have the worker; all of them if it was the last one, as groups may change."""
+        self._busy[group] -= 1
+        held = self._held.get(group, deque())
+        for _ in range(min(1 if self._busy[group] else len(held), len(held))):
+            self.add(held.popleft())
         if not held:
-            self.held.pop(group, None)
-        if not self.busy[group]:
-            del self.busy[group]
+            self._held.pop(group, None)
+        if not self._busy[group]:
+            del self._busy[group]
 
 
 class Lanes:
-    """All lines that are not empty, and the couriers that empty them."""
+    """All lines that are not empty, and the workers that empty them."""
 
     def __init__(
         self,
@@ -137,14 +149,16 @@ class Lanes:
         self._group_of = group_of
         self._lanes: dict[str, Lane] = {}
         self._away: dict[str, Away] = {}
-        self._offices = {(remote, probing): _Office() for remote in (False, True) for probing in (False, True)}
+        self._pools = {
+            (remote, probing): _WorkerPool(PROBES, PROBES_OF_ONE) if probing else _WorkerPool(WORKERS, OF_ONE)
+            for remote in (False, True)
+            for probing in (False, True)
+        }
         self._loop = asyncio.get_running_loop()
 
     async def run(self) -> None:
         """Empty the lines, for ever."""
-        each = [(office, PROBES_OF_ONE if probing else OF_ONE) for (_, probing), office in self._offices.items()]
-        couriers = [self._work(*one) for one in each for _ in range(COURIERS if one[1] == OF_ONE else PROBES)]
-        await asyncio.gather(*couriers)
+        await asyncio.gather(*(self._work(pool) for pool in self._pools.values() for _ in range(pool.workers)))
 
     def begin(self) -> None:
         """Take up what waits from the former life of this daemon."""
@@ -202,17 +216,11 @@ class Lanes:
     def _queue(self, lane: Lane) -> None:
         if not lane.queued:
             lane.queued = True
-            self._offices[">" in lane.line, lane.hung].add(lane)
+            self._pools[">" in lane.line, lane.hung].add(lane)
 
-    async def _work(self, office: _Office, of_one: int) -> None:
+    async def _work(self, pool: _WorkerPool) -> None:
         while True:
-            await office.wanted.acquire()
-            lane = office.ready.popleft()
-            group = self._group_of(lane.line)
-            if office.busy[group] >= of_one:
-                office.held.setdefault(group, deque()).append(lane)
-                continue
-            office.busy[group] += 1
+            lane, group = await pool.next(self._group_of)
             lane.queued, lane.timer = False, None
             known, lane.sent = lane.sent, inf
             try:
@@ -223,7 +231,7 @@ class Lanes:
                 log.exception("defect in argosy: mail of line %s", lane.line)
                 self._again(lane, known, NotTaken(f"defect in argosy: {type(error).__name__}: {error}", certain=False))
             finally:
-                office.free(group)
+                pool.free(group)
 
     def _again(self, lane: Lane, known: float, why: NotTaken) -> None:
         """Begin a line anew at its front: what was taken and is in the file still is sent again, and known there."""

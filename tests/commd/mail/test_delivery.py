@@ -1,4 +1,4 @@
-"""Which line gets a courier when, with peers that are away, full, hanging or cannot read what they get."""
+"""Which line gets a worker when, with peers that are away, full, hanging or cannot read what they get."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from commd.client.receive_mail import NOT_DONE
+from commd.client.receive_mail import Inbox
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
 from commd.mail.delivery import OF_ONE, RETRY_FIRST, Lanes, NotTaken
@@ -78,7 +78,7 @@ def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what
     async def body() -> None:
         async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
             pauses[len(batch)].append(lanes._lanes[line].pause)
-            return Receipt(later=dict.fromkeys(range(len(batch)), NOT_DONE))
+            return Receipt(later=dict.fromkeys(range(len(batch)), Inbox.NOT_DONE))
 
         async with lanes_of(tmp_path, ["b"], carry) as (lanes, tally, _):
             await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")

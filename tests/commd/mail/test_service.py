@@ -293,7 +293,7 @@ def test_mail_is_delivered_in_batches_of_bounded_length_and_size(endpoint: str, 
 def test_receivers_that_hang_keep_no_other_waiting(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.mail.delivery.COURIERS", 2)
+    monkeypatch.setattr("commd.mail.delivery.WORKERS", 2)
     monkeypatch.setattr("commd.mail.delivery.PROBES", 1)
     monkeypatch.setattr("commd.mail.transport.ABSORB_TIMEOUT", 0.2)
     hung = [f"hung{number}" for number in range(6)]
