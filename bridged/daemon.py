@@ -18,7 +18,6 @@ from commd.common.clock import Clock
 from commd.process.process import (
     EXIT_DONE,
     EXIT_FAILED,
-    HEALTH_PERIOD,
     add_router_argument,
     greet,
     report_health,
@@ -29,6 +28,7 @@ from commd.process.restart_counter import begin_life
 from commd.process.state_dir import state_directory
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Findings
+from schemas.liveness import HEALTH_EVERY
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.log_lines import RobotLeft
@@ -167,7 +167,7 @@ async def tell(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
     loop = unit.loop()
     while True:
         loop.beat()
-        await asyncio.sleep(min(HEALTH_PERIOD, loop.period or HEALTH_PERIOD))
+        await asyncio.sleep(min(HEALTH_EVERY, loop.period or HEALTH_EVERY))
         unit.status(in_words(bridges, bus))
 
 

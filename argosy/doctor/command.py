@@ -21,7 +21,6 @@ from argosy.doctor.certificate_checks import certificates
 from argosy.doctor.daemon_checks import clocks, daemons, disks, links, mail, versions
 from argosy.doctor.findings import Check, Facts, RobotFacts, Said
 from argosy.doctor.robot_checks import failsafes, percepts, vehicles
-from argosy.fleet_model.fleet_status import SILENT
 from argosy.status.command import call_the_roll, settled
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError, QueryFailed
@@ -30,6 +29,7 @@ from commd.router.self_check import LINKS_WITHIN, measure_all
 from schemas.files.findings import Findings
 from schemas.files.terminal import printable
 from schemas.humanize import count
+from schemas.liveness import SILENT_AFTER
 from schemas.manifest.loader import load_manifest
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
@@ -97,7 +97,7 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
     """Ask everybody, within bounds; who does not answer is part of what is found."""
     loop = asyncio.get_running_loop()
     roll = call_the_roll(bus, bus.fleet, mission)
-    await settled(roll, SILENT + 0.5)
+    await settled(roll, SILENT_AFTER + 0.5)
     earlier, began = roll.rows(), loop.time()
     boards: dict[str, BoardReport | str] = {}
     for board in mission.board_names:

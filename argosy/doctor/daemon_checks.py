@@ -8,6 +8,7 @@ from argosy.cli.remedies import REMEDIES, level_of, logs_of, target_of
 from argosy.doctor.findings import Facts, Said
 from argosy.fleet_model.fleet_status import MEANING, Row
 from schemas.humanize import count, latency, span
+from schemas.liveness import LAG_LATE
 from schemas.version import RELEASE
 from schemas.wire.records import LinkReport
 
@@ -19,8 +20,6 @@ SLOW_TRIP = 0.5
 """Wall seconds of a round trip from which on mail and actions are noticeably late."""
 SLOW_RATE = 20_000.0
 """Bytes a second below which percepts of one vehicle alone may fill a link."""
-LATE = 1.0
-"""Seconds of lag."""
 MAIL_WAITS = 60.0
 """Wall seconds after which mail that waits is worth a word."""
 
@@ -93,7 +92,7 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
         yield Said(
             "warning", "daemons", text, "it has too much to do: fewer percepts or a lower `rate` in the manifest"
         )
-    if health.lag >= LATE:
+    if health.lag >= LAG_LATE:
         do = "give the board less to do: fewer agents, lower rates, no endless plans; `top` shows who takes the time"
         yield Said("warning", "daemons", f"{who} is {health.lag:.1f} s behind", do)
 

@@ -7,12 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission
 from schemas.wire import keys
 from schemas.wire.records import Health, Note
 
-SILENT = 3.5
-"""Wall seconds without a record after which a daemon that holds its token counts as silent; it tells one a second."""
 UNDER_WAY = 0.5
 """Wall seconds for which a record of a daemon may arrive after its token has gone."""
 MOST = 5_000
@@ -119,7 +118,7 @@ class Roll:
 
     def rows(self) -> list[Row]:
         """Return all daemons: board by board as in the mission, then what it has not."""
-        heard = {who for who, (_, at) in self._health.items() if self._now() - at <= SILENT}
+        heard = {who for who, (_, at) in self._health.items() if self._now() - at <= SILENT_AFTER}
         there = self._boots.keys() | heard
         others = sorted(there - self.expected.keys())
         return [
@@ -143,7 +142,7 @@ class Roll:
 
     def _standing(self, who: Who, age: float | None) -> Standing:
         boots = self._boots.get(who, ())
-        tells = age is not None and age <= SILENT
+        tells = age is not None and age <= SILENT_AFTER
         if len(boots) > 1:
             return "twice"
         if not boots:
@@ -151,7 +150,7 @@ class Roll:
             return "unclaimed" if tells and told_since else "missing"
         if tells or who[2] == "client":  # clients hold their name and tell nothing else
             return "up"
-        return "coming" if self._now() - self._since[who] <= SILENT else "silent"
+        return "coming" if self._now() - self._since[who] <= SILENT_AFTER else "silent"
 
     def _room_for(self, who: Who) -> bool:
         self._forget()

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from argosy.fleet_model.robots import ActionSeen
 from argosy.fleet_model.roster import Roster
+from schemas.liveness import ACTION_GIVEN_UP
 
-GIVEN_UP = 30.0
-"""Seconds without a status after which an action counts as ended, whoever is there: bridges tell of it each second."""
 MOST = 2_000
 """Names whose present lives are kept."""
 
@@ -46,4 +45,4 @@ def why_unknown(action: ActionSeen, roster: Roster, lives: Lives, now: float) ->
         return "its bridge is gone"
     if any(lives.began(one.name, "bridged") > action.heard for one in bridges):
         return "its bridge was started anew"
-    return f"nobody has told of it for {GIVEN_UP:.0f} s" if silent > GIVEN_UP else ""
+    return f"nobody has told of it for {ACTION_GIVEN_UP:.0f} s" if silent > ACTION_GIVEN_UP else ""

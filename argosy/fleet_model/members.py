@@ -8,13 +8,12 @@ from dataclasses import dataclass, field
 from argosy.fleet_model.fleet_status import Row, Standing
 from argosy.fleet_model.robots import RobotSeen
 from argosy.fleet_model.track import Track
+from schemas.liveness import STALE_AFTER
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import Mailboxes, Note
 
 TRACK = 2_000
 """Points of a robot's track that are kept."""
-STALE = 3.0
-"""Seconds after which what is known of a robot counts as old: bridges tell of themselves once a second."""
 
 
 @dataclass
@@ -118,7 +117,7 @@ class TeamRobot(Member):
     def stale(self, now: float) -> bool:
         """Whether what is known of it is old, or nothing is known."""
         age = self.age(now)
-        return age is None or self.seen.lost or age > STALE
+        return age is None or self.seen.lost or age > STALE_AFTER
 
 
 @dataclass

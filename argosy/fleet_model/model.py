@@ -28,9 +28,9 @@ from argosy.fleet_model.roster import Roster
 from argosy.fleet_model.run_boundaries import Runs
 from argosy.fleet_model.timeline import Timeline
 from argosy.fleet_model.timeline_source import Teller
-from commd.liveness.presence import ROUTER_GRACE
 from schemas.files.findings import Findings
 from schemas.humanize import shortened
+from schemas.liveness import ROUTER_GRACE, SILENT_AFTER
 from schemas.mission.model import Mission, read_mission
 from schemas.wire.mind_records import MindDeeds, MindView
 from schemas.wire.records import (
@@ -46,10 +46,6 @@ from schemas.wire.records import (
     State,
 )
 
-SILENCE = 5.0
-"""Seconds without an answer from a mind, while the router is there, after which it counts as silent."""
-RUN_SILENT = 5.0
-"""Seconds without a word after which `argosy run` counts as silent; it publishes its state each second."""
 ENDS: frozenset[RunPhase] = frozenset({"bringing_home", "done", "failed"})
 """Phases of a run in which its daemons leave."""
 PHASES: dict[RunPhase, str] = {
@@ -128,7 +124,7 @@ class TeamModel:
         if self.run_state is None or self.over or not self.router_up or self._coming_back():
             return None
         age = self.now() - max(self.run_heard, self.router_since or 0.0)
-        return age if age > RUN_SILENT else None
+        return age if age > SILENT_AFTER else None
 
     @property
     def forgotten(self) -> int:
@@ -239,9 +235,11 @@ class TeamModel:
             return
         last = max(member.heard or 0.0, member.since or 0.0, self.router_since or 0.0)
         member.why_silent = why
-        if member.silent is None and self.now() - last > SILENCE:
+        if member.silent is None and self.now() - last > SILENT_AFTER:
             member.silent = last
-            self._tell(agent, f"its mind has not answered for {SILENCE:.0f} s{': ' if why else ''}{why}", "warning")
+            self._tell(
+                agent, f"its mind has not answered for {SILENT_AFTER:.0f} s{': ' if why else ''}{why}", "warning"
+            )
 
     def deeds(self, key: str, told: MindDeeds) -> None:
         """An agent told what it has done."""

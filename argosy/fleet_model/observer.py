@@ -12,13 +12,14 @@ from argosy.fleet_model.model import TeamModel
 from argosy.fleet_model.naming import named
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError, QueryTimeout
+from schemas.liveness import MIND_EVERY
 from schemas.wire import keys
 from schemas.wire.mind_records import MindDeeds, MindView
 from schemas.wire.records import ActionStatus, BoardServices, Health, Mailboxes, Perception, RunningMission, RunState
 
 TICK = 0.25
 """Wall seconds between two looks at who is due."""
-DETAIL, SUMMARY, MAIL = 0.5, 2.0, 2.0
+DETAIL, SUMMARY, MAIL = 0.5, MIND_EVERY, 2.0
 """Wall seconds between two looks at a mind that is looked at, at each other mind, and at the mailboxes."""
 DECISIONS = 30
 """Decisions that a detailed view is asked for."""

@@ -9,6 +9,7 @@ from contextlib import suppress
 from argosy.fleet_model.picture import Picture
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
+from schemas.liveness import SILENT_AFTER
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import ActionStatus, Health, Perception
@@ -16,8 +17,6 @@ from schemas.wire.records import ActionStatus, Health, Perception
 MIND_PERIOD = 0.5
 """Wall seconds between two looks at a mind."""
 ANSWER_TIMEOUT = 2.0
-SILENCE = 5.0
-"""Wall seconds without an answer from a mind after which the agent counts as silent: nobody knows what it does."""
 
 
 class Observer:
@@ -29,7 +28,7 @@ class Observer:
         """Cleared while the daemons are to be left in peace, to measure what they use when idle."""
         self.watching_minds.set()
         self.silent: set[str] = set()
-        """Agents that have not answered for `SILENCE` while the router did."""
+        """Agents that have not answered for `SILENT_AFTER` while the router did."""
         self.router_lost: float | None = None
         """Wall seconds of the monotonic clock at which the router was lost; None while it is there."""
         self._tasks: list[asyncio.Task[None]] = []
@@ -101,7 +100,7 @@ class Observer:
             if await self.look_at_mind(agent) or self.router_lost is not None:
                 heard = time.monotonic()
                 self.silent.discard(agent)
-            elif time.monotonic() - heard > SILENCE:
+            elif time.monotonic() - heard > SILENT_AFTER:
                 self.silent.add(agent)
             await asyncio.sleep(MIND_PERIOD)
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from argosy.fleet_model.robots import RobotSeen
 from argosy.run.run_status import Status
+from schemas.liveness import STALE_AFTER
 
 ON_GROUND = 0.5
 """Metres above home up to which an armed vehicle is not called flying."""
-STALE = 3.0
-"""Wall seconds after which what is known of a vehicle counts as old: bridges tell of themselves once a second."""
 TAKE_OVER = "take over with the transmitter or ground station"
 
 
@@ -33,7 +32,7 @@ def last_line(status: Status, robot: str) -> str:
 def age(status: Status, robot: RobotSeen) -> float:
     """Return how old what is known of a vehicle is, in mission seconds, if its bridge says nothing; 0 otherwise."""
     old = status.now() - status.picture.heard_of(robot)
-    return old if robot.connected and old > STALE * status.setup.speed else 0.0
+    return old if robot.connected and old > STALE_AFTER * status.setup.speed else 0.0
 
 
 def _maybe_flying(status: Status, robot: RobotSeen) -> bool:

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from argosy.fleet_model.robots import RobotSeen
-from argosy.fleet_model.snapshot import SILENCE, Observer
+from argosy.fleet_model.snapshot import Observer
 from argosy.processes.supervisor import Supervisor
 from argosy.run.run_status import Status
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.durations import Duration
+from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import NO_STEPS
 
 ROUTER_PATIENCE = 10.0
@@ -111,7 +112,7 @@ class Endings:
         if restart:  # an agent may be away for a while: dead, cut off, on its way back; what hangs is killed
             return ""
         silent = sorted(self.observer.silent)
-        return f"{', '.join(silent)} has not shown its mind for {SILENCE:g} s" if silent else ""
+        return f"{', '.join(silent)} has not shown its mind for {SILENT_AFTER:g} s" if silent else ""
 
     def _nothing_left(self) -> Ending | None:
         """End the run when no agent has anything left to do and `on_idle` has brought home what flew.

@@ -9,13 +9,14 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 
 from argosy.cli.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
-from argosy.fleet_model.fleet_status import SILENT, Roll, Row
+from argosy.fleet_model.fleet_status import Roll, Row
 from argosy.status.lines import ANY_FLEET, line, summary, to_json
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
 from schemas.files.terminal import printable
 from schemas.humanize import json_lines
+from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import Health
@@ -40,8 +41,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     form.add_argument("--json", action="store_true", help="as JSON")
     form.add_argument("--plain", action="store_true", help="a line for each daemon, as in a pipe")
     parser.add_argument("--watch", action="store_true", help="show it until ctrl-C; in a pipe: what changes")
-    help_ = f"wall seconds that daemons have to tell how they are (default {SILENT + 0.5:g})"
-    parser.add_argument("--wait", type=float, default=SILENT + 0.5, metavar="S", help=help_)
+    help_ = f"wall seconds that daemons have to tell how they are (default {SILENT_AFTER + 0.5:g})"
+    parser.add_argument("--wait", type=float, default=SILENT_AFTER + 0.5, metavar="S", help=help_)
 
 
 def run(args: Namespace) -> int:

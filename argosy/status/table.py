@@ -12,6 +12,7 @@ from argosy.fleet_model.fleet_status import Row, Standing
 from argosy.status.lines import summary
 from schemas.files.terminal import printable
 from schemas.humanize import latency, span
+from schemas.liveness import LAG_LATE
 from schemas.wire.records import Note
 
 STYLES: dict[Standing, str] = {
@@ -22,8 +23,6 @@ STYLES: dict[Standing, str] = {
     "unclaimed": "bold red",
     "missing": "bold red",
 }
-LATE = 0.5
-"""Seconds of lag from which on it is a warning."""
 HEADS = ("board", "daemon", "name", "", "version", "for", "lag", "drops", "restarts")
 
 
@@ -54,7 +53,7 @@ def _cells(row: Row, board: str) -> list[Text]:
     health = row.now
     if health is None:
         return cells
-    late = health.lag >= LATE
+    late = health.lag >= LAG_LATE
     return [
         *cells,
         Text(printable(health.version) or "?", style=dim),

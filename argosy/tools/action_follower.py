@@ -10,13 +10,10 @@ from msgspec.structs import replace
 
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
+from schemas.liveness import ACTION_SILENT, ROUTER_GRACE
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel
 
-SILENCE = 10.0
-"""Wall seconds without a status after which nobody is waited for any longer: a bridge tells one each second."""
-GRACE = 5.0
-"""Wall seconds in which the router may come back."""
 AT_MOST = 3600.0
 """Wall seconds of one query; then it is asked again with the same id."""
 CANCEL_PATIENCE = 5.0
@@ -36,7 +33,7 @@ async def follow(bus: Bus, fleet: str, action: Action) -> AsyncGenerator[ActionS
         try:
             async with aclosing(bus.query(key, action, ActionStatus, AT_MOST)) as replies:
                 while True:
-                    async with asyncio.timeout(SILENCE):
+                    async with asyncio.timeout(ACTION_SILENT):
                         reply = await anext(replies, None)
                     if reply is None:
                         break
@@ -48,10 +45,10 @@ async def follow(bus: Bus, fleet: str, action: Action) -> AsyncGenerator[ActionS
                     if reply.record.final:
                         return
         except TimeoutError:
-            raise Lost(f"nothing was heard of it for {SILENCE:g} s: its bridge hangs, or is cut off") from None
+            raise Lost(f"nothing was heard of it for {ACTION_SILENT:g} s: its bridge hangs, or is cut off") from None
         except BusClosed as closed:
             reason = str(closed)
-        if loop.time() - heard > (GRACE if taken else 0):
+        if loop.time() - heard > (ROUTER_GRACE if taken else 0):
             raise Lost(reason)
         if taken:  # asked again it is answered, and never begun anew
             action = replace(action, attempt=action.attempt + 1)

@@ -11,13 +11,12 @@ from argosy.fleet_model import Member, TeamAgent, TeamBoard, TeamModel, TeamRobo
 from argosy.fleet_model.fleet_status import Standing
 from argosy.fleet_model.robots import ActionSeen
 from argosy.ui.view_structs import AgentView, BoardView, IntentionLine, NoteView, RobotView, RunningView
+from schemas.liveness import MIND_STALE_AFTER
 from schemas.mission.model import Robot
 from schemas.wire.records import Note
 
 INTENTIONS = 4
 """Intentions of an agent that stand in the list."""
-STALE = 6.0
-"""Seconds after which what a mind has shown is old: those that nobody looks at are asked every 2 s."""
 
 
 def notes_of_all(model: TeamModel) -> dict[Note, list[str]]:
@@ -64,7 +63,7 @@ def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[
         notes=tuple(note_view(note) for note in agent.notes if note not in shared),
         state=does.doing,
         action=does.action[:200],
-        stale=agent.heard if (agent.age(model.as_of) or 0.0) > STALE else None,
+        stale=agent.heard if (agent.age(model.as_of) or 0.0) > MIND_STALE_AFTER else None,
         silent=agent.silent,
         why_silent=agent.why_silent,
         actions=tuple(_running(one, model.as_of) for one in model.open_actions(agent.name)[-INTENTIONS:]),

@@ -25,9 +25,9 @@ from bridged.bridge.running_action import Follower, Job
 from bridged.drivers import OURS
 from bridged.drivers.api import Execution, Order, Outcome, defers
 from bridged.drivers.argument_check import BadArgument, read_arguments
+from schemas.liveness import STATUS_EVERY
 from schemas.manifest.built_in import ACTIONS
 from schemas.manifest.loader import ActionEntry, Argument, Manifest
-from schemas.wire.keys import STATUS_EVERY
 from schemas.wire.records import Action, ActionStatus
 
 CAUSE_AFTER = 1.5

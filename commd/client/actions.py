@@ -12,6 +12,7 @@ from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
 from commd.client.percept_sync import Perceiving
 from commd.liveness.bridge_presence import BridgeWatch
+from schemas.liveness import ACTION_ASKED_AGAIN, BUS_GRACE
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
 from schemas.wire.records import Action, ActionStatus, Cancel, Cause, State
@@ -19,11 +20,6 @@ from schemas.wire.terms import Term
 
 log = logging.getLogger("actions")
 
-BUS_GRACE = 5.0
-"""Wall seconds without a word from the bridge before an action is given up, counted from the last word or from the last
-loss or return of the router: a router restart must not fail a flight."""
-SILENCE = 3 * keys.STATUS_EVERY
-"""Wall seconds without a status after which an action is asked for again: its query may be broken and never end."""
 ACCEPT_PATIENCE = 15.0
 """Wall seconds until a bridge has taken an action or refused it; only then its deadline is known."""
 ASKERS_MARGIN = 5.0
@@ -70,9 +66,9 @@ class Acting:
     ) -> ActionStatus:
         """Ask for an action and return its final status; the bridge has `patience` wall seconds to take it.
 
-        Asks again by the same id when nothing is heard for `SILENCE`, when the router is lost and when it is back; the
-        bridge joins the query to what runs, or answers how it ended. Never raises and never waits for ever: without a
-        word from the bridge for `BUS_GRACE` it has failed, and when the deadline that the bridge has told is over.
+        Asks again by the same id when nothing is heard for `ACTION_ASKED_AGAIN`, when the router is lost and when it is
+        back; the bridge joins the query to what runs, or answers how it ended. Never raises and never waits for ever:
+        without a status from the bridge for `BUS_GRACE` it has failed, and when the bridge's deadline is over.
         `on_status` hears of each status before the final one. `attempt` above 1 follows what a former life has asked
         for: the bridge begins nothing, and refuses what it does not know. `kept` is waited for when all is prepared:
         before it has ended nobody is asked.
@@ -115,7 +111,7 @@ class Acting:
 
         async def asked() -> bool:
             wanted = await ready()
-            timer.reschedule(min(until, loop.time() + SILENCE))
+            timer.reschedule(min(until, loop.time() + ACTION_ASKED_AGAIN))
             return wanted
 
         while True:
@@ -151,7 +147,7 @@ class Acting:
                         if reply.record.deadline is not None:
                             until = heard + self._to_wall(reply.record.deadline) + ASKERS_MARGIN
                             late = "no outcome within its deadline"
-                        timer.reschedule(min(until, heard + SILENCE))
+                        timer.reschedule(min(until, heard + ACTION_ASKED_AGAIN))
                         reason = "bridge_lost: its answers ended without an outcome"
                     if not taken and not self._wanted[identity]:
                         return ended("cancelled", "cancelled", "the agent has dropped it")
@@ -190,7 +186,7 @@ class Acting:
         while loop.time() < min(max(began, self._bridge.router_since) + BUS_GRACE, began + ACCEPT_PATIENCE):
             with suppress(BusError):
                 request = Cancel(header=self._bus.header("cancel", self._agent), id=identity)
-                await self._bus.ask_one(key, request, ActionStatus, SILENCE)
+                await self._bus.ask_one(key, request, ActionStatus, ACTION_ASKED_AGAIN)
                 return
             await asyncio.sleep(RETRY)
         self.counters["cancels_unanswered"] += 1

@@ -1,7 +1,7 @@
 """The directory of a board: serves `{board}/services`, follows what the other boards say, and keeps both on disk.
 
 A name that was known once stays known while its board is away. An agent that joined at run time is forgotten when it
-leaves, or, unless it said that it stays, when it has been gone for `GONE_FOR_GOOD` while this board was up.
+leaves, or, unless it said that it stays, when it has been gone for `FORGOTTEN_AFTER` while this board was up.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from commd.mail import kv_table
 from commd.mail.rollback_witness import MailWitness
 from commd.mail.service import Mailroom
 from commd.mail.store import StoreFailed
+from schemas.liveness import FORGOTTEN_AFTER
 from schemas.mission.access_rules import made_on
 from schemas.mission.model import THIS_MACHINE, Mission
 from schemas.wire import keys
@@ -38,9 +39,6 @@ ASK_EVERY = 30.0
 ASK_TIMEOUT = 5.0
 ASK_AGAIN = 0.1
 """Wall seconds until a board that did not answer is asked again, doubling."""
-GONE_FOR_GOOD = 60.0
-"""Wall seconds without a token after which an agent that joined at run time has left: its daemon was killed. One that
-is started again within that time keeps its mail."""
 LOOK_EVERY = 1.0
 AROUND_EVERY = 1.0
 """Wall seconds between two times that all boards are asked for somebody whom nobody here knows, and what it takes at
@@ -191,7 +189,7 @@ class Directory:
         while True:
             await asyncio.sleep(LOOK_EVERY)
             now = self._clock.wall()
-            for name in [name for name, since in self._absent.items() if now - since >= GONE_FOR_GOOD]:
+            for name in [name for name, since in self._absent.items() if now - since >= FORGOTTEN_AFTER]:
                 if name in self.services.own.staying:
                     continue
                 try:
@@ -199,7 +197,7 @@ class Directory:
                 except StoreFailed:
                     continue  # tried again at the next look
                 self.counters["left"] += 1
-                log.warning("agent=%s has been gone for %g s: it is forgotten", name, GONE_FOR_GOOD)
+                log.warning("agent=%s has been gone for %g s: it is forgotten", name, FORGOTTEN_AFTER)
 
     # --- what agents ask ---
 

@@ -1,4 +1,4 @@
-"""Whether the bridge of an agent's robot is there, judged with patience: a router restart is not a death."""
+"""Judge whether the bridge of an agent's robot is there: by its token, and by its health while the token is there."""
 
 from __future__ import annotations
 
@@ -7,25 +7,22 @@ import logging
 from collections.abc import Callable
 
 from commd.bus.bus import Bus
-from commd.liveness.health_timeout import SILENCE, Silence
+from commd.liveness.health_timeout import Silence
+from commd.liveness.presence import Presence
+from schemas.liveness import BRIDGE_GRACE, SILENT_AFTER
 from schemas.wire import keys
 from schemas.wire.records import Health
 
 log = logging.getLogger("bridge")
 
-DEBOUNCE = 0.3
-"""Wall seconds that a token must be absent under a live router before its daemon counts as dead."""
-ROUTER_GRACE = 5.0
-"""Wall seconds that the router has to come back, and daemons after it did: what they told is out of date by then.
-One that comes and goes again begins them anew each time."""
-LOOK = 0.5
-"""Wall seconds between two looks whether it still says something."""
+POLL = 0.5
+"""Wall seconds between two checks of its health."""
 
 
 class BridgeWatch:
     """Follows the liveliness tokens of one robot's bridge; tells `on_up` and `on_gone` once for each change.
 
-    While `run` runs, a bridge whose token is there and that says nothing for `SILENCE` counts as gone: it hangs.
+    While `run` runs, a bridge whose token is there and that says nothing for `SILENT_AFTER` counts as gone: it hangs.
     """
 
     def __init__(
@@ -47,14 +44,10 @@ class BridgeWatch:
         self.fell_silent: list[Callable[[], None]] = []
         """Called when it begins to hang: what waits for its answers waits in vain."""
         self._bus, self._robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
-        self._tokens: set[str] = set()
-        self._silence = Silence(SILENCE)
+        self._presence = Presence((robot,), lambda _: board, BRIDGE_GRACE)
+        self._silence = Silence(SILENT_AFTER)
         self.router_since = asyncio.get_running_loop().time()
         """When the router was lost or was back last."""
-        self._routers_there: set[str] = set()
-        """Tokens of the other board's commd."""
-        self._board_since: float | None = None
-        """When that board went or came last, if it ever went."""
         self._judging: asyncio.Task[None] | None = None
         bus.on_router(self._router)
         if board is not None:
@@ -66,21 +59,28 @@ class BridgeWatch:
         """Look for ever whether the bridge still says something."""
         loop = asyncio.get_running_loop()
         while True:
-            await asyncio.sleep(LOOK)
+            await asyncio.sleep(POLL)
             silent = self._silence.silent(loop.time())
-            if silent and self._tokens and self._bus.router_up and not self.hangs:
+            if silent and self._there and self._bus.router_up and not self.hangs:
                 self.hangs, self.up, self.gone = True, False, True
-                log.warning("bridge_lost robot=%s: it is there and has said nothing for %g s", self._robot, SILENCE)
+                log.warning(
+                    "bridge_lost robot=%s: no health record for %g s, its token is there", self._robot, SILENT_AFTER
+                )
                 self._on_gone()
                 for handler in list(self.fell_silent):
                     handler()
 
     def _word(self, _: str, health: Health) -> None:
         self._silence.word(self._robot, health.header.boot, asyncio.get_running_loop().time())
-        if self.hangs and self._tokens:
-            self._there()
+        if self.hangs and self._there:
+            self._came()
 
-    def _there(self) -> None:
+    @property
+    def _there(self) -> bool:
+        """Whether a token of it is there."""
+        return self._robot in self._presence.there()
+
+    def _came(self) -> None:
         self.hangs = self.gone = False
         if not self.up:
             self.up = True
@@ -89,52 +89,33 @@ class BridgeWatch:
 
     def _router(self, up: bool) -> None:
         self.router_since = asyncio.get_running_loop().time()
+        self._presence.router(up, self.router_since)
         if up:
-            self._silence.excuse(self.router_since, SILENCE)
+            self._silence.excuse(self.router_since, SILENT_AFTER)
 
     def _board(self, key: str, alive: bool) -> None:
-        there = bool(self._routers_there)
-        if alive:
-            self._routers_there.add(key)
-        else:
-            self._routers_there.discard(key)
-        if there != bool(self._routers_there) and (there or self._board_since is not None):
-            self._board_since = asyncio.get_running_loop().time()
-
-    def _excused_until(self, lost_at: float) -> float:
-        """Until when a token may be absent, since then, for the loss of our router or of the link to its board."""
-        if not self._bus.router_up:
-            return max(lost_at, self.router_since) + ROUTER_GRACE
-        until = self.router_since + ROUTER_GRACE if self.router_since > lost_at else lost_at
-        if self._board_since is None:
-            return until
-        if not self._routers_there:
-            return max(until, lost_at + ROUTER_GRACE)
-        return max(until, self._board_since + ROUTER_GRACE) if self._board_since >= lost_at else until
+        _, board, _, _, boot = key.rsplit("/", 4)
+        self._presence.board(board, boot, alive, asyncio.get_running_loop().time())
 
     def _token(self, key: str, alive: bool) -> None:
-        self._silence.token(self._robot, key.rsplit("/", 1)[-1], alive, asyncio.get_running_loop().time())
+        now, boot = asyncio.get_running_loop().time(), key.rsplit("/", 1)[-1]
+        self._silence.token(self._robot, boot, alive, now)
+        self._presence.token(self._robot, boot, alive, now)
         if alive:
-            self._tokens.add(key)
-            self._there()
-            return
-        self._tokens.discard(key)
-        if not self._tokens and self._judging is None:
+            self._came()
+        elif not self._there and self._judging is None:
             self._judging = asyncio.get_running_loop().create_task(self._judge())
 
     async def _judge(self) -> None:
-        """Decide whether an absent token means a dead bridge."""
+        """Wait until the bridge is back, or lost."""
         loop = asyncio.get_running_loop()
-        lost_at = loop.time()
         try:
-            await asyncio.sleep(DEBOUNCE)
-            while not self._tokens:
-                if loop.time() >= self._excused_until(lost_at):
+            while not self._there:
+                if why := self._presence.lost(loop.time()).get(self._robot):
                     self.up, self.gone, self.hangs = False, True, False
-                    why = "its token is gone" if self._bus.router_up else "no router"
                     log.warning("bridge_lost robot=%s: %s", self._robot, why)
                     self._on_gone()
                     return
-                await asyncio.sleep(0.1)
+                await asyncio.sleep(min(0.1, max(0.01, self._presence.due - loop.time())))
         finally:
             self._judging = None

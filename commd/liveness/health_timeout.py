@@ -7,10 +7,8 @@ seconds go in.
 
 from __future__ import annotations
 
-SILENCE = 5.0
-"""Wall seconds without a word after which a daemon counts as hung, if nobody says otherwise."""
-FIRST_WORD = 30.0
-"""Wall seconds that a daemon has for its first word after its token came: it may have much to read from its disk."""
+from schemas.liveness import FIRST_HEALTH, SILENT_AFTER
+
 STALL = 1.5
 """Wall seconds between two looks of ours after which it may be us who have not listened."""
 CATCH_UP = 2.0
@@ -20,7 +18,7 @@ CATCH_UP = 2.0
 class Silence:
     """Tells which daemons say nothing. Who has no token is not found silent, but one that was stays so without it."""
 
-    def __init__(self, patience: float = SILENCE) -> None:
+    def __init__(self, patience: float = SILENT_AFTER) -> None:
         """`patience`: wall seconds that a daemon may be silent between two words."""
         self.patience = patience
         self._until: dict[tuple[str, str], float] = {}
@@ -37,7 +35,7 @@ class Silence:
             self._until.pop((name, boot), None)
             return
         first = self._spoke.get(name) != boot
-        self._until[name, boot] = wall + (max(self.patience, FIRST_WORD) if first else self.patience)
+        self._until[name, boot] = wall + (max(self.patience, FIRST_HEALTH) if first else self.patience)
         if self._hung.get(name) != boot:
             self._hung.pop(name, None)
 

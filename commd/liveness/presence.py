@@ -9,12 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 
-AGENT_GRACE = 1.0
-"""Wall seconds for which a token must be missing while the routers answer."""
-ROUTER_GRACE = 5.0
-"""Wall seconds that an agent has to come back after a router went or came: each daemon reconnects at its own pace."""
-BUS_GRACE = 5.0
-"""Wall seconds without a router after which the agents count as lost: nobody could reach them anyway."""
+from schemas.liveness import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE
 
 
 class Presence:
@@ -25,8 +20,13 @@ class Presence:
     """
 
     def __init__(
-        self, agents: Iterable[str] | None = None, board_of: Callable[[str], str | None] = lambda _: None
+        self,
+        agents: Iterable[str] | None = None,
+        board_of: Callable[[str], str | None] = lambda _: None,
+        grace: float = AGENT_GRACE,
     ) -> None:
+        """`grace`: wall seconds for which a token must be missing while the routers answer."""
+        self._grace = grace
         self._agents = None if agents is None else frozenset(agents)
         self._board_of = board_of
         self._tokens: dict[str, set[str]] = {}
@@ -109,7 +109,7 @@ class Presence:
         if not self._router_up:
             return self._router_since + BUS_GRACE
         since = self._absent_since[agent]
-        at = self._expected.get(agent, since + AGENT_GRACE)
+        at = self._expected.get(agent, since + self._grace)
         if since <= self._router_since:
             at = max(at, self._router_since + ROUTER_GRACE)
         board = self._board_of(agent)

@@ -28,13 +28,12 @@ from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import end_lives
 from schemas.files.endpoints import check_endpoint
 from schemas.files.findings import Findings
+from schemas.liveness import HEALTH_EVERY
 from schemas.version import RELEASE
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
 from schemas.wire.records import VERSION, BoardServices, Health, Note
 
-HEALTH_PERIOD = 1.0
-"""Wall seconds between two health records."""
 NOTES = 50
 """Warnings of one record; further ones are left out."""
 GREETING = 2.0
@@ -199,7 +198,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             plain = {field: getattr(told, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
             told = Health(**plain, notes=(Note("health_unsendable", one_line(f"its health cannot be sent: {bad}")),))
         bus.put(keys.health(bus.fleet, name, bus.daemon), told, urgent=True)
-        await asyncio.sleep(HEALTH_PERIOD)
+        await asyncio.sleep(HEALTH_EVERY)
 
 
 def _unreadable(health: Health, wire: Wire) -> str:

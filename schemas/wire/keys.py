@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from schemas.liveness import STATUS_EVERY
 from schemas.wire.mind_records import MindDecisions, MindDeeds, MindInputs, MindOrder, MindView
 from schemas.wire.records import (
     Action,
@@ -36,8 +37,6 @@ ROOT = "argosy"
 Sight: TypeAlias = Literal["telemetry", "minds", "mail"]
 """How much of what is said an observer sees; each includes those before it."""
 SIGHTS: tuple[Sight, ...] = ("telemetry", "minds", "mail")
-STATUS_EVERY = 1.0
-"""Wall seconds between two `running` statuses of an action, by which its bridge says that it still carries it out."""
 
 
 @dataclass(frozen=True)

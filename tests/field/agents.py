@@ -8,9 +8,7 @@ import time
 from pathlib import Path
 
 from commd.bus.session import LEASE_MS
-from commd.client.actions import BUS_GRACE
-from commd.liveness.health_timeout import SILENCE
-from commd.liveness.presence import AGENT_GRACE, ROUTER_GRACE
+from schemas.liveness import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE, SILENT_AFTER
 from tests.boards.network import Network
 from tests.field.flight import Flight
 from tests.field.rows import MARGIN, Maker, Row
@@ -21,7 +19,7 @@ HOLD = 5.0
 """`on_agent_loss: [hold 5s, rtl]`."""
 KILLED = AGENT_GRACE, "1 s of grace for a token that is gone"
 STOPPED = LEASE + AGENT_GRACE, "2 s until the router misses the process, 1 s of grace"
-HUNG = SILENCE, "`agent_silence: 5s`"
+HUNG = SILENT_AFTER, "`agent_silence: 5s`"
 CUT = LEASE + ROUTER_GRACE, "2 s until the routers miss each other, 5 s of grace for a whole board"
 ASKER = BUS_GRACE, "`bus_grace` without a word of the bridge"
 SHORT = 3.0

@@ -6,8 +6,7 @@ import signal
 import time
 from pathlib import Path
 
-from commd.client.actions import BUS_GRACE
-from commd.liveness.bridge_presence import DEBOUNCE
+from schemas.liveness import BRIDGE_GRACE, BUS_GRACE
 from tests.field.agents import LEASE, WATCHDOG, safe
 from tests.field.flight import Flight
 from tests.field.rows import EARLY, MARGIN, Maker, Row
@@ -25,7 +24,7 @@ def bridge_killed(folder: Path) -> Row:
     with Scene(folder, failsafe=True, restart=False) as scene:
         at = scene.daemons["bridged"].signal(signal.SIGKILL)
         row.figure("rtl", scene.until_shown("RTL", at), *FAILSAFE)
-        told(row, scene, at, DEBOUNCE, "0.3 s without its token")
+        told(row, scene, at, BRIDGE_GRACE, "0.3 s without its token")
     return row
 
 
@@ -34,7 +33,7 @@ def bridge_killed_and_restarted(folder: Path) -> Row:
     row = Row("bridged, killed", "SIGKILL; `Restart=on-failure`; `failsafe: {gcs: bridge}`")
     with Scene(folder, failsafe=True) as scene:
         at = scene.daemons["bridged"].signal(signal.SIGKILL)
-        told(row, scene, at, DEBOUNCE, "0.3 s without its token")
+        told(row, scene, at, BRIDGE_GRACE, "0.3 s without its token")
         bridge_back(row, scene, at)
         time.sleep(8)
         goes_on(row, scene, at)
@@ -46,7 +45,7 @@ def bridge_stopped(folder: Path) -> Row:
     row = Row("bridged, stopped", "SIGSTOP; `WatchdogSec=10`, `Restart=on-failure`; `failsafe: {gcs: bridge}`")
     with Scene(folder, failsafe=True) as scene:
         at = scene.daemons["bridged"].signal(signal.SIGSTOP)
-        told(row, scene, at, LEASE + DEBOUNCE, "2 s until the router misses it, 0.3 s of grace")
+        told(row, scene, at, LEASE + BRIDGE_GRACE, "2 s until the router misses it, 0.3 s of grace")
         row.figure("rtl", scene.until_shown("RTL", at), *FAILSAFE)
         ended_by_watchdog(row, scene, "bridged", at)
         bridge_back(row, scene, at)

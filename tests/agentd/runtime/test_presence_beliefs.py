@@ -16,7 +16,7 @@ from agentd.mind.data.inputs import SignalRaised
 from agentd.runtime.agent_group import Crew
 from commd.common.clock import Clock
 from commd.daemon import serve as serve_commd
-from commd.liveness.presence import ROUTER_GRACE
+from schemas.liveness import ROUTER_GRACE
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from tests.support.buses import ended, session, until

@@ -60,7 +60,7 @@ def test_who_comes_and_goes_stands_in_the_timeline_and_stays_to_be_seen_as_gone(
 
 
 def test_a_daemon_that_tells_nothing_is_silent() -> None:
-    fleet = rescue().waits(4)
+    fleet = rescue().waits(6)
     assert fleet.model.agents["scout"].standing == "silent"
     assert not fleet.model.agents["scout"].well
 

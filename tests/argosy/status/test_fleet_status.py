@@ -14,11 +14,12 @@ import pytest
 from rich.console import Console
 
 from argosy.__main__ import main
-from argosy.fleet_model.fleet_status import MOST, SILENT, Roll
+from argosy.fleet_model.fleet_status import MOST, Roll
 from argosy.status.lines import line, summary, to_json
 from argosy.status.metrics_command import Fleet
 from argosy.status.table import table
 from schemas.humanize import json_lines, span
+from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import Health, Note
@@ -77,7 +78,7 @@ def test_a_daemon_comes_tells_falls_silent_and_goes(mission: Mission) -> None:
     assert trial.standings()["agentd a"] == "coming"
     trial.tells("a", "agentd")
     assert trial.standings()["agentd a"] == "up"
-    trial.at += SILENT + 0.1
+    trial.at += SILENT_AFTER + 0.1
     assert trial.standings()["agentd a"] == "silent"
     trial.alive("a", "agentd", "y")
     trial.tells("a", "agentd")
@@ -91,7 +92,7 @@ def test_a_daemon_comes_tells_falls_silent_and_goes(mission: Mission) -> None:
     assert [(note.code, note.value) for note in gone.notes] == [("missing", 1.0)]
     trial.tells("a", "agentd")
     assert trial.standings()["agentd a"] == "unclaimed", "it tells, and has no token"
-    trial.at += SILENT + 0.1
+    trial.at += SILENT_AFTER + 0.1
     assert trial.standings()["agentd a"] == "missing"
 
 
@@ -100,7 +101,7 @@ def test_who_is_not_in_the_mission_is_shown_and_a_client_need_not_tell_how_it_is
     trial.alive("made", "agentd")
     trial.alive("tool", "client")
     trial.tells("made", "agentd")
-    trial.at += SILENT - 0.1
+    trial.at += SILENT_AFTER - 0.1
     rows = {row.name: row for row in trial.roll.rows()}
     assert not rows["made"].in_mission
     assert line(rows["made"]).endswith(" in_mission=no")
@@ -136,7 +137,7 @@ def test_names_that_come_and_go_without_end_are_forgotten_and_new_ones_followed(
         trial.tells(f"n{number}", "agentd")
         trial.alive(f"n{number}", "agentd", there=False)
         trial.at += 1
-    trial.at += SILENT
+    trial.at += SILENT_AFTER
     trial.alive("new", "agentd")
     assert trial.standings() == {"agentd new": "coming"}
     assert trial.roll.dropped == 0

@@ -8,11 +8,12 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from commd.bus.bus import Bus, Query
-from commd.client.actions import SILENCE, Acting
+from commd.client.actions import Acting
 from commd.client.percept_sync import Perceiving
 from commd.common.clock import Clock
 from commd.liveness.bridge_presence import BridgeWatch
 from commd.process.process import report_health
+from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
@@ -83,7 +84,7 @@ def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_agai
 
     async def body(connect: Connect) -> None:
         acting, *_ = await act(connect, serve)
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), 30), 5 * SILENCE)
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), 30), 5 * ACTION_ASKED_AGAIN)
         assert status.state == "succeeded"
         assert asked == [1, 2]
 
@@ -93,7 +94,7 @@ def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_agai
 def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.client.actions.SILENCE", 0.2)
+    monkeypatch.setattr("commd.client.actions.ACTION_ASKED_AGAIN", 0.2)
     monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
     asked: list[int] = []
 
@@ -340,7 +341,7 @@ def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(endpoint: str) 
 def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_when_it_speaks(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.liveness.bridge_presence.SILENCE", 2.0)
+    monkeypatch.setattr("commd.liveness.bridge_presence.SILENT_AFTER", 2.0)
 
     async def serve(query: Query[Action]) -> None:
         assert query.record is not None

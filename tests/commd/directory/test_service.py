@@ -188,7 +188,7 @@ def test_a_subscriber_is_told_once_of_what_began_while_the_boards_did_not_see_ea
 def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_comes_back_is_not(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(directory_module, "GONE_FOR_GOOD", 2.0)
+    monkeypatch.setattr(directory_module, "FORGOTTEN_AFTER", 2.0)
     monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
 
     async def body() -> None:
@@ -323,7 +323,7 @@ def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkeypatch:
 def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(directory_module, "GONE_FOR_GOOD", 0.5)
+    monkeypatch.setattr(directory_module, "FORGOTTEN_AFTER", 0.5)
     monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
 
     async def body() -> None:

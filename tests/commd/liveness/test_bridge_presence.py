@@ -29,8 +29,9 @@ class Said:
 
 
 def test_a_router_that_comes_and_goes_again_is_no_loss_of_the_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.liveness.bridge_presence.ROUTER_GRACE", 1.0)
-    monkeypatch.setattr("commd.liveness.bridge_presence.DEBOUNCE", 0.01)
+    monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
+    monkeypatch.setattr("commd.liveness.presence.BUS_GRACE", 1.0)
+    monkeypatch.setattr("commd.liveness.bridge_presence.BRIDGE_GRACE", 0.01)
 
     async def body() -> None:
         said = Said()

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from commd.liveness.presence import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE, Presence
+from commd.liveness.presence import Presence
+from schemas.liveness import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE
 
 
 @pytest.fixture
