@@ -27,12 +27,12 @@ def count(text: str) -> int:
     return int(text)
 
 
-def duration(accepted: Callable[[float], bool], expected: str) -> Callable[[str], float]:
+def duration(accepted: Callable[[float], bool], expected: str) -> Callable[[str], Duration]:
     """Return what reads seconds, and refuses those that are not accepted; `expected` says which are."""
 
-    def read(text: str) -> float:
+    def read(text: str) -> Duration:
         try:
-            seconds = float(Duration.read(text))
+            seconds = Duration.read(text)
         except ValueError as error:
             raise ArgumentTypeError(str(error)) from None
         if not accepted(seconds):

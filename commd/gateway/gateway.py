@@ -44,6 +44,8 @@ DISK_RETRY = 1.0
 SEEK_EVERY = 10.0
 """Seconds between two looks for a node whose host has no address yet."""
 TOLD_SOURCES = 1000
+LONGEST_LOGGED = 200
+"""Characters of what a stranger sent that are logged."""
 
 
 class Gateway(asyncio.DatagramProtocol):
@@ -205,13 +207,13 @@ class Gateway(asyncio.DatagramProtocol):
         self.counters["gateway_strangers"] += 1
         if source not in self._strangers and len(self._strangers) < TOLD_SOURCES:
             self._strangers.add(source)
-            log.warning("refused %s", _shown(why))
+            log.warning("refused %s", why[:LONGEST_LOGGED])
 
     def _count(self, what: str, why: str) -> None:
         counter = f"gateway_{what}"
         self.counters[counter] += 1
         if self.counters[counter] <= 10 or self.counters[counter] % 1000 == 0:
-            log.warning("%s count=%d %s", what, self.counters[counter], _shown(why))
+            log.warning("%s count=%d %s", what, self.counters[counter], why[:LONGEST_LOGGED])
 
     async def _find_nodes(self) -> None:
         """Look for the hosts of those nodes whose host is not found yet, in the family of our own address."""
@@ -238,11 +240,6 @@ def _addressed(message: Message, names: Iterable[str]) -> list[Message]:
     if message.receiver != EVERYBODY:
         return [message]
     return [replace(message, receiver=name) for name in names if name != message.sender]
-
-
-def _shown(text: str) -> str:
-    """What a stranger sent, for a line of a log."""
-    return "".join(one if one.isprintable() else "?" for one in text[:200])
 
 
 @asynccontextmanager

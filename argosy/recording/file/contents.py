@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 from itertools import chain, islice
 from typing import Any
 
+from argosy.recording.file.metadata import SECOND
 from argosy.recording.file.mind_inputs import PART, Life, in_words
 from argosy.recording.file.reader import Recording
-from argosy.recording.file.units import SECOND
 from argosy.recording.record.minds import MOST_MISSING
 from schemas.files.terminal import printable
 from schemas.humanize import count, size

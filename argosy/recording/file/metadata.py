@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 from zlib import crc32
 
+SECOND: Final = 1_000_000_000
+"""Nanoseconds."""
 BEGIN, END = "argosy", "argosy.end"
 """Names of the two metadata records."""
 FORMAT = "1"

@@ -12,11 +12,10 @@ from mcap.records import Channel, Message, Metadata, Schema
 
 from argosy.recording.file.key_filter import fleet_of, is_plain
 from argosy.recording.file.mcap_records import BadRecording, Damage, McapFile
-from argosy.recording.file.metadata import BEGIN, END, End, Facts, end_of, facts_of, intact
+from argosy.recording.file.metadata import BEGIN, END, SECOND, End, Facts, end_of, facts_of, intact
 from argosy.recording.file.mind_inputs import PART, Life, lives_of
 from argosy.recording.file.recorded_messages import Recorded, Topic, Track
 from argosy.recording.file.records import PREFIX
-from argosy.recording.file.units import SECOND
 from schemas.wire import keys
 from schemas.wire.mind_records import MindInputs
 from schemas.wire.records import Record

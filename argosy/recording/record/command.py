@@ -5,18 +5,19 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import re
 import signal
 import sys
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
+from argosy.cli.arguments import duration
 from argosy.cli.fleet_bus import FleetBus
 from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
-from argosy.recording.file import sizes
 from argosy.recording.file.metadata import Facts
 from argosy.recording.file.write_queue import Intake
 from argosy.recording.file.writer import COMPRESSIONS
@@ -44,6 +45,10 @@ DISK, HURRY = 60.0, 3.0
 """Wall seconds that the disk has for what still waits; and after a second signal."""
 LAST_LOOK = 5.0
 """Wall seconds for what is still missing to be asked for, when it is told to end."""
+SMALLEST = 1_000_000
+"""Bytes of a recording that may be asked for."""
+_UNITS = {"": 1, "b": 1, "kb": 1_000, "mb": 1_000_000, "gb": 1_000_000_000, "tb": 1_000_000_000_000}
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)")
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -60,13 +65,16 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument(
         "--max-size",
-        type=sizes.size,
+        type=_size,
         default=Limits.size,
         metavar="SIZE",
         help="of a file, such as 500MB (default 2GB)",
     )
     parser.add_argument(
-        "--max-time", type=sizes.duration, metavar="TIME", help="of a file, such as 1h (default: no limit)"
+        "--max-time",
+        type=duration(lambda seconds: seconds > 0, "more than 0 s"),
+        metavar="TIME",
+        help="of a file, such as 1h (default: no limit)",
     )
     parser.add_argument(
         "--split", action="store_true", help="go on in FILE-0002.mcap when a file is full, instead of ending"
@@ -220,3 +228,14 @@ class _Recording:
         if not self._asker.tokens and not self._recorder.messages:
             who = f"nobody of fleet `{fleet}` is" if fleet != ANY else "nobody is"
             print(f"note: {who} on {self._bus.endpoint} yet; it is recorded as soon as it comes", file=sys.stderr)
+
+
+def _size(text: str) -> int:
+    """Return the bytes of `2GB`, `500MB` or a number of bytes. Raises ArgumentTypeError."""
+    found = _SIZE.fullmatch(text.strip())
+    if found is None or found[2].lower() not in _UNITS:
+        raise ArgumentTypeError(f"expected a size such as `2GB` or `500MB`, got `{text}`")
+    read = int(float(found[1]) * _UNITS[found[2].lower()])
+    if read < SMALLEST:
+        raise ArgumentTypeError(f"expected 1MB at least, got `{text}`")
+    return read

@@ -12,9 +12,8 @@ from typing import Final
 
 import msgspec
 
-from argosy.recording.file.metadata import End, Facts
+from argosy.recording.file.metadata import SECOND, End, Facts
 from argosy.recording.file.records import PREFIX, RecorderNote
-from argosy.recording.file.units import SECOND
 from argosy.recording.file.write_queue import Heard, Intake
 from argosy.recording.file.writer import Compression, RecordingWriter
 from argosy.recording.record.filter import NOTES, Sieve
