@@ -158,20 +158,20 @@ class Performing:
         if noted.error is not None:
             raise noted.error
         if self._acting is None or noted.refused:
-            return ActionDone(effect.id, False, noted.refused, "refused"), None
-        dropped = ActionDone(effect.id, False, "the agent has dropped it", "cancelled"), None
+            return ActionDone(effect.id, False, noted.refused, "refused", "request"), None
+        dropped = ActionDone(effect.id, False, "the agent has dropped it", "cancelled", "cancelled"), None
         if (left := noted.left) is not None:
             if effect.id in self._dropped:
                 self._let_go(left)
                 return dropped
             status = await self._join(effect.id, left)
-            return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
+            return _done(effect.id, status), status
         identity = f"{self._agent}:{self._life}:{effect.id}"
         self._identities[effect.id] = identity
         if effect.id in self._dropped:
             return dropped
         status = await self._acting.perform(identity, effect.name, noted.parameters, kept=noted.kept)
-        return ActionDone(effect.id, status.state == "succeeded", status.reason, status.state), status
+        return _done(effect.id, status), status
 
     # --- what a former life has left ---
 
@@ -244,6 +244,10 @@ class Performing:
         self._identities[number] = left.action.id
         log.info("agent=%s goes on with %s, which a former life has begun", self._agent, left.action.name)
         return await asyncio.shield(left.status)
+
+
+def _done(number: int, status: ActionStatus) -> ActionDone:
+    return ActionDone(number, status.state == "succeeded", status.reason, status.state, status.cause or "")
 
 
 def _interrupted(action: Action, state: str, reason: str) -> Literal:

@@ -88,7 +88,7 @@ def _fields(item: Given, included: Mapping[int, Included]) -> dict[str, Term]:
             texts: dict[str, Term] = {"sender": item.sender, "performative": item.performative}
             return texts | {"content": to_wire(item.content), "id": item.msg_id, "in_reply_to": item.in_reply_to}
         case ActionDone():
-            return {"id": item.id, "ok": item.ok, "reason": item.reason, "state": item.state}
+            return {"id": item.id, "ok": item.ok, "reason": item.reason, "state": item.state, "cause": item.cause}
         case TeamReply():
             return _reply(item, included)
         case TimeRead():
@@ -143,7 +143,8 @@ def _item(kind: type[Any], fields: dict[str, Any]) -> Given:
         content = from_wire(fields["content"])
         return Mail(fields["sender"], fields["performative"], content, fields["id"], fields["in_reply_to"])
     if kind is ActionDone:
-        return ActionDone(int(fields["id"]), bool(fields["ok"]), fields["reason"], fields["state"])
+        texts = fields["reason"], fields["state"], fields["cause"]
+        return ActionDone(int(fields["id"]), bool(fields["ok"]), *texts)
     if kind is TeamReply:
         return TeamReply(int(fields["id"]), _value(fields), fields["error"], fields["message"])
     if kind is TimeRead:

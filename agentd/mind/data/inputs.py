@@ -68,12 +68,13 @@ class Mail:
 
 @dataclass(slots=True)
 class ActionDone:
-    """An external action has ended; ``state`` is its final status, ``reason`` why it failed, in words."""
+    """An external action has ended; ``state`` is its final status, ``cause`` why it failed, ``reason`` that as text."""
 
     id: int
     ok: bool
     reason: str = ""
     state: str = ""
+    cause: str = ""
 
 
 @dataclass(slots=True)

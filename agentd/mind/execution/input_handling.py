@@ -84,4 +84,6 @@ def _action_done(mind: MindState, done: ActionDone) -> None:
     facts = [Literal(signature("reason", 1), (done.reason,))] if done.reason else []
     if done.state:
         facts.append(Literal(signature("state", 1), (atom(done.state),)))
+    if done.cause:
+        facts.append(Literal(signature("cause", 1), (atom(done.cause),)))
     fail_waiting(mind, intention, Failed("action_failed", done.reason, tuple(facts)))

@@ -53,10 +53,18 @@ def test_an_action_goes_out_and_its_intention_goes_on_when_it_is_done() -> None:
     assert world.feed(ActionDone(1, True)).prints == ["up"]
 
 
-def test_a_failed_action_tells_its_reason_and_state_to_the_handler() -> None:
-    world = run('!g. +!g <- arm. -!g[error(E), reason(R), state(S)] <- .print(E, " | ", R, " | ", S).')
-    world.feed(ActionDone(1, False, "PreArm: no GPS", "refused"))
-    assert world.prints == ["action_failed | PreArm: no GPS | refused"]
+def test_a_failed_action_tells_its_reason_state_and_cause_to_the_handler() -> None:
+    world = run('!g. +!g <- arm. -!g[error(E), reason(R), state(S), cause(C)] <- .print(E, "|", R, "|", S, "|", C).')
+    world.feed(ActionDone(1, False, "PreArm: no GPS", "refused", "driver"))
+    assert world.prints == ["action_failed|PreArm: no GPS|refused|driver"]
+
+
+def test_a_handler_is_chosen_by_the_cause_of_a_failed_action() -> None:
+    program = '!g. +!g <- arm. -!g[cause(operator)] <- .print("wait"). -!g[state(refused)] <- .print("try")'
+    for cause, printed in (("operator", "wait"), ("pilot", "try")):
+        world = run(f"{program}.")
+        world.feed(ActionDone(1, False, "a text", "refused", cause))
+        assert world.prints == [printed]
 
 
 def test_an_action_with_a_free_variable_fails_the_plan_and_does_not_go_out() -> None:

@@ -318,7 +318,7 @@ class Alone:
 
 LEFT = Action(id="a:1:1", agent="a", name="goto", parameters=(1,))
 DONE = ActionDone(7, True, "", "succeeded")
-DROPPED = ActionDone(7, False, "the agent has dropped it", "cancelled")
+DROPPED = ActionDone(7, False, "the agent has dropped it", "cancelled", "cancelled")
 
 
 def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() -> None:
@@ -396,7 +396,7 @@ def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
                 ActionDone(7, False, "defect in agentd: LookupError: no such thing", "failed")
             ]
         else:
-            assert await alone.ended() == [ActionDone(7, False, "goto: nested too deeply", "refused")]
+            assert await alone.ended() == [ActionDone(7, False, "goto: nested too deeply", "refused", "request")]
 
     if defect:
         monkeypatch.setattr("agentd.runtime.action_client.to_wire", broken)
