@@ -17,7 +17,7 @@ PATIENCE = 5.0
 """Wall seconds for which an answer to commd waits for the mind and the disk; then the rest is to be sent again."""
 
 
-class Inbox(ReceiveOnce):
+class AgentInbox(ReceiveOnce):
     """What comes in for one agent."""
 
     FULL = Refusal(code="mailbox_full", text="the mailbox of the mind is full")

@@ -10,7 +10,7 @@ from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import Literal, atom
-from agentd.mail.inbox import Inbox
+from agentd.mail.inbox import AgentInbox
 from agentd.mail.outbox import Outbox, Unsendable
 from agentd.mind import Mind
 from agentd.mind.data.effects import SendMail
@@ -50,7 +50,7 @@ class Mailing:
         `accept` says whether the agent takes a message from its sender.
         """
         self.outbox = Outbox(bus, agent, self._undelivered)
-        self.inbox = Inbox(bus, agent, self._room, self._read, self._missing)
+        self.inbox = AgentInbox(bus, agent, self._room, self._read, self._missing)
         self._agent, self._mind, self._feed, self._names, self._accept = agent, mind, feed, names, accept
         self.is_set_aside: Callable[[tuple[str, str, int], Callable[[], str]], bool] = lambda mail, event: False
         """Whether a message, by sender, numbering and number, and by its event, is not to be taken any more."""

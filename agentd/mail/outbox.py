@@ -52,7 +52,7 @@ class Unsendable(ValueError):
         self.error = error
 
 
-class Waiting(NamedTuple):
+class OutgoingMessage(NamedTuple):
     """A message that waits for commd."""
 
     place: int
@@ -73,7 +73,7 @@ class Outbox:
         self.numbers: Counter[str] = Counter()
         """The number of the last message to each receiver."""
         self.counters: Counter[str] = Counter()
-        self.unsaved: list[Waiting] = []
+        self.unsaved: list[OutgoingMessage] = []
         """What was sent since the last save began."""
         self.gone: list[int] = []
         """The places of what commd has taken since the last save began."""
@@ -81,7 +81,7 @@ class Outbox:
         self._room: Counter[str] = Counter()
         """Messages that wait, by receiver, on disk or not."""
         self._bytes = self._place = 0
-        self._ready: OrderedDict[str, deque[Waiting]] = OrderedDict()
+        self._ready: OrderedDict[str, deque[OutgoingMessage]] = OrderedDict()
         """What is on disk and may leave, by receiver; whose turn it is first."""
         self._not_before: dict[str, float] = {}
         """Until when a receiver is left alone for which commd has no room."""
@@ -122,7 +122,7 @@ class Outbox:
             self._room[receiver] += 1
             self._bytes += size
             self._place += 1
-            self.unsaved.append(Waiting(self._place, message, size))
+            self.unsaved.append(OutgoingMessage(self._place, message, size))
 
     def _encode(self, performative: str, content: Term, identity: str, answers: str) -> tuple[Term, int]:
         """Encode a content once for all its receivers; return it with the bytes of its message. Raises Unsendable."""
@@ -143,7 +143,7 @@ class Outbox:
             raise Unsendable("message_too_large", f"{size} bytes, expected at most {LARGEST} (1 MB)")
         return cast(Term, encoded(content, self._bus.wire)), size
 
-    def restore(self, messages: Sequence[Waiting]) -> None:
+    def restore(self, messages: Sequence[OutgoingMessage]) -> None:
         """Go on with what a former life of this agent had not handed over, under the numbers that it has."""
         for one in messages:
             self._room[one.message.receiver] += 1
@@ -151,7 +151,7 @@ class Outbox:
             self._place = max(self._place, one.place)
         self.saved(messages)
 
-    def take_unsaved(self) -> list[Waiting]:
+    def take_unsaved(self) -> list[OutgoingMessage]:
         """Return what a save that begins now has to hold; `saved` is to be called when it does."""
         found, self.unsaved = self.unsaved, []
         return found
@@ -161,7 +161,7 @@ class Outbox:
         found, self.gone = self.gone, []
         return found
 
-    def saved(self, messages: Sequence[Waiting]) -> None:
+    def saved(self, messages: Sequence[OutgoingMessage]) -> None:
         """These messages are on disk and may leave."""
         for one in messages:
             self._ready.setdefault(one.message.receiver, deque()).append(one)
@@ -221,10 +221,10 @@ class Outbox:
                 pause = RETRY_FIRST
                 self._settle(batch, receipt)
 
-    def _batch(self) -> tuple[list[Waiting], float | None]:
+    def _batch(self) -> tuple[list[OutgoingMessage], float | None]:
         """Return what is handed over next, and if that is nothing, when to look again."""
         now = asyncio.get_running_loop().time()
-        batch: list[Waiting] = []
+        batch: list[OutgoingMessage] = []
         size, next_at = 0, None
         for receiver, waiting in list(self._ready.items()):
             until = self._not_before.get(receiver, 0.0)
@@ -240,7 +240,7 @@ class Outbox:
             self._ready.move_to_end(receiver)  # the next batch begins with the others
         return batch, next_at
 
-    def _settle(self, batch: list[Waiting], receipt: Receipt) -> None:
+    def _settle(self, batch: list[OutgoingMessage], receipt: Receipt) -> None:
         """Forget what commd has taken or refused for good; what it has no room for waits."""
         now = asyncio.get_running_loop().time()
         later: dict[str, Refusal] = {}
@@ -279,7 +279,7 @@ class Outbox:
             await asyncio.sleep(pause)
             pause = min(2 * pause, RETRY_MOST)
 
-    def _forget(self, one: Waiting) -> None:
+    def _forget(self, one: OutgoingMessage) -> None:
         receiver = one.message.receiver
         waiting = self._ready[receiver]
         waiting.popleft()  # a batch holds the first ones of a receiver, in order

@@ -11,7 +11,7 @@ from typing import Literal
 
 from agentd.extensions.file_access import KEPT
 from agentd.mail.mail_client import Mailing
-from agentd.mail.outbox import Waiting
+from agentd.mail.outbox import OutgoingMessage
 from agentd.persistence.checkpoint import DAMAGED, Checkpoint, CheckpointError, Saving, Stored
 from agentd.persistence.sqlite_file import remove
 from commd.client.receive_once import Numbered
@@ -59,10 +59,10 @@ class Memory:
         stored = self.stored
         if stored is None:
             return
-        messages: list[Waiting] = []
+        messages: list[OutgoingMessage] = []
         for one in stored.outgoing:
             try:
-                messages.append(Waiting(one.number, _read(codec(Message), one.message), len(one.message)))
+                messages.append(OutgoingMessage(one.number, _read(codec(Message), one.message), len(one.message)))
             except BadRecord as bad:
                 self._unread.delivered.append(one.number)
                 what = f"message {one.seq} to {one.receiver}"

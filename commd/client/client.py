@@ -21,7 +21,7 @@ from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, BusError
 from commd.client.actions import Acting
 from commd.client.percept_stream import Percepts
-from commd.client.receive_mail import QUESTION, Inbox, Messages
+from commd.client.receive_mail import QUESTION, Messages, ProgramInbox
 from commd.client.send_mail import MailboxFull, NotSent, Sending, SendTimeout, TooLarge, UnknownReceiver
 from commd.common.clock import Clock
 from commd.process.local_runs import router_of
@@ -83,7 +83,7 @@ class Client:
         self.name, self.board = name, board
         self._bus, self._robots, self._clock, self._patience, self._inject = bus, robots, clock, patience, inject
         self._sending = Sending(bus, name)
-        self._inbox = Inbox(bus, name, numbers)
+        self._inbox = ProgramInbox(bus, name, numbers)
         self._percepts: dict[str, Percepts] = {}
         self._acting: Acting | None = None
         self._actions = self._questions = 0

@@ -35,7 +35,7 @@ LEAVE = 1.0
 """Wall seconds for the last answers."""
 
 
-class Inbox(ReceiveOnce):
+class ProgramInbox(ReceiveOnce):
     """The incoming mail of one name; the numbers of what is done with are in `file`, if there is one."""
 
     NOT_DONE = Refusal(code="not_absorbed", text="the program is not done with it")
@@ -137,7 +137,10 @@ class Inbox(ReceiveOnce):
         """The program is done with a message. Raises OSError if that cannot be written down."""
         self._done(*_number(message))
         if self._file is not None:
-            done = {sender: {life: one.done for life, one in its.items()} for sender, its in self._progress.items()}
+            done = {
+                sender: {life: one.done for life, one in lives.items() if one.done}
+                for sender, lives in self._progress.items()
+            }
             fresh = self._file.with_name(self._file.name + ".new")
             make_private_file(fresh)
             fresh.write_text(json.dumps(done))
@@ -178,7 +181,7 @@ class Inbox(ReceiveOnce):
 class Messages:
     """What `async for` goes through: to ask for the next message is to be done with the one before."""
 
-    def __init__(self, inbox: Inbox) -> None:
+    def __init__(self, inbox: ProgramInbox) -> None:
         self._inbox = inbox
         self._in_hand: Message | None = None
 

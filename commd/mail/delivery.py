@@ -16,7 +16,7 @@ from math import inf
 
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
-from commd.mail.message import Waiting, adds_up
+from commd.mail.message import QueuedMessage, adds_up
 from commd.mail.queries import Tally
 from commd.mail.store import Store, StoreFailed
 from schemas.wire.records import Receipt, Refusal
@@ -133,7 +133,7 @@ class Lanes:
         store: Store,
         tally: Tally,
         clock: MailClock,
-        carry: Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NotTaken]],
+        carry: Callable[[str, Sequence[QueuedMessage]], Awaitable[Receipt | NotTaken]],
         give_up: Callable[[dict[int, Refusal], set[str]], Awaitable[list[str]]],
         peer_of: Callable[[str], str],
         group_of: Callable[[str], str],
@@ -278,7 +278,7 @@ class Lanes:
         else:
             await self._finish(lane, lane.sent)
 
-    async def _settle(self, lane: Lane, known: float, batch: Sequence[Waiting], answer: Receipt) -> None:
+    async def _settle(self, lane: Lane, known: float, batch: Sequence[QueuedMessage], answer: Receipt) -> None:
         """Take out of the file what the peer has taken, and give up what it has refused."""
         refused = {one.place: answer.refused[i] for i, one in enumerate(batch) if i in answer.refused}
         taken = [one.place for i, one in enumerate(batch) if i not in answer.refused and i not in answer.later]

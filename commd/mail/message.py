@@ -67,7 +67,7 @@ class Letter(msgspec.Struct, kw_only=True, gc=False):
     message: bytes
 
 
-class Waiting(msgspec.Struct, kw_only=True, gc=False):
+class QueuedMessage(msgspec.Struct, kw_only=True, gc=False):
     """A message that has come to the front of its line."""
 
     place: int

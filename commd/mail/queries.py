@@ -10,7 +10,7 @@ from sqlite3 import Connection
 
 import msgspec
 
-from commd.mail.message import Letter, Waiting, letter, undelivered
+from commd.mail.message import Letter, QueuedMessage, letter, undelivered
 from schemas.mission.model import RESERVED
 from schemas.wire.codec import codec
 from schemas.wire.records import Message, Refusal
@@ -150,10 +150,10 @@ def _set_last(db: Connection, tally: Tally, key: tuple[str, str, str], number: i
     )
 
 
-def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[list[Waiting], bool]:
+def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[list[QueuedMessage], bool]:
     """Return the next batch of a line, at most `most` messages behind place `after`, and whether more stand behind."""
     most_bytes = REMOTE_BYTES if ">" in line else BATCH_BYTES
-    found: list[Waiting] = []
+    found: list[QueuedMessage] = []
     size = 0
     rows = db.execute(
         """SELECT place, sender, receiver, numbering, number, expires, message FROM mail
@@ -167,7 +167,7 @@ def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[lis
             more = True
             break
         found.append(
-            Waiting(
+            QueuedMessage(
                 place=place,
                 sender=sender,
                 receiver=receiver,

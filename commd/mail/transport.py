@@ -10,7 +10,7 @@ from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
 from commd.mail.age_clock import MailClock
 from commd.mail.delivery import NotTaken
-from commd.mail.message import Mail, Waiting, opened
+from commd.mail.message import Mail, QueuedMessage, opened
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, TooDeep
 from schemas.wire.records import Message, Receipt
@@ -106,7 +106,7 @@ class Peers:
             return next(iter(alive))
         return peer
 
-    async def carry(self, line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+    async def carry(self, line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
         """Hand a batch of a line to whoever takes it."""
         now = self._clock.now()
         mail = Mail(messages=tuple(one.carried(now) for one in batch))

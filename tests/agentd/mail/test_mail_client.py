@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from agentd.mail.inbox import Inbox
+from agentd.mail.inbox import AgentInbox
 from agentd.mail.outbox import LARGEST, Outbox, Unsendable
 from commd.bus.bus import Bus, Query
 from commd.client.receive_once import MessageRefused, Numbered
@@ -299,7 +299,7 @@ class Reader:
         self.fed: list[object] = []
         self.full = False
         self.missing: list[tuple[str, int]] = []
-        self.inbox = Inbox(bus, "b", lambda: not self.full, self.read, lambda *what: self.missing.append(what))
+        self.inbox = AgentInbox(bus, "b", lambda: not self.full, self.read, lambda *what: self.missing.append(what))
         self._asker = asker
 
     def read(self, message: Message) -> Callable[[], None]:

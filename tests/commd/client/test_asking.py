@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.watched import watched
 from commd.client import Client, NotSent, SendTimeout, Unanswered, join, parse, receive_mail, write
-from commd.client.receive_mail import Inbox, read_numbers
+from commd.client.receive_mail import ProgramInbox, read_numbers
 from commd.client.receive_once import Numbered
 from schemas.wire.records import Receipt
 from schemas.wire.terms import Structure
@@ -19,7 +19,7 @@ from tests.commd.scripted_commd import ScriptedCommd
 from tests.support.buses import until
 
 MISSION = Path(__file__).parents[3] / "examples" / "client" / "survey.yaml"
-NOT_DONE = Inbox.NOT_DONE
+NOT_DONE = ProgramInbox.NOT_DONE
 QUESTION = parse("victims(east, N)")
 
 

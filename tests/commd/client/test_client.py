@@ -34,7 +34,7 @@ from schemas.wire.terms import Atom, Map, Number, Structure
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.support.buses import FLEET, Connect, on_a_bus, served, until
 
-NOT_DONE = receive_mail.Inbox.NOT_DONE
+NOT_DONE = receive_mail.ProgramInbox.NOT_DONE
 
 Body = Callable[[Client, ScriptedCommd], Coroutine[Any, Any, None]]
 

@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from commd.client.receive_mail import Inbox
+from commd.client.receive_mail import ProgramInbox
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
 from commd.mail.delivery import OF_ONE, RETRY_FIRST, Lanes, NotTaken
-from commd.mail.message import Waiting, letter
+from commd.mail.message import QueuedMessage, letter
 from commd.mail.store import open_store
 from schemas.wire.records import Receipt, Refusal
 from tests.commd.offices import message
 from tests.support.buses import until
 
-Carry = Callable[[str, Sequence[Waiting]], Awaitable[Receipt | NotTaken]]
+Carry = Callable[[str, Sequence[QueuedMessage]], Awaitable[Receipt | NotTaken]]
 
 
 @asynccontextmanager
@@ -58,7 +58,7 @@ async def lanes_of(
 def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_away(tmp_path: Path) -> None:
     tries: Counter[str] = Counter()
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
         tries[line] += 1
         if line.endswith("z"):
             return NotTaken("z is away", certain=True, away=True)
@@ -76,9 +76,9 @@ def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what
     pauses: dict[int, list[float]] = {1: [], 2: []}
 
     async def body() -> None:
-        async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+        async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
             pauses[len(batch)].append(lanes._lanes[line].pause)
-            return Receipt(later=dict.fromkeys(range(len(batch)), Inbox.NOT_DONE))
+            return Receipt(later=dict.fromkeys(range(len(batch)), ProgramInbox.NOT_DONE))
 
         async with lanes_of(tmp_path, ["b"], carry) as (lanes, tally, _):
             await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")
@@ -95,7 +95,7 @@ def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_o
     tries: Counter[str] = Counter()
     there = asyncio.Event()
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
         tries[line] += 1
         return Receipt(taken=len(batch)) if there.is_set() else NotTaken("z is away", certain=True, away=True)
 
@@ -115,7 +115,7 @@ def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp
     hanging: set[str] = set()
     got: list[str] = []
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
         if line.endswith("h"):
             hanging.add(line)
             await asyncio.Event().wait()
@@ -134,7 +134,7 @@ def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp
 def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_path: Path) -> None:
     got: list[str] = []
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
         await asyncio.sleep(0)
         got.append(line)
         return Receipt(taken=len(batch))
@@ -151,7 +151,7 @@ def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_pa
 def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_path: Path) -> None:
     taken: list[int] = []
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
         numbers = [one.number for one in batch]
         if 2 in numbers:
             return NotTaken("Mail: nested too deeply", certain=False, unreadable=True)
@@ -173,7 +173,7 @@ def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_
 def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path: Path, wrong: Receipt) -> None:
     answers = [wrong]
 
-    async def carry(line: str, batch: Sequence[Waiting]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
         return answers.pop() if answers else Receipt(taken=len(batch))
 
     async def body() -> None:
