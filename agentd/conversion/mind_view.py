@@ -90,7 +90,7 @@ def intentions_of(mind: Mind) -> tuple[tuple[mind_records.IntentionView, ...], i
         mind_records.IntentionView(
             id=view.id,
             state=view.state,
-            reason=view.reason,
+            waits_for=None if view.waits_for is None else mind_records.WaitView(**view.waits_for._asdict()),
             stack=tuple(goal.trigger for goal in view.stack[:MOST_GOALS]),
             at=view.stack[0].position if view.stack else "",
             since=view.since,
@@ -202,7 +202,7 @@ def decision_record(view: DecisionView) -> mind_records.DecisionView:
         source=view.source,
         intention=view.intention,
         goal=view.goal,
-        cause=view.cause,
+        cause=None if view.cause is None else _record(view.cause, mind_records.CauseView),
         asked_at=view.asked_at,
         rejected=tuple(map(_rejected, view.rejected[:MOST_PLANS])),
         chosen=None if view.chosen is None else _plan_record(view.chosen),
@@ -210,6 +210,7 @@ def decision_record(view: DecisionView) -> mind_records.DecisionView:
         outcome=view.outcome,  # type: ignore[arg-type]
         failure=failure,
         dropped_by=view.dropped_by,
+        dropped_at=view.dropped_at,
     )
 
 

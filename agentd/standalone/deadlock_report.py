@@ -40,7 +40,7 @@ def stuck_note(intention: Intention) -> Log:
         text = f"the intention was suspended after {formula}, and nothing resumes it"
     else:
         text = f"{formula} waits for what cannot come any more"
-        if intention.waiting is not None and not intention.waiting.startswith("wait("):
+        if intention.waiting is not None and intention.waiting.kind not in ("time", "formula", "event"):
             details.insert(0, f"it waits for: {intention.waiting}")
     return Log("warning", text, tuple(details), step.syntax.position)
 

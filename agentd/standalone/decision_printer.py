@@ -7,7 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
 
-from agentd.mind.introspection.decision_views import DecisionView, FailureView, PlanView, RejectedView
+from agentd.mind.introspection.decision_views import CauseView, DecisionView, FailureView, PlanView, RejectedView
 from schemas.files.terminal import escape_lines
 
 IN_FULL = 3
@@ -61,7 +61,7 @@ class Narrator:
 
         def tell(view: View) -> None:
             for line in self._lines(agent, view):
-                self._write(f"[{agent}] {line}")
+                self._write(f"[{agent}] why: {line}")
 
         return tell
 
@@ -97,15 +97,32 @@ def _functor(trigger: str) -> str:
 
 
 def decision_lines(view: DecisionView) -> list[str]:
-    """A decision in words, a line for the event and one for each plan."""
-    return [f"why: {line}" for line in (_event_line(view), *_plan_lines(view))]
+    """Return a decision as text, a line for the event and one for each plan."""
+    return [_event_line(view), *_plan_lines(view)]
 
 
 def _event_line(view: DecisionView) -> str:
     where = f" at {view.asked_at}" if view.asked_at else ""
     if view.goal:
         return f"{view.event}, raised by the plan for {view.goal}{where}"
-    return f"{view.event}, from {view.cause}{where}" if view.cause else f"{view.event}{where}"
+    return f"{view.event}, from {cause_words(view.cause)}{where}" if view.cause else f"{view.event}{where}"
+
+
+def cause_words(cause: CauseView) -> str:
+    """Return where an event comes from, if no plan waits for it."""
+    match cause.kind:
+        case "message":
+            identity = f" ({cause.message})" if cause.message else ""
+            return f"message {cause.performative} from {cause.sender}{identity}"
+        case "told":
+            return f"told by {cause.sender}"
+        case "percept":
+            return "a percept"
+        case "program":
+            return "the program"
+        case "outside":
+            return "given from outside"
+    return f"intention {cause.intention}"
 
 
 def _plan_lines(view: DecisionView) -> Iterable[str]:
@@ -144,4 +161,4 @@ def failure_lines(view: FailureView) -> list[str]:
     if view.given_up:
         lines.append(f"  given up: {', '.join(view.given_up)}")
     lines.append(f"  goes on with {view.handled_by}" if view.handled_by else "  nothing handles it")
-    return [f"why: {line}" for line in lines]
+    return lines

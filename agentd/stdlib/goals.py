@@ -246,7 +246,7 @@ def _release(mind: MindState, intention: Intention) -> None:
         mind.atomic = intention
     of_goals(mind, intention, "executing")
     if mind.suspended.pop(intention.id, None) is None:
-        of_goals(mind, intention, "waiting", reason_of(mind, intention))
+        of_goals(mind, intention, "waiting", reason_of(intention))
     elif event is not None:
         mind.events.append(event)
     else:
@@ -263,7 +263,7 @@ def suspended(mind: MindState, trail: Trail, goal: Any, reason: Any) -> Iterator
     pattern = _goal(goal)
     mark = len(trail)
     for intention in mind.all_intentions():
-        why = reason_of(mind, intention)
+        why = reason_of(intention)
         if (
             why is not None
             and dropping.pursues(intention, intention.held, pattern, trail)

@@ -8,7 +8,7 @@ from agentd.language.terms.terms import EMPTY, List, Literal, Var, atom, deref, 
 from agentd.mind.beliefs.term_copy import detached
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
-from agentd.mind.data.intention import Question
+from agentd.mind.data.intention import Awaited, Question
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.execution import await_something
 from agentd.mind.execution.open_questions import forget_question, time_out, wrong_answer
@@ -93,7 +93,7 @@ def _ask(
         return None
     intention = mind.own_intention
     question = Question(intention, answer, many, receivers, force, content, mind.now)
-    await_something(mind, intention, f"answer of {', '.join(receivers)}", question)
+    await_something(mind, intention, Awaited("answer", agents=tuple(receivers)), question)
     for receiver in receivers:
         try:
             msg_id = send(mind, _present(mind, receiver), force, content, kind="sync")

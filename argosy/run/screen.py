@@ -18,6 +18,7 @@ from argosy.fleet_model.track import Track
 from argosy.processes.resource_usage import MEGABYTE
 from argosy.run.armed_warnings import age
 from argosy.run.run_status import Status
+from argosy.why.wording import awaited
 from schemas.files.terminal import printable
 from schemas.geo import distance
 from schemas.humanize import count
@@ -125,7 +126,8 @@ class Screen:
         actions = [action for action in self.status.picture.open_actions() if action.agent == agent.name]
         for intention in agent.intentions:
             stack = printable(" ‹ ".join(intention.stack)) or f"intention {intention.id}"
-            why = "" if actions or intention.state == "running" else f"  {intention.state} {intention.reason}".rstrip()
+            waits = "" if intention.waits_for is None else f" for {awaited(intention.waits_for)}"
+            why = "" if actions or intention.state == "running" else f"  {intention.state}{waits}"
             place = intention.at.rpartition("/")[2]
             table.add_row(name, Text.assemble(stack, (printable(f"  {place}{why}"), "dim")))
             name = ""

@@ -43,7 +43,7 @@ def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[
         "intentions": tuple(
             IntentionLine(
                 id=one.id, state=one.state, goal=one.stack[0] if one.stack else "", depth=len(one.stack),
-                reason=one.reason, at=one.at,
+                waits_for=one.waits_for, at=one.at,
             )
             for one in mind.intentions[:INTENTIONS]
         ),

@@ -10,7 +10,7 @@ from typing import Literal
 import msgspec
 
 from argosy.fleet_model.activity import Doing
-from schemas.wire.mind_records import MindView
+from schemas.wire.mind_records import MindView, WaitView
 from schemas.wire.records import RunPhase
 
 _encoder = msgspec.json.Encoder()
@@ -124,7 +124,7 @@ class IntentionLine(View, frozen=True, kw_only=True):
     goal: str = ""
     """The top of its stack."""
     depth: int = 0
-    reason: str = ""
+    waits_for: WaitView | None = None
     at: str = ""
 
 

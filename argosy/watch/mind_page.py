@@ -11,6 +11,7 @@ from argosy.watch.glyphs import Glyphs
 from argosy.watch.overview_page import unheard
 from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, said
 from argosy.watch.text_helpers import place, places, rounded
+from argosy.why.wording import awaited
 from schemas.humanize import count, span
 from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, MindView
 
@@ -94,14 +95,14 @@ def mind(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
 
 
 def _intention(intention: IntentionView, view: MindView, glyphs: Glyphs) -> list[Row]:
-    since = f"for {span(view.time - intention.since)}" if intention.since is not None else ""
+    since = span(view.time - intention.since) if intention.since is not None else ""
     style = {"running": GOOD, "suspended": WARN}.get(intention.state, "")
+    waits = "" if intention.waits_for is None else f" for {awaited(intention.waits_for)}"
     rows = [
         Row(
             joined(
                 (f"  {intention.id}", DIM),
-                (intention.state, style),
-                intention.reason,
+                (intention.state + waits, style),
                 (since, DIM),
                 (place(intention.at), DIM),
             ),
@@ -208,9 +209,10 @@ def decisions(agent: TeamAgent, opened: set[str], now: float) -> list[Row]:
         rows.append(_failure(one, key) if isinstance(one, FailureView) else _decision(one, key))
         if key in opened:
             lines = failure_lines(one) if isinstance(one, FailureView) else decision_lines(one)  # type: ignore[arg-type]
-            rows += [Row(said(f"      {places(line.removeprefix('why: '))}"), indent=10) for line in lines]
+            rows += [Row(said(f"      {places(line)}"), indent=10) for line in lines]
             if isinstance(one, DecisionView) and one.dropped_by:
-                rows.append(Row(said(f"      dropped by {one.dropped_by}"), indent=10))
+                where = f" ({one.dropped_at})" if one.dropped_at else ""
+                rows.append(Row(said(f"      dropped by {one.dropped_by}{where}"), indent=10))
     return rows or [Row(Text("no decision is remembered", DIM))]
 
 

@@ -12,8 +12,10 @@ from argosy.fleet_model.robots import ActionSeen, RobotSeen
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, said, table
 from argosy.watch.text_helpers import place, rounded
+from argosy.why.wording import awaited
 from schemas.geo import distance
 from schemas.humanize import count, span
+from schemas.wire.mind_records import WaitView
 from schemas.wire.records import Note
 
 LAGGING = 1.0
@@ -128,7 +130,7 @@ def _agent(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Text]:
     intentions = len(mind.intentions) + mind.intentions_left_out
     does = _does(
         mind.intentions[0].stack if mind.intentions else (),
-        mind.intentions[0].reason if mind.intentions else "",
+        mind.intentions[0].waits_for if mind.intentions else None,
         now_does.action,
     )
     if agent.silent is not None:
@@ -147,10 +149,11 @@ def _agent(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Text]:
     ]
 
 
-def _does(stack: tuple[str, ...], reason: str, action: str) -> Text:
+def _does(stack: tuple[str, ...], waits_for: WaitView | None, action: str) -> Text:
     if not stack:
         return joined(rounded(action)) if action else Text("no intentions", DIM)
-    return joined(rounded(stack[0]), (rounded(action) if action else f"waits: {reason}" if reason else "", DIM))
+    waits = "" if waits_for is None else f"waits for {awaited(waits_for)}"
+    return joined(rounded(stack[0]), (rounded(action) if action else waits, DIM))
 
 
 def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:

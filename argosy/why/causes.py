@@ -7,7 +7,7 @@ from itertools import islice
 
 from argosy.why.answer import Line
 from argosy.why.decision_history import Cause, Memory
-from argosy.why.wording import ANSWERING, event_words, failure_words, first_up, plan_words, raiser_words, shown
+from argosy.why.wording import ANSWERING, event_words, failure_words, first_up, plan_words, raiser_words
 from schemas.humanize import count
 from schemas.wire.mind_records import DecisionView
 
@@ -81,24 +81,25 @@ def origin_words(memory: Memory, made: DecisionView) -> str:
     if made.goal == ANSWERING:
         return f"was asked by {made.source} in a message" if made.source else "was asked by another agent"
     cause, at = made.cause, f" at {made.asked_at}" if made.asked_at else ""
-    if cause == "the program" and made.kind == "+" and made.name in OF_A_RESTART:
-        return "comes from its restart: agentd tells it to an agent that was started again"
-    if cause == "the program":
-        return "stands in the program, which begins with it"
-    if cause == "given from outside":
-        return "was given from outside: by an operator, the mission or a restart"
-    if cause == "a percept":
-        return "comes from what the agent perceives"
-    if cause.startswith("message ") and len(words := cause.split(" ")) >= 4:
-        identity = f" {words[4].strip('()')}" if len(words) > 4 else ""
-        return f"comes from a message of {words[3]} ({words[1]}{identity})"
-    if cause.startswith("told by "):
-        return f"was told by {cause.removeprefix('told by ')}"
+    match None if cause is None else cause.kind:
+        case "program" if made.kind == "+" and made.name in OF_A_RESTART:
+            return "comes from its restart: agentd tells it to an agent that was started again"
+        case "program":
+            return "stands in the program, which begins with it"
+        case "outside":
+            return "was given from outside: by an operator, the mission or a restart"
+        case "percept":
+            return "comes from what the agent perceives"
+    if cause is not None and cause.kind == "message":
+        identity = f" {cause.message}" if cause.message else ""
+        return f"comes from a message of {cause.sender} ({cause.performative}{identity})"
+    if cause is not None and cause.kind == "told":
+        return f"was told by {cause.sender}"
     if made.goal:
         raiser = raiser_words(made.goal)
         return f"comes from {raiser}, whose plan {_verb(made)} it{at}; what was before is not remembered any more"
-    if cause.startswith("intention "):
+    if cause is not None:
         plan = memory.plan_at(made.asked_at)
         which = "a plan" if plan is None else f"the plan {plan_words(plan)}"
         return f"was raised{at} by {which}; why that ran is not remembered any more"
-    return "comes from the agent itself" if not cause else f"comes from {shown(cause)}"
+    return "comes from the agent itself"

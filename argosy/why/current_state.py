@@ -8,11 +8,12 @@ from itertools import islice
 from argosy.why.answer import Line, Paragraph
 from argosy.why.causes import cause_lines
 from argosy.why.decision_history import Memory
-from argosy.why.decisions import aftermath, waited_for
+from argosy.why.decisions import aftermath
 from argosy.why.question import parts_of
 from argosy.why.wording import (
     ANSWERING,
     ago,
+    awaited,
     failure_words,
     first_up,
     plan_words,
@@ -76,7 +77,7 @@ def doing(memory: Memory, wanted: Callable[[IntentionView], bool] = lambda _: Tr
 
 def _shape(intention: IntentionView) -> tuple[object, ...]:
     stack = tuple(_name(event) for event in intention.stack)
-    return (*stack, intention.state, intention.reason, intention.at)
+    return (*stack, intention.state, intention.waits_for, intention.at)
 
 
 def _name(event: str) -> str:
@@ -92,10 +93,10 @@ def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
     since = f" for {span(memory.now - intention.since)}" if intention.since is not None else ""
     match intention.state:
         case "waiting":
-            what = f"has waited{since} for {shown(waited_for(intention.reason))}"
-            what = what if since else f"waits for {shown(waited_for(intention.reason))}"
+            what = f"has waited{since}" if since else "waits"
+            what += "" if intention.waits_for is None else f" for {awaited(intention.waits_for)}"
         case "suspended":
-            what = f"is suspended{since}: {shown(intention.reason)}" if intention.reason else f"is suspended{since}"
+            what = f"is suspended{since}"
         case _:
             what = "goes on with the next formula"
     subject = first_up(goals[0]) if goals else f"Intention {intention.id}"

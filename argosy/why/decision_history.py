@@ -41,9 +41,8 @@ class Memory:
             return Cause(self._latest(decision, failure.intention, goal), failure)
         if decision.goal:
             return Cause(self._latest(decision, decision.intention, decision.goal))
-        number = decision.cause.removeprefix("intention ")
-        if number != decision.cause and number.isdigit():
-            return Cause(self._raiser(decision, int(number)), own_focus=True)
+        if decision.cause is not None and decision.cause.kind == "intention":
+            return Cause(self._raiser(decision, decision.cause.intention), own_focus=True)
         return Cause()
 
     def chain(self, decision: DecisionView) -> Iterator[tuple[DecisionView, Cause]]:

@@ -10,6 +10,7 @@ from argosy.why.decision_history import Memory
 from argosy.why.wording import (
     ANSWERING,
     ago,
+    awaited,
     event_words,
     failure_words,
     goals_words,
@@ -21,7 +22,7 @@ from argosy.why.wording import (
     without_annotations,
 )
 from schemas.humanize import count
-from schemas.wire.mind_records import DecisionView, FailureView, RejectedView
+from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, RejectedView
 
 MOST_PLANS = 6
 """So many rejected plans are told; of further ones the number."""
@@ -97,8 +98,9 @@ def _became(memory: Memory, made: DecisionView) -> Iterator[Line]:
         case "ended":
             yield Line("The plan has come to its end.", 1)
         case "dropped":
-            by = f" by {shown(made.dropped_by)}" if made.dropped_by else ": the plan did not come to its end"
-            yield Line(f"It was dropped{by}.", 1, _place_in(made.dropped_by))
+            where = f" ({made.dropped_at})" if made.dropped_at else ""
+            by = f" by {shown(made.dropped_by)}{where}" if made.dropped_by else ": the plan did not come to its end"
+            yield Line(f"It was dropped{by}.", 1, made.dropped_at)
         case "failed" if made.failure is not None:
             yield from failure_lines(memory, made.failure)
         case "none" if "!" in made.kind or "?" in made.kind:
@@ -114,36 +116,14 @@ def _running(memory: Memory, made: DecisionView) -> Line:
             if intention.stack and intention.stack[0] != without_annotations(made.event):
                 inner = raiser_words(intention.stack[0])
                 return Line(f"The plan still runs: it waits for {inner}, which is{where}.", 1, intention.at)
-            return Line(f"The plan still runs{where}{_waits(intention.state, intention.reason)}.", 1, intention.at)
+            return Line(f"The plan still runs{where}{_waits(intention)}.", 1, intention.at)
     return Line("The plan still runs.", 1)
 
 
-def _waits(state: str, reason: str) -> str:
-    if state == "suspended":
-        return f", suspended ({shown(reason)})" if reason else ", suspended"
-    return f" and waits for {shown(waited_for(reason))}" if state == "waiting" and reason else ""
-
-
-def waited_for(reason: str) -> str:
-    """What an intention waits for, in words."""
-    if reason.startswith("action "):
-        return f"the {reason}"
-    if reason.startswith("answer of "):
-        return f"the {reason}"
-    if reason.startswith("wait(") and reason.endswith("s)"):
-        return f"{reason[5:-2]} s to pass (.wait)"
-    match reason:
-        case "wait(formula)":
-            return "a condition to hold (.wait)"
-        case "wait(event)":
-            return "an event to happen (.wait)"
-        case "goal condition":
-            return "the condition of its goal to hold"
-        case "fork":
-            return "the branches of its fork"
-    if reason.startswith(("+!", "+?")):
-        return f"a plan for {reason[1:]}"
-    return reason
+def _waits(intention: IntentionView) -> str:
+    if intention.state == "suspended":
+        return ", suspended"
+    return "" if intention.waits_for is None else f" and waits for {awaited(intention.waits_for)}"
 
 
 def failure_lines(memory: Memory, failure: FailureView) -> Iterator[Line]:
@@ -181,8 +161,3 @@ def _unchosen(memory: Memory, made: DecisionView) -> Iterator[Line]:
             yield from aftermath(memory, failure)
             return
     yield Line("So it failed.", 1)
-
-
-def _place_in(text: str) -> str:
-    """The `file:line` in brackets at the end of a text."""
-    return text.rpartition("(")[2].rstrip(")") if text.endswith(")") and ":" in text else ""

@@ -116,7 +116,8 @@ def _state(state: str) -> str:
 
 def _intended(memory: Memory, subject: Subject) -> Iterator[Paragraph]:
     def about_it(intention: IntentionView) -> bool:
-        performs = subject.is_named(f"{intention.reason.removeprefix('action ')}/{subject.arity or 0}")
+        wait = intention.waits_for
+        performs = wait is not None and wait.kind == "action" and subject.is_named(f"{wait.name}/{subject.arity or 0}")
         return performs or any(subject.is_of(event) for event in intention.stack)
 
     if any(map(about_it, memory.view.intentions)):

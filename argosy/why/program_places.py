@@ -13,8 +13,8 @@ from argosy.why.answer import Line, Paragraph
 from schemas.wire.mind_records import MindView
 
 S = TypeVar("S", bound=msgspec.Struct)
-_PLACES = ("position", "at", "asked_at", "program")
-"""Fields that hold `file:line`, or a file, and nothing else; `uses` holds several, `dropped_by` ends with one."""
+_PLACES = ("position", "at", "asked_at", "dropped_at", "program")
+"""Fields that hold `file:line`, or a file, and nothing else; `uses` holds several."""
 
 
 class Places:
@@ -44,9 +44,6 @@ class Places:
             match name, getattr(struct, name):
                 case _, str(text) if name in _PLACES and text.startswith(self._folder):
                     changes[name] = self._cut(text)
-                case "dropped_by", str(text) if f" ({self._folder}" in text and text.endswith(")"):
-                    said, _, place = text.rpartition(f" ({self._folder}")
-                    changes[name] = f"{said} ({self._cut(self._folder + place[:-1])})"
                 case "uses", dict(uses):
                     changes[name] = {use: self._cut(place) for use, place in uses.items()}
                 case _, msgspec.Struct() as inner:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 
 from argosy.why.answer import Line, Paragraph
 from argosy.why.decision_history import Memory
-from argosy.why.decisions import waited_for
 from argosy.why.question import parts_of
-from argosy.why.wording import ago, event_words, failure_words, plan_words, raiser_words, rejected_words, shown
+from argosy.why.wording import ago, awaited, event_words, failure_words, plan_words, raiser_words, rejected_words, shown
 from schemas.files.yaml_positions import did_you_mean
 from schemas.humanize import span
 from schemas.wire.mind_records import DecisionView, MindView, QuestionView
@@ -134,8 +133,8 @@ def _decided(receiver: str, made: DecisionView, mind: MindView) -> Iterator[tupl
         intention = next((one for one in mind.intentions if one.id == made.intention), None)
         doing = ""
         if intention is not None:
-            reason = f", and waits for {shown(waited_for(intention.reason))}" if intention.reason else ""
-            doing = f": it is at {intention.at}{reason}"
+            waits = "" if intention.waits_for is None else f", and waits for {awaited(intention.waits_for)}"
+            doing = f": it is at {intention.at}{waits}"
         yield f"{receiver} got it and chose the plan {plan}, which still runs{doing}.", place
     elif made.outcome == "failed" and made.failure is not None:
         at = made.failure.position

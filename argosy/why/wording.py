@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from schemas.humanize import joined, shortened, span
-from schemas.wire.mind_records import FailureView, PlanView, RejectedView
+from schemas.wire.mind_records import FailureView, PlanView, RejectedView, WaitView
 
 ANSWERING = "+!answer_question"
 """The event of the intention that answers a question of another agent, which no program has written."""
@@ -114,6 +114,30 @@ def with_values(bindings: Mapping[str, str]) -> str:
     """`, with B = 12`."""
     pairs = [f"{name} = {value}" for name, value in bindings.items()]
     return f", with {shown(', '.join(pairs))}" if pairs else ""
+
+
+def awaited(wait: WaitView) -> str:
+    """Return what an intention waits for, to stand behind "for"."""
+    match wait.kind:
+        case "action":
+            return f"the action {shown(wait.name)}"
+        case "answer":
+            return f"the answer of {shown(', '.join(wait.agents))}"
+        case "time":
+            return f"{wait.seconds or 0.0:g} s to pass (.wait)"
+        case "formula":
+            return "a condition to hold (.wait)"
+        case "event":
+            return "an event to happen (.wait)"
+        case "plan":
+            return f"a plan for {goal_words(wait.name)}"
+        case "goal_condition":
+            return "the condition of its goal to hold"
+        case "fork":
+            return "the branches of its fork"
+        case "team":
+            return f"the request {shown(wait.name)}"
+    return shown(wait.name)
 
 
 def rejected_words(rejected: RejectedView) -> str:

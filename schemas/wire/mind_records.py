@@ -48,14 +48,29 @@ class QuestionView(Record, frozen=True, kw_only=True):
     """`file:line` of the formula that asks."""
 
 
+class WaitView(Record, frozen=True, kw_only=True):
+    """What an intention waits for."""
+
+    kind: Literal["action", "answer", "time", "formula", "event", "plan", "goal_condition", "fork", "team", "python"]
+    """`time`, `formula`, `event`: in a `.wait`; `plan`: its event has not been given one yet; `goal_condition`: the
+    condition of its goal does not hold yet; `fork`: the branches of its fork; `team`: agentd, as for `.create_agent`;
+    `python`: an internal action in Python."""
+    name: str = ""
+    """Of the action; of the request to the team; the event; or what the internal action calls it."""
+    agents: tuple[str, ...] = ()
+    """Of `answer`: who was asked."""
+    seconds: float | None = None
+    """Of `time`: mission seconds in all."""
+
+
 class IntentionView(Record, frozen=True, kw_only=True):
     """An intention as observers see it."""
 
     id: int
     state: str
     """running, waiting or suspended."""
-    reason: str = ""
-    """What it waits for."""
+    waits_for: WaitView | None = None
+    """Set while it is waiting."""
     stack: tuple[str, ...] = ()
     """Triggering events, the top of the stack first."""
     at: str = ""
@@ -119,6 +134,21 @@ class FailureView(Record, frozen=True, kw_only=True):
     """The event that goes on from here, such as `-!fly/1`; empty if nothing handles it."""
 
 
+class CauseView(Record, frozen=True, kw_only=True):
+    """Where an event comes from."""
+
+    kind: Literal["plan", "failure", "intention", "message", "told", "percept", "program", "outside"]
+    """`plan`: a plan that waits for it; `failure`: of a goal; `intention`: a plan that does not wait for it; `program`:
+    the initial beliefs and goals; `outside`: an operator, the mission, or a restart."""
+    intention: int = 0
+    """Of `plan`, `failure` and `intention`: of that plan or goal."""
+    sender: str = ""
+    """Of `message` and `told`."""
+    performative: str = ""
+    message: str = ""
+    """Its id."""
+
+
 class DecisionView(Record, frozen=True, kw_only=True):
     """An event of an agent and the plan that was chosen for it, with those that were not and why."""
 
@@ -137,8 +167,8 @@ class DecisionView(Record, frozen=True, kw_only=True):
     """The intention that the chosen plan is part of."""
     goal: str = ""
     """The event of the plan that raised this one and waits for it."""
-    cause: str = ""
-    """Where the event comes from, in words."""
+    cause: CauseView | None = None
+    """None = the agent itself."""
     asked_at: str = ""
     """`file:line` of the formula that raised it."""
     rejected: tuple[RejectedView, ...] = ()
@@ -151,7 +181,9 @@ class DecisionView(Record, frozen=True, kw_only=True):
     failure: FailureView | None = None
     """What failed in it."""
     dropped_by: str = ""
-    """For a chosen plan that was dropped: the formula that dropped it with its `file:line`, or why, in words."""
+    """The formula that dropped the chosen plan."""
+    dropped_at: str = ""
+    """Its `file:line`."""
 
 
 class DropView(Record, frozen=True, kw_only=True):

@@ -7,7 +7,7 @@ the plan follow from `VARIABLES` on. The first place is the *step to come*; None
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from agentd.language.syntax_tree.traversal import HIDDEN
 from agentd.language.terms.terms import Literal, Var, deref
@@ -57,6 +57,28 @@ Event: TypeAlias = "tuple[Relevant, tuple[Any, ...], tuple[Any, ...], Intention 
 (or None)."""
 
 
+class Awaited(NamedTuple):
+    """What an intention waits for; the fields are those of `schemas.wire.mind_records.WaitView`."""
+
+    kind: str
+    name: str = ""
+    agents: tuple[str, ...] = ()
+    seconds: float | None = None
+
+    def __str__(self) -> str:
+        """Return what ``.intention`` gives: ``action takeoff``, ``answer of bob``, ``wait(5s)``."""
+        match self.kind:
+            case "answer":
+                return f"answer of {', '.join(self.agents)}"
+            case "time":
+                return f"wait({self.seconds:g}s)"
+            case "formula" | "event":
+                return f"wait({self.kind})"
+            case "action" | "team":
+                return f"{self.kind} {self.name}"
+        return self.name or self.kind.replace("_", " ")
+
+
 class Intention:
     """One focus of the mind: the plans it is in the middle of, the innermost last."""
 
@@ -73,8 +95,8 @@ class Intention:
         "waiting",
     )
 
-    waiting: str | None
-    """What it waits for, in words; None while it runs or waits for its own event."""
+    waiting: Awaited | None
+    """None while it runs or waits for its own event."""
     suspended: str | None
     """Why it must not run although it could (``.suspend``)."""
     action: int | None

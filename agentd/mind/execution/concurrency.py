@@ -8,7 +8,7 @@ from agentd.language.terms.terms import Var, deref
 from agentd.mind.beliefs.unification import unify
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.intention import STEP, VARIABLES, Frame, Intention, Step
+from agentd.mind.data.intention import STEP, VARIABLES, Awaited, Frame, Intention, Step
 from agentd.mind.execution.dropping import drop
 from agentd.mind.execution.execution import await_something, fail_parent, resume_waiting
 from agentd.mind.state import MindState
@@ -82,7 +82,7 @@ def fork(mind: MindState, intention: Intention, frame: Frame, operator: str, fir
         branch.branch = state
         state.branches.append(branch)
         mind.running.append(branch)
-    await_something(mind, intention, "fork", state)
+    await_something(mind, intention, Awaited("fork"), state)
     return True
 
 

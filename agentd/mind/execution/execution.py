@@ -13,7 +13,7 @@ from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed, as_failed
-from agentd.mind.data.intention import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Event, Frame, Intention, Step
+from agentd.mind.data.intention import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Awaited, Event, Frame, Intention, Step
 from agentd.mind.execution import goal_states
 from agentd.mind.execution.performatives import communication_error
 from agentd.mind.introspection.decision_log import MOST_FRAMES
@@ -87,7 +87,7 @@ def end_frames(mind: MindState, intention: Intention) -> bool:
 def _leave(mind: MindState, intention: Intention, frame: Frame) -> bool:
     """Take away a plan that needs more than that; False when its goal's condition does not hold yet, and it waits."""
     if frame[PLAN].condition is not None and not condition_holds(mind, intention, frame):
-        await_something(mind, intention, "goal condition")
+        await_something(mind, intention, Awaited("goal_condition"))
         return False
     intention.stack.pop()
     mind.left(intention, frame)
@@ -111,15 +111,15 @@ def condition_holds(mind: MindState, intention: Intention, frame: Frame) -> bool
 # --- waiting ---
 
 
-def await_something(mind: MindState, intention: Intention, reason: str, token: Any = None) -> None:
+def await_something(mind: MindState, intention: Intention, awaited: Awaited, token: Any = None) -> None:
     """Take an intention out of the round until `resume_waiting` or `fail_waiting`.
 
     ``token`` is what a drop must take back.
     """
-    intention.waiting, intention.since = reason, mind.now
+    intention.waiting, intention.since = awaited, mind.now
     mind.waiting[intention.id] = (intention, token)
     if mind.plans.has_meta:
-        goal_states.of_goals(mind, intention, "waiting", goal_states.reason_of(mind, intention))
+        goal_states.of_goals(mind, intention, "waiting", goal_states.reason_of(intention))
 
 
 def resume_waiting(mind: MindState, intention: Intention) -> None:

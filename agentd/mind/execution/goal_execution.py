@@ -13,7 +13,7 @@ from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, re
 from agentd.mind.data.code_terms import lone_goal, trigger_literal
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.intention import STEP, Frame, Intention, Step
+from agentd.mind.data.intention import STEP, Awaited, Frame, Intention, Step
 from agentd.mind.execution.belief_updates import change_term
 from agentd.mind.execution.execution import await_something
 from agentd.mind.execution.goal_states import pending, raise_state
@@ -120,7 +120,7 @@ def perform(mind: MindState, intention: Intention, action: Any) -> bool:
     number = intention.action = mind.action_count
     mind.performing[number] = intention
     mind.effects.append(PerformAction(number, name, args))
-    await_something(mind, intention, f"action {name}")
+    await_something(mind, intention, Awaited("action", name))
     return True
 
 

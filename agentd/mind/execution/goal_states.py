@@ -10,8 +10,7 @@ from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.order import sorted_annots
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all
-from agentd.mind.data.intention import ANNOTS, ARGS, RELEVANT, Frame, Intention, Question, Wait, values_of
-from agentd.mind.data.timers import Timer
+from agentd.mind.data.intention import ANNOTS, ARGS, RELEVANT, Frame, Intention, values_of
 from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.state import MindState
 
@@ -91,22 +90,25 @@ def failed(mind: MindState, intention: Intention | None, failure: Failed, handle
             raise_state(mind, relevant, args, annots, "executing")
 
 
-def reason_of(mind: MindState, intention: Intention) -> Literal | None:
+def reason_of(intention: Intention) -> Literal | None:
     """Why an intention does not run, for ``.suspended``; None for one that does.
 
     ``suspend_ia``, ``wait(What)`` as it was asked for, ``waiting_ask``, ``act`` (an action), ``fork``, ``team`` (a
     request such as ``.create_agent``), ``goal_condition``, or what an internal action in Python calls its waiting.
     """
-    if intention.waiting is None:
+    awaited = intention.waiting
+    if awaited is None:
         return atom("suspend_ia") if intention.suspended is not None else None
-    if intention.action is not None:
-        return atom("act")
-    token = mind.waiting[intention.id][1]
-    if isinstance(token, Wait | Timer):
-        return Literal(_WAIT, (_waited_for(intention),))
-    if isinstance(token, Question):
-        return atom("waiting_ask")
-    return atom("team" if isinstance(token, int) else "goal_condition" if token is None else intention.waiting)
+    match awaited.kind:
+        case "action":
+            return atom("act")
+        case "time" | "formula" | "event":
+            return Literal(_WAIT, (_waited_for(intention),))
+        case "answer":
+            return atom("waiting_ask")
+        case "python":
+            return atom(awaited.name)
+    return atom(awaited.kind)
 
 
 def _waited_for(intention: Intention) -> Any:
@@ -114,4 +116,4 @@ def _waited_for(intention: Intention) -> Any:
     step = None if intention.last is None else intention.last.syntax
     if isinstance(step, nodes.Step) and isinstance(step.term, nodes.InternalAction):
         return resolve(instantiate(step.term.args[0], values_of(intention.stack[-1])))
-    return intention.waiting
+    return str(intention.waiting)

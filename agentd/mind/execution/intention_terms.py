@@ -34,7 +34,7 @@ def state_of(mind: MindState, intention: Intention) -> Literal:
     if intention.suspended is not None:
         return Literal(_SUSPENDED, (atom(intention.suspended),))
     if intention.waiting is not None:
-        return Literal(_WAITING, (intention.waiting,))
+        return Literal(_WAITING, (str(intention.waiting),))
     if any(event[3] is intention for event in mind.events):
         return atom("pending")
     return atom("running")

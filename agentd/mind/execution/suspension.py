@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from agentd.mind.data.formula_failure import Failed
+from agentd.mind.data.intention import Awaited
 from agentd.mind.execution.execution import await_something, fail_waiting, resume_waiting
 from agentd.mind.state import MindState
 
@@ -12,7 +13,7 @@ class Suspension:
 
     def __init__(self, mind: MindState, reason: str) -> None:
         self._mind, self._intention = mind, mind.own_intention
-        await_something(mind, self._intention, reason, self)
+        await_something(mind, self._intention, Awaited("python", reason), self)
 
     @property
     def over(self) -> bool:

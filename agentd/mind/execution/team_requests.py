@@ -9,7 +9,7 @@ from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.data.effects import TeamRequest
 from agentd.mind.data.formula_failure import Failed, as_failed
 from agentd.mind.data.inputs import TeamReply
-from agentd.mind.data.intention import Request
+from agentd.mind.data.intention import Awaited, Request
 from agentd.mind.execution.execution import await_something, fail_waiting, resume_waiting
 from agentd.mind.state import MindState
 
@@ -47,5 +47,5 @@ def request(
     intention = mind.own_intention
     mind.effects.append(TeamRequest(mind.action_count, what, arguments))
     mind.requests[mind.action_count] = Request(intention, result, use)
-    await_something(mind, intention, f"team {what}", mind.action_count)
+    await_something(mind, intention, Awaited("team", what), mind.action_count)
     return True

@@ -10,7 +10,7 @@ from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.code_terms import trigger_literal
 from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
-from agentd.mind.data.intention import Frame, Intention, Wait
+from agentd.mind.data.intention import Awaited, Frame, Intention, Wait
 from agentd.mind.execution.execution import await_something, fail_waiting, resume_waiting
 from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.state import MindState
@@ -31,7 +31,7 @@ def wait_time(mind: MindState, intention: Intention, seconds: float) -> bool:
         resume_waiting(mind, intention)
 
     timer = mind.timers.at(mind.now + seconds, over)
-    await_something(mind, intention, f"wait({seconds:g}s)", timer)
+    await_something(mind, intention, Awaited("time", seconds=seconds), timer)
     return True
 
 
@@ -49,7 +49,7 @@ def wait_until(
     wait = Wait(intention, frame, mind.now)
     wait.check, wait.elapsed = check, elapsed
     mind.conditions.append(wait)
-    _start(mind, wait, seconds, "wait(formula)")
+    _start(mind, wait, seconds, Awaited("formula"))
     return True
 
 
@@ -63,15 +63,15 @@ def wait_event(mind: MindState, intention: Intention, trigger: Code, limit: Any 
     wait.pattern = (node.operator, node.goal, trigger_literal(trigger))
     wait.elapsed = elapsed
     mind.listeners.append(wait)
-    _start(mind, wait, seconds, "wait(event)")
+    _start(mind, wait, seconds, Awaited("event"))
     return True
 
 
-def _start(mind: MindState, wait: Wait, seconds: float | None, reason: str) -> None:
+def _start(mind: MindState, wait: Wait, seconds: float | None, awaited: Awaited) -> None:
     mind.timers.looks += 1  # at the time since when it waits
     if seconds is not None:
         wait.timer = mind.timers.at(mind.now + seconds, lambda: timed_out(mind, wait))
-    await_something(mind, wait.intention, reason, wait)
+    await_something(mind, wait.intention, awaited, wait)
 
 
 def forget(mind: MindState, wait: Wait) -> None:

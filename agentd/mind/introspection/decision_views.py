@@ -72,15 +72,26 @@ class FailureView:
 
 
 @dataclass(frozen=True, slots=True)
+class CauseView:
+    """Where an event comes from; the fields are those of `schemas.wire.mind_records.CauseView`."""
+
+    kind: str
+    intention: int = 0
+    sender: str = ""
+    performative: str = ""
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class DecisionView:
     """An event and the plan that was chosen for it.
 
     ``kind`` is the operator and kind of the event, such as ``+!``, ``name`` its functor and arity. ``goal`` is the
-    event of the plan that raised it and waits for it, if any. ``cause`` tells in words where the event comes from;
-    ``asked_at`` is the ``file:line`` of the formula that raised it. ``rejected`` are the plans tried before the chosen
-    one, ``untried`` those after it. ``outcome`` says what became of the chosen plan so far: ``running``, ``ended``,
-    ``failed``, ``dropped``, or ``none`` where no plan was chosen; ``failure`` what failed in it; ``dropped_by`` the
-    formula that dropped it and its ``file:line``.
+    event of the plan that raised it and waits for it, if any. ``cause`` is None for the agent itself; ``asked_at`` is
+    the ``file:line`` of the formula that raised it. ``rejected`` are the plans tried before the chosen one, ``untried``
+    those after it. ``outcome`` says what became of the chosen plan so far: ``running``, ``ended``, ``failed``,
+    ``dropped``, or ``none`` where no plan was chosen; ``failure`` what failed in it; ``dropped_by`` the formula that
+    dropped it, at ``dropped_at``, its ``file:line``.
     """
 
     cycle: int
@@ -91,7 +102,7 @@ class DecisionView:
     source: str
     intention: int
     goal: str
-    cause: str
+    cause: CauseView | None
     asked_at: str
     rejected: tuple[RejectedView, ...]
     chosen: PlanView | None
@@ -99,6 +110,7 @@ class DecisionView:
     outcome: str
     failure: FailureView | None
     dropped_by: str = ""
+    dropped_at: str = ""
 
 
 def views_of(
@@ -153,6 +165,8 @@ class Views:
     def _decision(self, made: Decision) -> DecisionView:
         relevant, frame = made.relevant, made.frame
         outcome, failure = self._outcome(frame)
+        recorder = self._mind.recorder
+        dropped_by = recorder.dropped_by(frame) if recorder and frame and outcome == "dropped" else None
         plans: list[Plan] = relevant.plans
         chosen = None if frame is None else frame[PLAN]
         after = plans[plans.index(chosen) + 1 :] if chosen in plans else []
@@ -172,7 +186,8 @@ class Views:
             untried=tuple(plan_view(plan) for plan in after),
             outcome=outcome,
             failure=None if failure is None else self._failure(failure),
-            dropped_by="" if outcome != "dropped" or frame is None else self._dropped_by(frame),
+            dropped_by="" if dropped_by is None else source_text(dropped_by.syntax),
+            dropped_at=_place(dropped_by),
         )
 
     def _outcome(self, frame: Frame | None) -> tuple[str, Failure | None]:
@@ -187,34 +202,34 @@ class Views:
         dropped = frame[STEP] is not None or (recorder is not None and recorder.was_dropped(frame))
         return ("dropped" if dropped else "ended"), None
 
-    def _dropped_by(self, frame: Frame) -> str:
-        step = None if self._mind.recorder is None else self._mind.recorder.dropped_by(frame)
-        return "" if step is None else f"{source_text(step.syntax)} ({_place(step)})"
-
     def _goal(self, frame: Frame) -> str:
         """The event that a frame is for, as it was when its plan was chosen."""
         return event_text(frame[RELEVANT], self._args.get(id(frame)) or frame[ARGS])
 
-    def _cause(self, made: Decision) -> str:
+    def _cause(self, made: Decision) -> CauseView | None:
         if made.below is not None:
-            return f"{_raised_by(made.relevant)} {self._goal(made.below)} in intention {made.intention}"
+            failed = made.relevant.operator == "-" and made.relevant.goal
+            return CauseView("failure" if failed else "plan", made.intention)
         origin = made.origin
         if made.asked is not None:
-            return f"intention {made.intention}"
+            return CauseView("intention", made.intention)
         if origin is not None and isinstance(origin[0], Mail):
             mail = origin[0]
-            return f"message {mail.performative} from {mail.sender}" + (f" ({mail.msg_id})" if mail.msg_id else "")
+            return CauseView("message", sender=mail.sender, performative=mail.performative, message=mail.msg_id)
         sources = [a.args[0] for a in made.annots if is_source(a)]
         if (origin is not None and made.annots is SELF) or not sources:
             if origin is None:
-                return ""
+                return None
             if origin[0] is not None:
-                return "given from outside"
-            return f"intention {origin[1]}" if origin[1] else "the program"
-        names = ", ".join(map(short_text, sources))
-        if names == "percept":
-            return "a percept"
-        return f"told by {names}" if names != "self" else ""
+                return CauseView("outside")
+            return CauseView("intention", origin[1]) if origin[1] else CauseView("program")
+        match ", ".join(map(short_text, sources)):
+            case "percept":
+                return CauseView("percept")
+            case "self":
+                return None
+            case names:
+                return CauseView("told", sender=names)
 
     def _failure(self, record: Failure) -> FailureView:
         handler = record.handler
@@ -230,10 +245,6 @@ class Views:
             given_up=given_up,
             handled_by="" if handler is None else repr(handler),
         )
-
-
-def _raised_by(relevant: Relevant) -> str:
-    return "the failure of" if relevant.operator == "-" and relevant.goal else "the plan for"
 
 
 def event_text(relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...] = ()) -> str:

@@ -10,7 +10,7 @@ from agentd.language.terms.format import flat_text, text
 from agentd.language.terms.source_annotations import is_source
 from agentd.language.terms.terms import EMPTY, List, Literal
 from agentd.mind.beliefs.term_copy import resolve_all, resolve_annots
-from agentd.mind.data.intention import ARGS, RELEVANT, STEP, Event, Intention
+from agentd.mind.data.intention import ARGS, RELEVANT, STEP, Awaited, Event, Intention
 from agentd.mind.introspection.term_snapshot import held, short_text
 from agentd.mind.state import MindState
 
@@ -30,14 +30,14 @@ class GoalView:
 
 @dataclass(frozen=True, slots=True)
 class IntentionView:
-    """An intention: ``state`` is running, waiting or suspended, ``reason`` what it waits for, innermost goal first.
+    """An intention: ``state`` is running, waiting or suspended, its stack innermost goal first.
 
     ``since`` is the mission time since when it waits for something other than an event of its own.
     """
 
     id: int
     state: str
-    reason: str
+    waits_for: Awaited | None
     stack: tuple[GoalView, ...]
     since: float | None
 
@@ -81,15 +81,16 @@ def views_of_intentions(mind: MindState, most: int | None) -> list[IntentionView
 
 
 def _view(intention: Intention, event: Event | None) -> IntentionView:
-    state, reason = "running", ""
+    state, awaited = "running", intention.waiting
     if intention.suspended is not None:
-        state, reason = "suspended", intention.suspended
-    elif intention.waiting is not None:
-        state, reason = "waiting", intention.waiting
+        state, awaited = "suspended", None
+    elif awaited is not None:
+        state = "waiting"
     elif event is not None:
-        state, reason = "waiting", f"{event[0].text}{text(Literal(event[0].sig, resolve_all(event[1])))}"
+        state = "waiting"
+        awaited = Awaited("plan", f"{event[0].text}{text(Literal(event[0].sig, resolve_all(event[1])))}")
     since = intention.since if intention.waiting is not None else None
-    return IntentionView(intention.id, state, reason, tuple(_goals(intention)), since)
+    return IntentionView(intention.id, state, awaited, tuple(_goals(intention)), since)
 
 
 def _goals(intention: Intention) -> list[GoalView]:

@@ -3,7 +3,7 @@
 import { el, keyed, put, say, shortened } from "./dom.js";
 import { allow, noteKey, orderButtons } from "./head.js";
 import { ago } from "./time.js";
-import { byName, hasEnded, isLeft, isThere, nameTones, rounded, stateOf, toneOf } from "./tones.js";
+import { awaited, byName, hasEnded, isLeft, isThere, nameTones, rounded, stateOf, toneOf } from "./tones.js";
 
 const SORTS = { name: "by name", trouble: "trouble first" };
 
@@ -67,7 +67,7 @@ export class Agents {
     put(node.counts, "title", agent ? `${agent.belief_count ?? 0} beliefs, ${agent.event_count ?? 0} events wait, ${agent.mailbox ?? 0} messages wait` : null);
     const top = agent?.intentions?.[0];
     say(node.goal, top ? `${top.goal}${(agent.intention_count ?? 0) > 1 ? `  +${agent.intention_count - 1}` : ""}` : "");
-    put(node.goal, "title", (agent?.intentions ?? []).map((one) => `${one.goal}  ${one.state} ${one.reason ?? ""} ${one.at ?? ""}`).join("\n") || null);
+    put(node.goal, "title", (agent?.intentions ?? []).map((one) => `${one.goal}  ${one.state} ${awaited(one.waits_for)} ${one.at ?? ""}`).join("\n") || null);
     const action = agent?.actions?.at(-1);
     const named = action && action.text === agent.action ? "" : `▸ ${shortened(rounded(action?.text ?? ""), 60)} `; // else the state names it
     say(node.doing, action ? `${named}for ${ago(wire, action.began)}${action.silent ? `, not heard of for ${ago(wire, action.silent)}` : progress(action)}` : "");

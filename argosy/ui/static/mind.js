@@ -1,6 +1,7 @@
 // The mind of the selected agent: what it intends, does, believes and has decided. Records as in docs/mind-format.md.
 
 import { count, el, keyed, put, say, shortened, span } from "./dom.js";
+import { awaited } from "./tones.js";
 
 const PARTS = ["intentions", "actions", "events", "questions", "beliefs", "decisions", "plans", "prints", "dropped"];
 const CLOSED = new Set(["plans"]);
@@ -51,10 +52,10 @@ class Mind {
   }
 
   _intentions(part, mind) {
-    const all = (mind.intentions ?? []).filter((one) => this.fits([...(one.stack ?? []), one.reason, one.at].join(" ")));
+    const all = (mind.intentions ?? []).filter((one) => this.fits([...(one.stack ?? []), awaited(one.waits_for), one.at].join(" ")));
     part.list(all, mind.intentions_left_out, (one) => one.id, () => this._intention(), (node, one) => {
       node.tone(one.state);
-      say(node.head, `#${one.id} ${one.state}${one.reason ? `: ${one.reason}` : ""}`);
+      say(node.head, `#${one.id} ${[one.state, awaited(one.waits_for)].filter(Boolean).join(" ")}`);
       say(node.age, one.since === undefined ? "" : span(this.now - one.since));
       const goals = [...(one.stack ?? [])].reverse().map((goal, depth) => ({ goal, depth, top: depth === one.stack.length - 1 }));
       keyed(node.stack, goals, (goal) => `${goal.depth} ${goal.goal}`, (goal) => this._goal(goal.goal), (row, goal) => {
@@ -297,16 +298,27 @@ function bindings(plan) {
   return all.length ? ` with ${all.map(([name, value]) => `${name} = ${value}`).join(", ")}` : "";
 }
 
+function causeText(cause) {
+  switch (cause.kind) {
+    case "message": return `message ${cause.performative} from ${cause.sender}${cause.message ? ` (${cause.message})` : ""}`;
+    case "told": return `what ${cause.sender} told`;
+    case "percept": return "a percept";
+    case "program": return "the program";
+    case "outside": return "outside: an operator, the mission or a restart";
+  }
+  return `intention ${cause.intention}`;
+}
+
 function decisionLines(one) {
   const lines = [];
-  const from = one.goal ? `raised by the plan for ${one.goal}` : one.cause ? `from ${one.cause}` : "";
+  const from = one.goal ? `raised by the plan for ${one.goal}` : one.cause ? `from ${causeText(one.cause)}` : "";
   if (from || one.asked_at) lines.push({ text: from || "asked for", at: one.asked_at, kind: "dim" });
   for (const plan of one.rejected ?? []) lines.push({ text: `✕ ${planName(plan.plan)}: ${plan.message || plan.why}`, at: plan.plan.position, kind: "rejected" });
   if (one.chosen) lines.push({ text: `✓ ${planName(one.chosen)}${bindings(one.chosen)}`, at: one.chosen.position, kind: "chosen" });
   else lines.push({ text: (one.rejected ?? []).length ? "no plan was applicable" : "there is no plan for it", kind: "bad" });
   for (const plan of one.untried ?? []) lines.push({ text: `not needed: ${planName(plan)}`, at: plan.position, kind: "dim" });
   if (one.failure) lines.push(...failureLines(one.failure));
-  if (one.dropped_by) lines.push({ text: `dropped by ${one.dropped_by}`, kind: "bad" });
+  if (one.dropped_by) lines.push({ text: `dropped by ${one.dropped_by}`, at: one.dropped_at, kind: "bad" });
   return lines;
 }
 

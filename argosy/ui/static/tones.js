@@ -39,6 +39,22 @@ export function rounded(text) {
   return text.replace(/(\.\d{6})\d+/g, "$1");
 }
 
+// What an intention waits for (docs/mind-format.md, WaitView), to stand behind its state.
+export function awaited(wait) {
+  switch (wait?.kind) {
+    case undefined: return "";
+    case "action": return `for the action ${wait.name}`;
+    case "answer": return `for the answer of ${(wait.agents ?? []).join(", ")}`;
+    case "time": return `for ${wait.seconds ?? 0} s to pass (.wait)`;
+    case "formula": return "for a condition to hold (.wait)";
+    case "event": return "for an event to happen (.wait)";
+    case "plan": return `for a plan for ${wait.name}`;
+    case "goal_condition": return "for the condition of its goal to hold";
+    case "fork": return "for the branches of its fork";
+  }
+  return `for ${wait.name}`;
+}
+
 // How an agent is: [sign, class, word]
 export function stateOf(agent) {
   if (hasEnded(agent)) return ["■", "calm", "ended"];

@@ -16,7 +16,7 @@ from agentd.mind.persistence.change_tracking import Keeper
 from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed
 from schemas.wire import keys
-from schemas.wire.mind_records import BeliefView, MindView
+from schemas.wire.mind_records import BeliefView, MindView, WaitView
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import World, mind_of, term
 from tests.support.buses import Connect, on_a_bus, served, until
@@ -141,7 +141,8 @@ def test_a_question_is_shown_until_its_answer_comes() -> None:
     assert asked[0].content == "where(home,X)"
     assert asked[0].position == "test.asl:1"
     (intention,), left = intentions_of(world.mind)
-    assert (intention.reason, intention.since, asked[0].intention, left) == ("answer of ana, eva", 0.0, intention.id, 0)
+    assert (intention.since, asked[0].intention, left) == (0.0, intention.id, 0)
+    assert intention.waits_for == WaitView(kind="answer", agents=("ana", "eva"))
     world.feed(Mail("ana", "tell", term("where(home,3)"), "mid1.ana", asked[0].id.removesuffix(".5f")))
     assert [one.receiver for one in questions_of(world.mind, "5f")] == ["eva"]
     assert world.at(6.0).mind.questions == {}
@@ -151,7 +152,8 @@ def test_an_intention_says_since_when_it_waits_for_its_action() -> None:
     world = World(mind_of("!go. +!go <- .wait(3000); fly(1); fly(2)."))
     world.at(3.0)
     ((intention,), _) = intentions_of(world.mind)
-    assert (intention.state, intention.reason, intention.since) == ("waiting", "action fly", 3.0)
+    assert (intention.state, intention.since) == ("waiting", 3.0)
+    assert intention.waits_for == WaitView(kind="action", name="fly")
     world.at(8.0).feed(ActionDone(1, True))
     ((intention,), _) = intentions_of(world.mind)
     assert intention.since == 8.0

@@ -13,7 +13,7 @@ from contextlib import AsyncExitStack, suppress
 
 from commd.bus.bus import Bus, Query, open_bus
 from schemas.wire import keys
-from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView, PlanView
+from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView, PlanView, WaitView
 from schemas.wire.records import ActionStatus, Health, Mailboxes, Perception, Queue
 
 FLEET = "crowd"
@@ -36,7 +36,11 @@ class Agent:
             BeliefView(text=f"seen({one},-27.6,-48.5)", sources=("percept",), since=1.0) for one in range(40)
         )
         intention = IntentionView(
-            id=1, state="waiting", reason="goto(-27.6,-48.5,20)", stack=("+!visit(3)", "+!search"), at="scout.asl:31"
+            id=1,
+            state="waiting",
+            waits_for=WaitView(kind="action", name="goto"),
+            stack=("+!visit(3)", "+!search"),
+            at="scout.asl:31",
         )
         plans = tuple(PlanView(label=f"p{one}", trigger="+!visit(N)", position="scout.asl:30") for one in range(40))
         query.reply(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argosy.fleet_model import TeamModel
 from schemas.mission.model import Mission
 from schemas.wire import keys
-from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView
+from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView, WaitView
 from schemas.wire.records import ActionStatus, Header, Health, Mailboxes, Perception, Queue, RunPhase, RunState, State
 from schemas.wire.terms import Term
 
@@ -51,7 +51,11 @@ class Fleet:
 
     def mind(self, agent: str, *stack: str, **fields: object) -> Fleet:
         """An agent shows its mind."""
-        running = (IntentionView(id=1, state="waiting", reason="for an action", stack=stack, at="uav.asl:41"),)
+        running = (
+            IntentionView(
+                id=1, state="waiting", waits_for=WaitView(kind="action", name="goto"), stack=stack, at="uav.asl:41"
+            ),
+        )
         beliefs = (BeliefView(text="height(20)", sources=("self",), since=3.0),)
         view = MindView(agent=agent, intentions=running if stack else (), believed=beliefs, **fields)  # type: ignore[arg-type]
         self.model.mind(agent, view)

@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from argosy.cli.operator_bus import Where
-from schemas.wire.mind_records import Deed, DropView, IntentionView, MindView
+from schemas.wire.mind_records import Deed, DropView, IntentionView, MindView, WaitView
 from tests.agentd.mind_format_page import part
 from tests.argosy.ui.browsing import Seen, browsing
 from tests.argosy.ui.fleets import fleet
@@ -27,7 +27,7 @@ def scout() -> MindView:
     deep = IntentionView(
         id=7,
         state="waiting",
-        reason="action goto",
+        waits_for=WaitView(kind="action", name="goto"),
         since=30.0,
         stack=("+!lane(2)", "+!search", "+!mission"),
         at="scout.asl:31",
@@ -52,7 +52,7 @@ async def _panel(seen: Seen) -> None:
     await seen.page.click("#tab-mind")
     await seen.shows(".mind-state", "cycle 9 · paused · goes on by itself in 9")
     part = '[data-part="{}"]'.format
-    await seen.shows(f"{part('intentions')} .intention", "#7 waiting: action goto")
+    await seen.shows(f"{part('intentions')} .intention", "#7 waiting for the action goto")
     stack = await seen.page.locator(
         f"{part('intentions')} .intention:has-text('#7') .goal .data.grow"
     ).all_inner_texts()

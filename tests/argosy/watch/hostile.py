@@ -25,6 +25,7 @@ from schemas.wire.mind_records import (
     MindDeeds,
     MindView,
     QuestionView,
+    WaitView,
 )
 from schemas.wire.records import (
     ActionStatus,
@@ -97,7 +98,11 @@ async def _mind(query: Query[MindView]) -> None:
         believed=(BeliefView(text=f"a{BAD}", sources=(BAD, "x")),),
         events=(EventView(text=BAD),),
         questions=(QuestionView(id=BAD, receiver=BAD, performative=BAD, content=BAD, asked=0.0),),
-        intentions=(IntentionView(id=1, state="waiting", reason=BAD, stack=(f"+!evil{BAD}", BAD), at=BAD),),
+        intentions=(
+            IntentionView(
+                id=1, state="waiting", waits_for=WaitView(kind="action", name=BAD), stack=(f"+!evil{BAD}", BAD), at=BAD
+            ),
+        ),
         decisions=(DecisionView(cycle=1, time=0.0, event=BAD, kind="+!", name=BAD, outcome="running"),),
         failures=(FailureView(cycle=1, time=0.0, formula=BAD, position=BAD, error=BAD, reason=BAD),),
         dropped={BAD: 3},

@@ -24,6 +24,7 @@ from schemas.wire.mind_records import (
     PlanView,
     QuestionView,
     RejectedView,
+    WaitView,
 )
 from schemas.wire.records import Note, Queue
 from tests.argosy.fleet_model.fleet import Fleet, rescue
@@ -54,7 +55,7 @@ def thinking() -> Fleet:
             IntentionView(
                 id=4,
                 state="waiting",
-                reason="action goto",
+                waits_for=WaitView(kind="action", name="goto"),
                 stack=("+!visit(3)", "+!search"),
                 at="scout.asl:31",
                 since=30.0,
@@ -151,7 +152,7 @@ def test_a_mind_shows_stack_action_event_question_mail_and_what_was_dropped() ->
         await pilot.press("down", "down", "enter")
         await until(app, pilot, "INTENTIONS 1")
         text = text_of(app)
-        assert "4  waiting  action goto  for 10 s  scout.asl:31" in text
+        assert "4  waiting for the action goto  10 s  scout.asl:31" in text
         assert "     ‹ +!search" in text
         assert "▸ goto(-27.6035123456789,-48.5182,20)  running 1.0 s  distance 45.2" in text
         assert "EVENTS THAT WAIT 1" in text

@@ -17,6 +17,7 @@ from schemas.wire.mind_records import (
     MindView,
     PlanView,
     QuestionView,
+    WaitView,
 )
 from schemas.wire.records import DeadLetter, Mailboxes, Message, Queue, Refusal
 
@@ -63,7 +64,7 @@ def decided(outcome: str, **more: object) -> MindView:
     }
     plan = PlanView(trigger="+?depth(D)", position="base.asl:2")
     decision = DecisionView(**made, chosen=plan, outcome=outcome, intention=4, **more)  # type: ignore[arg-type]
-    waiting = IntentionView(id=4, state="waiting", reason="action dive", at="base.asl:3")
+    waiting = IntentionView(id=4, state="waiting", waits_for=WaitView(kind="action", name="dive"), at="base.asl:3")
     return MindView(agent="base", decisions=(decision,), intentions=(waiting,))
 
 
@@ -226,7 +227,9 @@ BAD = FailureView(
     error="action_failed",
     reason='"go/1" is bad',
 )
-INNER = IntentionView(id=1, state="waiting", stack=("+!go/1",), reason="action takeoff", at="go/uav.asl:5")
+INNER = IntentionView(
+    id=1, state="waiting", stack=("+!go/1",), waits_for=WaitView(kind="action", name="takeoff"), at="go/uav.asl:5"
+)
 AT_HOME = MindView(
     agent="uav",
     program="go/uav.asl",
@@ -243,7 +246,8 @@ AT_HOME = MindView(
             chosen=PLAN,
             outcome="dropped",
             asked_at="go/uav.asl:9",
-            dropped_by='.drop_desire(go("go/1")) (go/uav.asl:7)',
+            dropped_by='.drop_desire(go("go/1"))',
+            dropped_at="go/uav.asl:7",
         ),
     ),
     failures=(BAD,),
