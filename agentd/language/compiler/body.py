@@ -10,9 +10,9 @@ from typing import Any
 
 from agentd.language.compiler.control_flow import write_brackets, write_for, write_fork, write_if, write_while
 from agentd.language.compiler.plan_code import PlanCode, StepCode
-from agentd.language.compiler.statement_actions import as_statement
 from agentd.language.compiler.steps import Bound, StepWriter, write_step
 from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.nodes import Operator
 
 
 class BodyCompiler:
@@ -34,14 +34,14 @@ class BodyCompiler:
             self.code.steps.append(StepCode("", formula))
         for number, following in zip(numbers, [*numbers[1:], after], strict=False):  # an empty body has no step
             self.code.steps[number].next = following
-        for number, formula in zip(numbers, map(as_statement, body.formulas), strict=True):
+        for number, formula in zip(numbers, map(_as_statement, body.formulas), strict=True):
             _write(StepWriter(self, number, bound), formula)
         return numbers[0]
 
 
 def _write(writer: StepWriter, formula: nodes.BodyFormula) -> None:
     match formula:
-        case nodes.Step(operator=nodes.Operator.ACTION, term=nodes.BodyTerm(body=body)):
+        case nodes.Step(operator=Operator.ACTION, term=nodes.BodyTerm(body=body)):
             write_brackets(writer, body)
         case nodes.Step():
             write_step(writer, formula)
@@ -59,6 +59,41 @@ def _write(writer: StepWriter, formula: nodes.BodyFormula) -> None:
 def _without_leading_true(body: nodes.Body) -> nodes.Body:
     """``true`` at the very start of a body or block does nothing (rule 64)."""
     match body.formulas:
-        case (nodes.Step(operator=nodes.Operator.ACTION, term=nodes.Structure(functor="true", args=())), *_):
+        case (nodes.Step(operator=Operator.ACTION, term=nodes.Structure(functor="true", args=())), *_):
             return nodes.Body(body.formulas[1:], body.position)
     return body
+
+
+def _as_statement(formula: nodes.BodyFormula) -> nodes.BodyFormula:
+    """The statement for ``.foreach``, ``.loop``, ``.if_then_else`` or ``.fork``; any other formula as it is."""
+    match formula:
+        case nodes.Step(operator=Operator.ACTION, term=nodes.InternalAction(name=name, args=args)):
+            return _statement(name, args, formula)
+    return formula
+
+
+def _statement(name: str, args: Any, formula: nodes.BodyFormula) -> nodes.BodyFormula:
+    place = formula.position
+    match name, args:
+        case (".foreach", (condition, body)):
+            return nodes.For(condition, _as_body(body), place)
+        case (".loop", (condition, body)):
+            return nodes.While(condition, _as_body(body), place)
+        case (".if_then_else", (condition, body)):
+            return nodes.If(((condition, _as_body(body)),), None, place)
+        case (".if_then_else", (condition, body, otherwise)):
+            return nodes.If(((condition, _as_body(body)),), _as_body(otherwise), place)
+        case (".fork", (nodes.Structure(functor=kind), *branches)) if branches:
+            operator = "|&|" if kind == "and" else "|||"
+            return nodes.Fork(operator, tuple(map(_as_body, branches)), place)
+    return formula
+
+
+def _as_body(term: Any) -> nodes.Body:
+    """The body that an argument in braces is; a variable is run when it has one."""
+    match term:
+        case nodes.BodyTerm(body=body):
+            return body
+        case nodes.TriggerTerm(trigger=trigger):
+            return nodes.Body((nodes.Step(Operator(trigger.operator), trigger.literal, term.position),))
+    return nodes.Body((nodes.Step(Operator.ACTION, term, term.position),))
