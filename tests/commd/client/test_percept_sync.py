@@ -295,7 +295,7 @@ def test_no_percept_expires_while_nothing_changes(endpoint: str) -> None:
 def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.liveness.bridge_presence.ROUTER_GRACE", 1.0)
+    monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
 
     def bus(name: str, daemon: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:
         return open_bus(endpoint, fleet=FLEET, name=name, daemon=daemon, stamp=time.time_ns, mode=mode)
