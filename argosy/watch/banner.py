@@ -6,8 +6,7 @@ from rich.text import Text
 
 from argosy.fleet_model import TeamModel
 from argosy.watch.fleet_link import Link
-from argosy.watch.row_text import BAD, GOOD, WARN, joined, said
-from argosy.watch.text_helpers import clock
+from argosy.watch.row_text import BAD, GOOD, WARN, clock, joined, said
 from schemas.humanize import count, span
 
 HINT_AFTER = 10.0

@@ -9,8 +9,7 @@ from argosy.cli.remedies import level_of
 from argosy.fleet_model import TeamAgent, TeamModel, activity
 from argosy.watch.glyphs import Glyphs
 from argosy.watch.overview_page import unheard
-from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, said
-from argosy.watch.text_helpers import place, places, rounded
+from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, place, places, rounded, said
 from argosy.why.wording import awaited
 from schemas.humanize import count, span
 from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, MindView

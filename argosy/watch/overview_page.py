@@ -10,8 +10,7 @@ from argosy.cli.remedies import level_of
 from argosy.fleet_model import Member, TeamAgent, TeamModel, TeamRobot, activity
 from argosy.fleet_model.robots import ActionSeen, RobotSeen
 from argosy.watch.glyphs import Glyphs
-from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, said, table
-from argosy.watch.text_helpers import place, rounded
+from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, place, rounded, said, table
 from argosy.why.wording import awaited
 from schemas.geo import distance
 from schemas.humanize import count, span

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -11,6 +13,8 @@ from rich.text import Text
 from schemas.files.terminal import printable
 
 HEAD, DIM, BAD, WARN, GOOD = "bold dim", "dim", "bold red", "yellow", "green"
+_FOLDERS = re.compile(r"[^\s(,]*/(?=[^\s/(,]+:\d)")
+_LONG = re.compile(r"(\.\d{6})\d+")
 
 
 @dataclass(frozen=True)
@@ -100,3 +104,23 @@ def _line(row: Sequence[Text], widths: Sequence[int], flex: int, right: Sequence
         text.append(" " * gap)
     text.rstrip()
     return text
+
+
+def place(position: str) -> str:
+    """Return `file:line` without the folders."""
+    return position.rpartition("/")[2]
+
+
+def rounded(text: str) -> str:
+    """Return a text whose numbers have at most six decimals: degrees to 0.1 m."""
+    return _LONG.sub(r"\1", text)
+
+
+def places(text: str) -> str:
+    """Return a text whose `file:line` have no folders."""
+    return _FOLDERS.sub("", text)
+
+
+def clock(at: float) -> str:
+    """Return the time of day on this machine of a time in Unix seconds."""
+    return time.strftime("%H:%M:%S", time.localtime(at))
