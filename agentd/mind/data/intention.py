@@ -7,6 +7,7 @@ the plan follow from `VARIABLES` on. The first place is the *step to come*; None
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from agentd.language.syntax_tree.traversal import HIDDEN
@@ -147,62 +148,44 @@ def values_of(frame: Frame) -> dict[str, Any]:
     }
 
 
+@dataclass(slots=True, eq=False)
 class Wait:
-    """An intention that waits for a formula or an event (`agentd.mind.execution.waiting`), maybe not longer than a
-    time."""
+    """An intention that waits for a formula or an event (`agentd.mind.execution.waiting`), maybe only for some time."""
 
-    __slots__ = ("check", "elapsed", "frame", "intention", "pattern", "since", "timer")
+    intention: Intention
+    frame: Frame | None
+    since: float
+    """Mission seconds."""
+    check: Callable[[MindState, Intention, Frame | None], bool] | None = None
+    pattern: tuple[str, str, Literal] | None = None
+    timer: Timer | None = None
+    elapsed: Any = None
 
-    def __init__(self, intention: Intention, frame: Frame | None, since: float) -> None:
-        self.intention, self.frame, self.since = intention, frame, since
-        self.check: Callable[[MindState, Intention, Frame | None], bool] | None = None
-        self.pattern: tuple[str, str, Literal] | None = None
-        self.timer: Timer | None = None
-        self.elapsed: Any = None
 
-
+@dataclass(slots=True, eq=False)
 class Question:
-    """A synchronous ask (`agentd.mind.execution.open_questions`): the intention that waits, and whose answers it
-    waits for."""
+    """A synchronous ask (`agentd.mind.execution.open_questions`): the intention that waits, and whose answers for."""
 
-    __slots__ = (
-        "answer",
-        "asked",
-        "content",
-        "found",
-        "ids",
-        "intention",
-        "many",
-        "performative",
-        "receivers",
-        "timer",
-    )
-
-    def __init__(
-        self,
-        intention: Intention,
-        answer: Any,
-        many: bool,
-        receivers: list[str],
-        performative: str,
-        content: Any,
-        asked: float,
-    ) -> None:
-        self.intention, self.answer, self.many, self.receivers = intention, answer, many, receivers
-        self.performative, self.content, self.asked = performative, content, asked
-        """What is asked, as a term, and since when in mission seconds."""
-        self.ids: list[str] = []
-        """Of the messages, in the order of the receivers."""
-        self.found: list[Any] = []
-        """The answers so far."""
-        self.timer: Timer | None = None
+    intention: Intention
+    answer: Any
+    many: bool
+    receivers: list[str]
+    performative: str
+    content: Any
+    """A term."""
+    asked: float
+    """Since when it waits, in mission seconds."""
+    ids: list[str] = field(default_factory=list)
+    """Of the messages, in the order of the receivers."""
+    found: list[Any] = field(default_factory=list)
+    """The answers so far."""
+    timer: Timer | None = None
 
 
+@dataclass(slots=True, eq=False)
 class Request:
-    """A request to the team (`agentd.mind.execution.team_requests`): the intention that waits, and what it does with
-    the answer."""
+    """A request to the team (`agentd.mind.execution.team_requests`): what is done with the answer."""
 
-    __slots__ = ("intention", "result", "use")
-
-    def __init__(self, intention: Intention, result: Any, use: Callable[[Any], None] | None) -> None:
-        self.intention, self.result, self.use = intention, result, use
+    intention: Intention
+    result: Any
+    use: Callable[[Any], None] | None
