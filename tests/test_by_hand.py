@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.processes import ROOT, Daemon, running
-from tests.support.promises import least
+from tests.support.promises import kept
 
 SPEED = "5"
 
@@ -60,13 +60,13 @@ def board(tmp_path: Path, endpoint: str, free_port: Callable[[], int]) -> Iterat
 
 def test_a_router_killed_in_flight_and_back_within_3_s_costs_nothing(board: Board) -> None:
     commd, copter, bridged, agentd = board.commd(), board.copter(), board.bridged(), board.agentd()
-    agentd.says("[uav] flying to", 60)
+    agentd.says("[uav] flying to")
     commd.kill()
     for daemon in (bridged, agentd):
-        daemon.says("router lost", 10)
+        daemon.says("router lost")
     again = board.commd()
-    again.says("router board=local", 10)
-    agentd.says("action=goto", 60)
+    again.says("router board=local")
+    agentd.says("action=goto")
     goto = next(line for line in agentd.lines if "action=goto" in line)
     assert "state=succeeded" in goto
     agentd.says("[uav] mission done", 120)
@@ -80,24 +80,24 @@ def test_a_bridge_killed_in_flight_fails_the_action_and_takes_its_percepts_along
     board.commd()
     board.copter()
     bridged, agentd = board.bridged(), board.agentd()
-    agentd.says("[uav] flying to", 60)
+    agentd.says("[uav] flying to")
     bridged.kill()
-    agentd.says("action=goto", 20)
+    agentd.says("action=goto")
     goto = next(line for line in agentd.lines if "action=goto" in line)
     assert "state=failed bridge_lost: the bridge of this robot is not running" in goto, (
         "known by its token, not by grace"
     )
-    agentd.says("[uav] mission failed: bridge_lost", 20)
+    agentd.says("[uav] mission failed: bridge_lost")
 
 
 def test_a_bridge_that_is_started_again_serves_the_agent_that_goes_on(board: Board) -> None:
     board.commd()
     board.copter()
     bridged, agentd = board.bridged(), board.agentd()
-    agentd.says("[uav] flying to", 60)
+    agentd.says("[uav] flying to")
     bridged.kill()
-    agentd.says("bridge_lost robot=uav1", 20)
-    board.bridged().says("serving uav1", 30)
+    agentd.says("bridge_lost robot=uav1")
+    board.bridged().says("serving uav1")
     agentd.until(lambda text: text.count("bridge_up robot=uav1") == 2, "the agent sees the bridge's second life")
 
 
@@ -106,20 +106,23 @@ def test_an_agent_that_is_started_again_perceives_everything_within_a_second(boa
     board.copter()
     board.bridged()
     first = board.agentd()
-    first.says("[uav] flying to", 60)
+    first.says("[uav] flying to")
     first.signal(signal.SIGKILL)
     first.ends(10)
     names = ("state(", "altitude(", "global_pos(", "home_pos(", "battery(", "gps(", "bridge(up)")
 
-    def unknown() -> int:
+    def knowing() -> float:
         again = board.agentd()
-        again.says("agents=uav", 30)
-        time.sleep(1.0)
-        beliefs = _beliefs(endpoint)
+        again.says("agents=uav")
+        started = time.monotonic()
+        while time.monotonic() - started < 60:
+            took, beliefs = time.monotonic() - started, _beliefs(endpoint)
+            if all(any(belief.startswith(name) for belief in beliefs) for name in names):
+                break
         again.kill()
-        return sum(not any(belief.startswith(name) for belief in beliefs) for name in names)
+        return took
 
-    assert least(unknown, 1) == 0
+    assert kept(knowing, 1.0)
 
 
 def _beliefs(endpoint: str) -> list[str]:
@@ -128,9 +131,9 @@ def _beliefs(endpoint: str) -> list[str]:
         "import sys, zenoh, msgspec\n"
         "from commd.bus.session import session_config\n"
         "with zenoh.open(session_config('client', sys.argv[1], 'test')) as session:\n"
-        "    for reply in session.get('argosy/single-uav/uav/mind', timeout=5):\n"
+        "    for reply in session.get('argosy/single-uav/uav/mind', timeout=60):\n"
         "        print('\\n'.join(msgspec.json.decode(reply.ok.payload.to_bytes())['beliefs']))\n"
     )
     return subprocess.run(
-        [sys.executable, "-c", script, endpoint], capture_output=True, text=True, timeout=30, check=True, cwd=ROOT
+        [sys.executable, "-c", script, endpoint], capture_output=True, text=True, timeout=120, check=True, cwd=ROOT
     ).stdout.splitlines()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
-
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.mind_records import DecisionView, Deed, MindDecisions, MindDeeds, MindInputs
+from tests.support.buses import until
 
-PATIENCE = 20.0
+PATIENCE = 90.0
 
 
 class Recorder:
@@ -45,9 +44,9 @@ class Recorder:
 
     async def until_cycle(self, cycle: int) -> None:
         """Wait until everything up to a cycle has been told."""
-        async with asyncio.timeout(PATIENCE):
-            while max((batch.last for batch in self.batches.values()), default=0) < cycle:
-                await asyncio.sleep(0.02)
+        await until(
+            lambda: max((batch.last for batch in self.batches.values()), default=0) >= cycle, f"cycle {cycle} is told"
+        )
 
     @property
     def inputs(self) -> list[MindInputs]:

@@ -110,7 +110,7 @@ def test_a_daemon_that_is_killed_too_often_ends_the_run_which_says_why(start: St
     for count in range(1, 7):
         kill(running, "commd pi2")
         if count <= 5:
-            running.until(f"restart {count} in this run", 60)
+            running.until(f"restart {count} in this run")
     code, out = ended(running)
     assert code == 1
     told = "commd pi2 was killed by SIGKILL; it was restarted 5 times within 60 s, and is not any more"

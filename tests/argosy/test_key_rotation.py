@@ -56,10 +56,14 @@ def keys_command(fleet: Secured, *command: str) -> None:
 
 async def verdict(at: str, tls: Tls) -> str:
     """What a router says of somebody's keys, once it listens for other machines: it does so a little after it opens."""
-    async with asyncio.timeout(20):
-        while (why := await why_not(at, tls)).startswith("is commd running?"):
-            await asyncio.sleep(0.02)
-    return why
+    found: list[str] = []
+
+    async def listens() -> bool:
+        found.append(await why_not(at, tls))
+        return not found[-1].startswith("is commd running?")
+
+    await until(listens, f"a router listens at {at}")
+    return found[-1]
 
 
 @dataclass
@@ -114,7 +118,7 @@ def test_a_board_gets_new_keys_and_the_others_do_not_miss_a_word(fleet: Secured)
             assert heard == list(range(heard[0], heard[0] + len(heard))), "none was lost between pi3 and pi2"
             assert len(heard) > 20
 
-    asyncio.run(asyncio.wait_for(body(), 90))
+    asyncio.run(asyncio.wait_for(body(), 240))
 
 
 def test_a_revoked_board_is_refused_by_each_board_that_has_the_new_anchors(fleet: Secured) -> None:
@@ -143,7 +147,7 @@ def test_a_revoked_board_is_refused_by_each_board_that_has_the_new_anchors(fleet
             await until(lambda: one.linked() == {"pi2", "pi3"}, "another board of that name is one of them")
             assert "does not believe" in await verdict(fleet.link("pi1"), stolen_tls), "the stolen keys are none still"
 
-    asyncio.run(asyncio.wait_for(body(), 90))
+    asyncio.run(asyncio.wait_for(body(), 240))
 
 
 def test_operators_reach_each_board_by_its_own_router_and_revoked_ones_none(

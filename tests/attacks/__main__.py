@@ -41,7 +41,7 @@ def main() -> int:
         world.begin()
         for attack in (*LINKS, *ADMISSION, *READERS, *MESSAGES, *MAIL, *VEHICLE, *TEXT_AND_FILES):
             began = time.monotonic()
-            rows.append(asyncio.run(asyncio.wait_for(attack(world), 90)))
+            rows.append(asyncio.run(asyncio.wait_for(attack(world), 240)))
             row = rows[-1]
             print(
                 f"{row.attack} ({time.monotonic() - began:.1f} s): {'; '.join(row.problems) or 'refused'}", flush=True

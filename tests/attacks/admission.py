@@ -21,6 +21,7 @@ from commd.bus.session import owner_of, session_config
 from commd.router.admission import FORGED, KNOWN_LISTENERS, KNOWN_REFILL
 from tests.attacks.world import Attack, Row, World, health_of
 from tests.support.buses import until
+from tests.support.promises import in_time
 
 BURST = 1500
 """Connections, as fast as they can be made."""
@@ -121,7 +122,7 @@ async def forged_session_id(world: World) -> Row:
                 back = time.monotonic() - began
         finally:
             pi2.signal(signal.SIGCONT)
-        row.expect(back < BACK, f"pi2 is linked again within {BACK:g} s, not {back:.1f} s")
+        row.expect(in_time(back, BACK), f"pi2 is linked again within {BACK:g} s, not {back:.1f} s")
         row.seen.append(f"pi2 is heard at pi1 {back:.1f} s after its network is back")
         health = await health_of(member, "pi1", "commd")
         row.expect(FORGED in {note.code for note in health.notes}, "health has the security event")
@@ -137,7 +138,7 @@ async def forged_session_id(world: World) -> Row:
         async with world.member("pi1") as member:
             await health_of(member, "r1", "bridged")
         back = time.monotonic() - began
-    row.expect(back < BACK, f"the bridge is back within {BACK:g} s, not {back:.1f} s")
+    row.expect(in_time(back, BACK), f"the bridge is back within {BACK:g} s, not {back:.1f} s")
     row.seen.append(f"the bridge of r1 is heard {back:.1f} s after commd of pi1 serves again")
     return row
 
@@ -149,7 +150,7 @@ async def _stop(row: Row, world: World, when: str, order: str = "hold") -> float
     code = await asyncio.to_thread(argosy, words)
     took = time.monotonic() - began
     row.expect(code == 0, f"`argosy stop` is confirmed {when}")
-    row.expect(took < CONFIRMED, f"it is confirmed within {CONFIRMED:g} s {when}, not in {took:.1f} s")
+    row.expect(in_time(took, CONFIRMED), f"it is confirmed within {CONFIRMED:g} s {when}, not in {took:.1f} s")
     return took
 
 
@@ -229,9 +230,10 @@ async def _ids(member: Bus) -> list[str]:
 
 
 async def _until_ids(member: Bus, condition: Callable[[list[str]], bool]) -> None:
-    async with asyncio.timeout(20):
-        while not condition(await _ids(member)):
-            await asyncio.sleep(0.1)
+    async def holds() -> bool:
+        return condition(await _ids(member))
+
+    await until(holds, "the sessions at the router are as wished")
 
 
 def _opens_within(config: zenoh.Config, seconds: float) -> bool:

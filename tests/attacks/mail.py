@@ -78,19 +78,21 @@ async def plans_by_mail(_: World) -> Row:
                 for receiver in moved:
                     await hunter.send(receiver, "tellHow", PLAN)
                     await hunter.send(receiver, "achieve", Atom("go"))
-                await until(lambda: bool(moved["willing"]), "the robot of who allows it moves", 20)
+                await until(lambda: bool(moved["willing"]), "the robot of who allows it moves")
                 reason = await _refusal(hunter)
                 row.expect(reason == "not_accepted", f"hunter is told: {reason}")
                 for receiver in moved:
                     node.send(f"<m-{receiver},old,achieve,{receiver},go>", listen)
-                await until(lambda: any("undelivered(a," in one for one in node.heard), "the node is told", 20)
-                await until(lambda: len(moved["willing"]) == 2, "and moves the robot of who allows it", 20)
+                await until(lambda: any("undelivered(a," in one for one in node.heard), "the node is told")
+                await until(lambda: len(moved["willing"]) == 2, "and moves the robot of who allows it")
                 forged = Message(id="f", sender="mail", performative="achieve", receiver="a", content=Atom("go"))
                 taken = await ask(attacker, keys.mail(NAME, "a", "mail"), Mail(messages=(forged,)), Receipt)
                 row.expect(taken == [Receipt(taken=1)], f"the board takes what is sent as mail: {taken}")
-                async with asyncio.timeout(20):
-                    while (await health_of(looker, "a", "agentd")).counters.get("mail_not_accepted") != 3:
-                        await asyncio.sleep(0.1)
+
+                async def counted() -> bool:
+                    return (await health_of(looker, "a", "agentd")).counters.get("mail_not_accepted") == 3
+
+                await until(counted, "three messages are counted as not accepted")
                 row.expect(moved["a"] == set(), f"r1 has not moved: {moved['a']}")
     finally:
         await node.close()
@@ -128,7 +130,7 @@ async def reading_mail(world: World) -> Row:
         agent.serve(inputs, MindInputs, course)
         for who, bus in buses.items():
             await asyncio.to_thread(_listen, bus, seen[who], told[who])
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(240):
             while not all(told.values()) or not mail | {decisions} <= seen["ops"] & seen["judge"]:
                 agent.put(inputs, MindInputs(agent="a", inputs=(MindInput(cycle=1, kind="Mail"),)))
                 agent.put(decisions, MindDecisions(agent="a"))
@@ -165,15 +167,15 @@ def _begin(fleet: Secured) -> None:
     """Start three boards, and on pi1 turtles, bridge and agents."""
     fleet.routers()
     simulator = fleet.run("argosy", "simulate", str(fleet.path), "--board", "pi1", "--router", fleet.socket("pi1"))
-    simulator.says("simulated turtle", 60)
+    simulator.says("simulated turtle")
     bridged, agentd = fleet.start("pi1", "bridged"), fleet.start("pi1", "agentd")
-    bridged.says("serving r2", 60)
-    agentd.says("agents=", 60)
+    bridged.says("serving r2")
+    agentd.says("agents=")
 
 
 async def _refusal(client: Client) -> str:
     """The reason of the first message that comes back."""
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(120):
         async for message in client.messages():
             match message.content:
                 case Structure(functor="undelivered", args=(_, _, _, why)):

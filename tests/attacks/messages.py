@@ -97,7 +97,7 @@ async def told_names(world: World) -> Row:
         said = BoardServices(header=attacker.header("services"), board="pi3", version=1000, agents=names)
         attacker.token(f"argosy/{NAME}/pi3_$*/alive/**")
         known: set[str] = set()
-        async with asyncio.timeout(15):
+        async with asyncio.timeout(120):
             while "pi3_kid" not in known:
                 attacker.put(keys.services(NAME, "pi3"), said)
                 boards = await ask(kid, keys.services(NAME, "pi1"), None, BoardServices)

@@ -43,7 +43,7 @@ def world() -> Iterator[World]:
     ids=lambda attack: str(attack.__name__),
 )
 def test_it_is_refused_and_what_is_allowed_is_not(world: World, attack: Attack) -> None:
-    row = asyncio.run(asyncio.wait_for(attack(world), 90))
+    row = asyncio.run(asyncio.wait_for(attack(world), 240))
     assert row.problems == []
     assert row.seen
 
@@ -63,7 +63,7 @@ def test_the_doctor_proves_what_somebody_may_and_may_not_do(world: World, who: s
         async with to as bus:
             return await findings(bus, world.fleet.mission)
 
-    said = asyncio.run(asyncio.wait_for(body(), 60))
+    said = asyncio.run(asyncio.wait_for(body(), 240))
     assert {one.level for one in said} == {"ok"}, said
     assert all(may in one.text and "as the mission says" in one.text for one in said)
     assert len(said) == {"a member": 1, "pi1": 2, "ops": 3, "eye": 3}[who]
@@ -82,7 +82,7 @@ def test_the_doctor_says_what_a_router_lets_through_against_the_mission(world: W
         async with world.machine("pi3", "pi1") as bus:
             return [one for one in await findings(bus, other) if "router of pi1" in one.text]
 
-    said = asyncio.run(asyncio.wait_for(body(), 60))
+    said = asyncio.run(asyncio.wait_for(body(), 240))
     assert [one.level for one in said] == ["error", "error"]
     assert said[0].text.startswith(
         "the router of pi1 denies pi3, against the mission, to put on argosy/three/b/health/argosy"
@@ -128,7 +128,7 @@ def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(
             withdraw()
             await until(lambda: bus.access.note == "", "it is forgotten")
 
-    asyncio.run(asyncio.wait_for(body(), 60))
+    asyncio.run(asyncio.wait_for(body(), 240))
 
 
 def test_a_client_in_a_secured_fleet_has_a_name_of_its_board(world: World) -> None:
@@ -152,7 +152,7 @@ def test_a_client_in_a_secured_fleet_has_a_name_of_its_board(world: World) -> No
                 assert (message.sender, message.content) == ("pi1_kid", 1)
                 break
 
-    asyncio.run(asyncio.wait_for(body(), 60))
+    asyncio.run(asyncio.wait_for(body(), 240))
 
 
 async def _nothing(query: object) -> None:

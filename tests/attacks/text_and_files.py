@@ -93,8 +93,8 @@ def _serve(fleet: Secured) -> None:
     fleet.run("argosy", "simulate", str(fleet.path), "--board", "pi1", "--router", fleet.socket("pi1")).says(
         "simulated turtle", 60
     )
-    fleet.start("pi1", "bridged").says("serving r1", 60)
-    fleet.start("pi1", "agentd").says("agents=", 60)
+    fleet.start("pi1", "bridged").says("serving r1")
+    fleet.start("pi1", "agentd").says("agents=")
 
 
 LEAVES = """

@@ -62,9 +62,9 @@ class World:
         for daemon in self.commd.values():
             daemon.says("router board=")
         simulator = fleet.run("argosy", "simulate", str(fleet.path), "--board", "pi1", "--router", fleet.socket("pi1"))
-        simulator.says("simulated turtle", 60)
+        simulator.says("simulated turtle")
         self.bridged = fleet.start("pi1", "bridged")
-        self.bridged.says("serving r1", 60)
+        self.bridged.says("serving r1")
 
     @asynccontextmanager
     async def member(self, board: str, name: str = "x") -> AsyncIterator[Bus]:
@@ -128,7 +128,7 @@ def raw_session(endpoint: str, tls: Tls | None) -> zenoh.Session:
 async def put_until(attacker: Bus, heard: list[str], forged: str, own: str) -> None:
     """Put what is forged and then what is allowed, until the latter has arrived twice: the former had its time."""
     record = Perception(name="x", header=attacker.header("x"))
-    async with asyncio.timeout(15):
+    async with asyncio.timeout(120):
         while heard.count(own) < 2:
             attacker.put(forged, record)
             attacker.put(own, record)

@@ -89,7 +89,7 @@ class Pretended:
 
 def run(body: Coroutine[Any, Any, None]) -> None:
     async def bounded() -> None:
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(240):
             await body
 
     asyncio.run(bounded())

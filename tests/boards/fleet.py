@@ -18,7 +18,7 @@ from tests.boards.network import GROUND, Network
 from tests.support.processes import ROOT, Daemon
 
 Kind = Literal["commd", "bridged", "agentd"]
-LOOK_PATIENCE = 20.0
+LOOK_PATIENCE = 90.0
 """Seconds that a look has to begin or to answer; its own questions last 3 s at most."""
 _READY = {"commd": "router board=", "bridged": "serving ", "agentd": "agents="}
 

@@ -22,7 +22,7 @@ GROUND_ADDRESS = "10.77.0.100"
 _OURS = re.compile(r"argosy-(\d+)-\d+-")
 _SWITCH = "field"
 _CABLE = "cable"
-_END_PATIENCE = 5.0
+_END_PATIENCE = 30.0
 """Seconds that killed processes have to be gone."""
 _count = itertools.count()
 

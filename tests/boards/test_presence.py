@@ -47,7 +47,7 @@ def test_a_killed_agent_is_gone_for_all_others_and_seen_again_when_it_is_back(fl
     _all_see_all(team)
     team.kill("pi3", "agentd")
     for name in ("ann", "bob"):
-        team.running[BOARD[name], "agentd"].says("gone cid", 20)
+        team.running[BOARD[name], "agentd"].says("gone cid")
         assert _gone(team, name) == ["cid"]
     team.start("pi3", "agentd")
     _all_see_all(team)
@@ -61,7 +61,7 @@ def test_a_router_that_comes_back_at_once_is_nobodys_death(fleet: Callable[..., 
     time.sleep(1.0)
     team.start("pi2", "commd")
     team.ready("pi2", "commd")
-    team.running["pi2", "agentd"].says("router lost", 20)
+    team.running["pi2", "agentd"].says("router lost")
     team.look("pi1").until(lambda look: "bob/agentd" in look.alive(), "bob's token is back")
     time.sleep(7.0)  # longer than any patience of those who judge
     assert [_gone(team, name) for name in OTHERS] == [[], [], []]
@@ -73,8 +73,8 @@ def test_boards_behind_a_cut_are_gone_and_come_back_when_it_heals(fleet: Callabl
     team.up()
     _all_see_all(team)
     team.network.unplug("pi1")
-    team.running["pi1", "agentd"].until(lambda text: "gone bob" in text and "gone cid" in text, "all are gone", 30)
-    team.running["pi2", "agentd"].says("gone ann", 30)
+    team.running["pi1", "agentd"].until(lambda text: "gone bob" in text and "gone cid" in text, "all are gone")
+    team.running["pi2", "agentd"].says("gone ann")
     assert _gone(team, "bob") == ["ann"], "cid is as near as before"
     team.network.plug("pi1")
     _all_see_all(team)

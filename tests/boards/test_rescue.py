@@ -39,7 +39,7 @@ def test_a_victim_is_rescued_once_though_its_rescuer_dies_and_is_cut_off_on_the_
     team.kill(board, "agentd")
     team.start(board, "agentd")
     team.ready(board, "agentd")
-    look.until(lambda look: _held(look.mind("scout")) != rescuer, f"{rescuer} is given up", 60)
+    look.until(lambda look: _held(look.mind("scout")) != rescuer, f"{rescuer} is given up")
     network.join("pi1", board)
     look.believes("scout", "mission_done", 200)
     verdict = judge_run(team.mission, report)

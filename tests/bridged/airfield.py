@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from argparse import Namespace
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from commd.bus.bus import Bus, Reply, open_bus
 from schemas.mission.model import Mission, read_mission
 from schemas.wire import keys
+from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Action, ActionStatus, Perception
 from schemas.wire.terms import Term
 from tests.bridged.sky import HOME, MISSION
@@ -143,6 +144,21 @@ async def present(bus: Bus, agent: str = "uav") -> list[Reply[Perception]]:
     return [one async for one in bus.query(keys.percept("test", agent, "**"), None, Perception, 5)]
 
 
+async def until_served(bus: Bus) -> None:
+    """Wait until the bridge is on the bus and hears its vehicle."""
+    await until(lambda: present(bus), "the bridge serves")
+
+
+async def all_present(bus: Bus, names: Iterable[str]) -> bool:
+    """Return whether percepts of all these names are present."""
+    return {one.record.name for one in await present(bus) if one.record} >= set(names)
+
+
+async def restored(copy: PerceptSet, bus: Bus) -> bool:
+    """Take the present percepts into a copy; return whether they were complete."""
+    return copy.restore([one.record for one in await present(bus) if one.record]) is not None
+
+
 def on_the_airfield(
     endpoint: str,
     state: Path,
@@ -167,4 +183,4 @@ def on_the_airfield(
     asyncio.run(everything())
 
 
-__all__ = ["Airfield", "on_the_airfield", "present", "until"]
+__all__ = ["Airfield", "all_present", "on_the_airfield", "present", "restored", "until", "until_served"]

@@ -18,6 +18,7 @@ from bridged.drivers.mavlink.transport.signing import Signing
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import Robot, read_mission
+from tests.support.buses import until
 
 COPTER = load_manifest("arducopter")
 BEAT = dialect.MAVLink_heartbeat_message(2, 3, 1, 4, 4, 3)
@@ -132,9 +133,7 @@ async def riding(*fields: str, state: Path = Path(), manifest: Manifest = COPTER
     shared: dict[str, Any] = {}
     rides = [Ride(f"uav{at}", robot_of(one), shared, state, manifest) for at, one in enumerate(fields, 1)]
     try:
-        async with asyncio.timeout(20):
-            while not all(ride.open or ride.running.done() for ride in rides):
-                await asyncio.sleep(0.005)
+        await until(lambda: all(ride.open or ride.running.done() for ride in rides), "the links are open")
         stations = [task for task in asyncio.all_tasks() if task.get_name().startswith("forward ")]
         if stations:  # one whose port is taken stays closed: some tests want that
             await asyncio.wait(stations, timeout=2)

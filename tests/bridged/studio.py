@@ -78,7 +78,7 @@ def in_the_studio(
         )
 
     async def everything() -> None:
-        async with asyncio.timeout(40), bus("board", "router"), bus("agent", "client") as client:
+        async with asyncio.timeout(240), bus("board", "router"), bus("agent", "client") as client:
             studio, stop = Studio(declared, client, Turtle()), asyncio.Event()
             arguments = Namespace(
                 robots=[studio.robot],

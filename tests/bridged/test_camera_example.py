@@ -29,9 +29,9 @@ def test_a_scout_perceives_whom_a_camera_program_tells_of(endpoint: str, tmp_pat
         try:
             assert camera.stdin is not None
             camera.stdin.write(b"7 -27.6035 -48.5182\n")
-            await until(lambda: studio.values("victim") == (7, -27.6035, -48.5182), "the victim is perceived", 20)
+            await until(lambda: studio.values("victim") == (7, -27.6035, -48.5182), "the victim is perceived")
             camera.stdin.close()
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(120):
                 assert await camera.wait() == 0
         finally:
             if camera.returncode is None:

@@ -27,22 +27,15 @@ from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
-from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.airfield import Airfield, all_present, on_the_airfield, present, restored, until, until_served
 from tests.bridged.sky import MISSION
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
-from tests.support.promises import least
+from tests.support.promises import kept
 
 GOAL = (-27.6039, -48.5182, 12)
 FAR = (-27.600, -48.515, 20)
 """500 m away: 50 s and more of mission time."""
-
-
-async def until_served(bus: Bus) -> None:
-    """The bridge is on the bus and hears its vehicle."""
-    async with asyncio.timeout(20):
-        while not await present(bus):
-            await asyncio.sleep(0.05)
 
 
 async def beginning(
@@ -89,7 +82,7 @@ def test_what_is_not_armed_leaves_within_a_second(endpoint: str, tmp_path: Path)
         on_the_airfield(endpoint, tmp_path, body)
         return took[-1]
 
-    assert least(leaving, 1.0) < 1.0
+    assert kept(leaving, 1.0)
 
 
 def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp_path: Path) -> None:
@@ -98,15 +91,12 @@ def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp
             daemon = field.start()
             await until_served(first)
             names = ("altitude", "global_pos", "gps", "home_pos", "state")
-            async with asyncio.timeout(20):
-                while not {one.record.name for one in await present(first) if one.record} >= set(names):
-                    await asyncio.sleep(0.05)
+            await until(lambda: all_present(first, names), "all percepts")
             async with field.client() as late:
                 copy, digests = PerceptSet(), list[str]()
                 started = time.monotonic()
                 late.subscribe(keys.percept("test", "uav", "**"), Perception, lambda _key, one: void(copy.apply(one)))
-                while copy.restore([one.record for one in await present(late) if one.record]) is None:
-                    await asyncio.sleep(0.02)
+                await until(lambda: restored(copy, late), "the percepts")
                 took.append(time.monotonic() - started)
                 assert {one.name for one in copy.present()} >= set(names)
                 late.subscribe(
@@ -124,7 +114,7 @@ def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp
         return took[-1]
 
     took: list[float] = []
-    assert least(knowing, 1.0) < 1.0
+    assert kept(knowing, 1.0)
 
 
 def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(endpoint: str, tmp_path: Path) -> None:
@@ -145,7 +135,7 @@ def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(endpoin
             await until(lambda: bool(digests) and copy.needs_repair(digests[-1]), "health tells what is missing")
             assert not [one for one in copy.present() if one.name == "state"]
             losing = False
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(120):
                 states: list[object] = []
                 while not states:  # the vehicle may not have told its state before
                     if copy.restore([one.record for one in await present(bus) if one.record]) is not None:
@@ -351,10 +341,13 @@ def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_anothe
             field.stop.clear()
             daemon = field.start()
             await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl for the agent that has not come back")
-            async with asyncio.timeout(10):
-                while (taken := await field.do(other, "set_mode", "GUIDED", agent="other")).state == "refused":
-                    await asyncio.sleep(0.05)
-            assert taken.state == "succeeded", taken.reason
+
+            async def taken() -> bool:
+                status = await field.do(other, "set_mode", "GUIDED", agent="other")
+                assert status.state in ("refused", "succeeded"), status.reason
+                return status.state == "succeeded"
+
+            await until(taken, "the other agent takes it")
             field.stop.set()
             await daemon
 
@@ -444,7 +437,7 @@ def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_flight(en
                 await asyncio.sleep(2)
                 router = Daemon("commd", "serve", str(file), "--router", endpoint)
                 await until(lambda: bus.router_up, "the router is back")
-                async with asyncio.timeout(30):
+                async with asyncio.timeout(240):
                     while True:
                         heard = await field.ask(bus, "goto", id=action, attempt=2)
                         if heard and heard[-1].final:

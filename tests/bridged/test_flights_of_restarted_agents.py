@@ -35,7 +35,7 @@ def test_an_agent_that_is_back_at_once_joins_its_flight_and_one_that_is_late_get
                 assert "is lost" not in bridge_said
                 assert bridge_said.count(" goto[") == 1
                 second.kill()
-        bridge.until(lambda text: "agent uav is lost: hold" in text, "the copter is held", 30)
+        bridge.until(lambda text: "agent uav is lost: hold" in text, "the copter is held")
         with running(*field.agents("uav")) as third:
             printed(third, "uav", "back 2")
             assert printed(third, "uav", "interrupted") == "interrupted failed, agent uav is lost: its token is gone"

@@ -42,7 +42,7 @@ async def take_off(ride: Ride) -> None:
         ("takeoff", {"altitude": 9}),
     ):
         execution = ride.driver.perform(name, COPTER.actions[name], arguments)
-        await until(lambda: execution.over or name == "takeoff", f"the end of {name}", 30)  # noqa: B023
+        await until(lambda: execution.over or name == "takeoff", f"the end of {name}")  # noqa: B023
         assert execution.outcome is None or execution.outcome.state == "succeeded"
 
 

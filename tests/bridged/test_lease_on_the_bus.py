@@ -12,7 +12,7 @@ from commd.common.clock import Clock
 from commd.process.process import report_health
 from schemas.wire import keys
 from schemas.wire.terms import Atom
-from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.airfield import Airfield, on_the_airfield, present, until, until_served
 from tests.bridged.sky import MISSION
 from tests.support.buses import subscribed
 
@@ -33,29 +33,31 @@ def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_that_o
         async with field.router(), field.client() as uav:
             await uav.claim("uav")
             daemon = field.start()
-            async with asyncio.timeout(20):
-                while not await present(uav):
-                    await asyncio.sleep(0.05)
+            await until_served(uav)
             await field.take_off(uav)
             assert await perceived(uav, "other") == Atom("uav")
             refused = await field.do(uav, "hand_over", Atom("other"))
             assert (refused.state, refused.reason) == ("refused", "hand_over: agent other is not alive")
             async with field.client("other") as other:
                 await other.claim("other")
-                async with asyncio.timeout(10):
-                    while (await field.do(uav, "hand_over", Atom("other"))).state != "succeeded":
-                        await asyncio.sleep(0.05)
+
+                async def handed_over() -> bool:
+                    return (await field.do(uav, "hand_over", Atom("other"))).state == "succeeded"
+
+                await until(handed_over, "the robot is handed over")
                 assert await perceived(uav, "uav") == Atom("other")
                 assert (await field.do(uav, "land")).reason.startswith("held by other for ")
                 assert (await field.do(other, "get_param", "RTL_ALT", agent="other")).state == "succeeded"
             await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that has died")
             assert (await field.do(uav, "land")).reason == LOST
             await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
-            async with asyncio.timeout(10):
-                while (taken := await field.do(uav, "set_mode", "GUIDED")).state == "refused":
-                    assert taken.reason == LOST
-                    await asyncio.sleep(0.05)
-            assert taken.state == "succeeded", taken.reason
+
+            async def taken() -> bool:
+                status = await field.do(uav, "set_mode", "GUIDED")
+                assert (status.state, status.reason) == ("refused", LOST) or status.state == "succeeded"
+                return status.state == "succeeded"
+
+            await until(taken, "the agent takes the robot again")
             assert await perceived(uav, "other") == Atom("uav")
             field.stop.set()
             await daemon
@@ -72,9 +74,7 @@ def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_its_toke
             daemon = field.start()
             await subscribed(uav, keys.health("test", "uav", "agentd"))
             speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
-            async with asyncio.timeout(20):
-                while not await present(uav):
-                    await asyncio.sleep(0.05)
+            await until_served(uav)
             await field.take_off(uav)
             await asyncio.sleep(3.5)
             assert field.vehicle.copter.mode.name == "GUIDED", "an agent that speaks has its robot"
@@ -83,10 +83,13 @@ def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_its_toke
             refused = await field.do(uav, "land", agent="other")
             assert refused.reason == "agent uav is lost: the bridge brings the robot to safety first"
             speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
-            async with asyncio.timeout(10):
-                while (taken := await field.do(uav, "set_mode", "GUIDED")).state != "succeeded":
-                    assert "is lost" in taken.reason
-                    await asyncio.sleep(0.05)
+
+            async def taken() -> bool:
+                status = await field.do(uav, "set_mode", "GUIDED")
+                assert status.state == "succeeded" or "is lost" in status.reason
+                return status.state == "succeeded"
+
+            await until(taken, "the agent takes the robot again")
             assert field.vehicle.copter.mode.name == "GUIDED", "the agent is back: rtl is left out"
             speaking.cancel()
             field.stop.set()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from pathlib import Path
 
@@ -69,9 +68,11 @@ def test_a_pair_may_be_of_a_copter_and_of_something_on_zenoh(endpoint: str, tmp_
             await until(lambda: any(one.name == "state" for one in heard), "the state of the copter")
             assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
             assert await perceived(bus, "state") == ("GUIDED", "True", "False")
-            async with asyncio.timeout(20):
-                while (await field.do(bus, "light", Variable("True"), Atom("red"), [1, 2])).state != "succeeded":
-                    await asyncio.sleep(0.1)  # until the bridge knows that the lamp listens
+
+            async def lit() -> bool:
+                return (await field.do(bus, "light", Variable("True"), Atom("red"), [1, 2])).state == "succeeded"
+
+            await until(lit, "the bridge knows that the lamp listens")
             await until(lambda: bool(told), "the lamp is told")
             assert told == [{"on": True, "colour": {"name": "red"}, "levels": [1, 2]}]
             await subscribed(lamp, "house/lamp/state")

@@ -27,7 +27,7 @@ from schemas.wire.records import BoardServices, Health, Note, Receipt, Record, S
 from tests.commd.offices import ask, message
 from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
 from tests.support.processes import running
-from tests.support.promises import least
+from tests.support.promises import kept
 
 MISSION = "missions/single_uav.yaml"
 
@@ -42,7 +42,7 @@ def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number
             assert commd.ends() == 0
             return time.monotonic() - started
 
-    assert least(leaving, 1.0) < 1.0
+    assert kept(leaving, 1.0)
 
 
 def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(endpoint: str) -> None:
@@ -138,7 +138,7 @@ def test_a_router_that_hangs_keeps_nobody_from_leaving(endpoint: str, caplog: py
                 started = time.monotonic()
             return time.monotonic() - started
 
-    assert least(lambda: asyncio.run(asyncio.wait_for(body(), 60)), 3.0) < 3.0
+    assert kept(lambda: asyncio.run(asyncio.wait_for(body(), 240)), 3.0)
     assert "the router hangs: this session ends without a word to it" in caplog.text
 
 
@@ -185,7 +185,7 @@ def test_a_router_that_breaks_ends_commd_so_that_it_is_started_again(
     args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
 
     async def body() -> int:
-        return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 30)
+        return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 120)
 
     assert asyncio.run(body()) == 1
     assert "the router is broken" in caplog.text
@@ -207,13 +207,13 @@ def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_starts(
         commd = asyncio.create_task(serve(mission, args, stop))
         try:
             async with (
-                asyncio.timeout(30),
+                asyncio.timeout(240),
                 open_bus(endpoint, fleet=mission.fleet, name="uav", daemon="agentd", stamp=time.time_ns) as bus,
             ):
                 await body(bus)
         finally:
             stop.set()
-            assert await asyncio.wait_for(commd, 30) == 0
+            assert await asyncio.wait_for(commd, 120) == 0
 
     async def first(bus: Bus) -> None:
         key = keys.services(mission.fleet, "local")
@@ -250,7 +250,7 @@ def test_a_directory_that_breaks_ends_commd_so_that_it_is_started_again(
     args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
 
     async def body() -> int:
-        return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 20)
+        return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 120)
 
     assert asyncio.run(body()) == 1
     assert "the directory is broken" in caplog.text

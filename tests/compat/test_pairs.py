@@ -43,7 +43,7 @@ def test_a_daemon_does_not_start_beside_a_commd_of_another_major_version(
     start: Start, tmp_path: Path, endpoint: str, free_port: Callable[[], int]
 ) -> None:
     mission = copied(tmp_path, free_port())
-    start("commd", "serve", mission, "--router", endpoint).says("router board=local", 30)
+    start("commd", "serve", mission, "--router", endpoint).says("router board=local")
     for daemon, name in (("agentd", "uav"), ("bridged", "uav1")):
         other = start("tests.compat.next_major", daemon, "serve", mission, name, "--router", endpoint)
         assert other.ends(30) == 1
@@ -64,8 +64,8 @@ def test_a_board_of_another_major_version_is_named_and_its_mail_waits(
     start("agentd", "serve", str(mission), "asker", "--router", endpoint)
     other = ("commd", "serve", str(mission), "--board", "b", "--router", f"tcp/127.0.0.1:{free_port()}")
     theirs = start("tests.compat.next_major", *other, "--connect", between)
-    ours.says("other_version b/services: records of version 2, this daemon speaks version 1", 30)
-    theirs.says("other_version a/services: records of version 1, this daemon speaks version 2", 30)
+    ours.says("other_version b/services: records of version 2, this daemon speaks version 1")
+    theirs.says("other_version a/services: records of version 1, this daemon speaks version 2")
     until = time.monotonic() + 30
     while "version 1 of the record, this daemon speaks version 2" not in (told := mail_of("a", str(mission), endpoint)):
         assert time.monotonic() < until, told

@@ -25,7 +25,7 @@ from tests.docs.table import INSTEAD, NOT_RUN, STAYS, Stay, entry
 CARRIED = ("missions", "manifests", "examples")
 PATIENCE = 120.0
 """Seconds that a command has to end, and one that stays to come up."""
-END_PATIENCE = 30.0
+END_PATIENCE = 90.0
 """Seconds that a command which stays has to end after ctrl-C."""
 _STATE = """\
 cd "$(cat {state}/folder)" && . {state}/exported

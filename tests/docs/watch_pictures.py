@@ -33,7 +33,7 @@ async def draw() -> dict[str, str]:
         mission = write_mission(Path(folder), 1, [free_port() for _ in range(3)])
         router = f"tcp/127.0.0.1:{free_port()}"
         with running("argosy", "run", str(mission), "--plain", "--router", router) as flying:
-            flying.says("commd pi1: up", 60)
+            flying.says("commd pi1: up")
             return await _look(router)
 
 

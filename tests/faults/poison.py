@@ -71,19 +71,19 @@ def poison_message(state: Path) -> Row:
             await cid.send("ann", "tell", parse("hello(1)"))
 
     with running("commd", "serve", mission, "--router", endpoint, "--state", str(state / "mail")) as commd:
-        commd.says("router board=", 60)
+        commd.says("router board=")
         for life in range(DEATHS):
             with running(*command) as daemon:
                 if not life:
-                    daemon.says("begun", 60)
+                    daemon.says("begun")
                     asyncio.run(send())
-                daemon.says("at it", 60)
+                daemon.says("at it")
                 _written_down(state, daemon)
                 os.kill(daemon.process.pid, signal.SIGABRT)
                 daemon.ends(30)
         with running(*command) as daemon:
-            daemon.says("heard 1", 60)
-            daemon.says("set aside: +!crunch[source(cid)]", 30)
+            daemon.says("heard 1")
+            daemon.says("set aside: +!crunch[source(cid)]")
             row.expect("[ann] at it" not in daemon.text, "the poison is not taken again")
             told = [line for line in daemon.lines if "set aside after" in line]
             row.expect(told, "the log tells of it")
@@ -110,30 +110,30 @@ def backup_restored(state: Path) -> Row:
             return await read(cid, len(words))
 
     with running("commd", "serve", mission, "--router", endpoint, "--state", str(state / "mail")) as commd:
-        commd.says("router board=", 60)
+        commd.says("router board=")
         with running(*agentd) as first:
-            first.says("begun", 60)
+            first.says("begun")
             asyncio.run(talk([1]))
         folder = next((state / "minds").rglob("mind.sqlite")).parent
         shutil.copytree(folder, state / "copy")
         with running(*agentd) as second:
-            second.says("restarted", 60)
+            second.says("restarted")
             asyncio.run(talk([2, 3, 4]))
-            second.says("said 4", 30)
+            second.says("said 4")
         with running(*agentd) as third:
-            third.says("restarted", 60)
+            third.says("restarted")
             asyncio.run(talk([5]))
-            third.says("said 5", 30)
+            third.says("said 5")
         shutil.rmtree(folder)
         shutil.copytree(state / "copy", folder)
         with running(*agentd) as last:
-            last.says("restarted", 60)
+            last.says("restarted")
             heard = asyncio.run(talk([6, 7]))
             row.expect(
                 [getattr(one, "args", ()) for one in heard] == [(6.0,), (7.0,)], f"new mail arrives, got {heard}"
             )
             row.seen.append("what it sends then arrives: 2 of 2")
-            last.says("the agent was set back", 30)
+            last.says("the agent was set back")
             told = [line for line in last.lines if "is older than what the agent has done" in line]
             row.expect(told and "4 to cid" in told[0], f"the log tells of it: {told}")
             row.seen.append("told in the log, in health (`state_went_back`) and as `+state_went_back`")

@@ -113,14 +113,14 @@ def bridge_killed(state: Path) -> Row:
     ):
         first.says("serving uav1")
         with running("agentd", "serve", mission, "uav", "--router", endpoint) as agent:
-            agent.says("going", 60)
+            agent.says("going")
             first.until(lambda text: re.search(r"action \S+ goto\[", text) is not None, "goto has begun")
             at = time.monotonic()
             first.kill()
             with running(*bridge) as second:
                 second.says("serving uav1")
                 before = resident(second)
-                agent.says("[uav] goto ", 60)
+                agent.says("[uav] goto ")
                 _note(row, agent, "goto", time.monotonic() - at)
                 agent.says("[uav] then: ", 90)
                 _note(row, agent, "return_to_launch", time.monotonic() - at)

@@ -11,6 +11,8 @@ from typing import Any, Literal, Protocol
 from commd.bus.bus import Bus, open_bus
 
 FLEET = "test"
+PATIENCE = 90.0
+"""Wall seconds for anything that a test waits for: what passes takes none of them, a busy machine may need many."""
 
 
 class Connect(Protocol):
@@ -21,7 +23,7 @@ class Connect(Protocol):
     ) -> Awaitable[Bus]: ...
 
 
-def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]], seconds: float = 60) -> None:
+def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]], seconds: float = 240) -> None:
     """Run `body(connect)` with a router at `endpoint`, bounded in wall seconds."""
 
     async def everything() -> None:
@@ -73,17 +75,19 @@ async def served(bus: Bus, key: str) -> None:
         await until(lambda: querier.matching_status.matching, f"somebody serves {key}")
 
 
-async def until(condition: Callable[[], bool], wish: str, seconds: float = 20) -> None:
-    """Wait until `condition()` holds; fail with the wish in words after a bound."""
+async def until(
+    condition: Callable[[], object] | Callable[[], Awaitable[object]], wish: str, seconds: float = PATIENCE
+) -> None:
+    """Wait until `condition()`, or what it is awaited for, is true; fail with the wish after a bound."""
     try:
         async with asyncio.timeout(seconds):
-            while not condition():
+            while not (await found if isinstance(found := condition(), Awaitable) else found):
                 await asyncio.sleep(0.01)
     except TimeoutError:
         raise AssertionError(f"not within {seconds:g} s: {wish}") from None
 
 
-async def ended(task: asyncio.Task[Any], what: str, seconds: float = 30) -> None:
+async def ended(task: asyncio.Task[Any], what: str, seconds: float = PATIENCE) -> None:
     """Wait until a task that was told to end has ended; fail after a bound, whatever it still waits for."""
     done, _ = await asyncio.wait([task], timeout=seconds)
     if not done:

@@ -42,7 +42,7 @@ class NotifySocket:
         """Return the values of one field in the order in which they came."""
         return [one[name] for one in self.take() if name in one]
 
-    def until(self, condition: Callable[[], bool], wish: str, seconds: float = 30) -> None:
+    def until(self, condition: Callable[[], bool], wish: str, seconds: float = 90) -> None:
         """Wait until what was said fulfils a condition."""
         end = time.monotonic() + seconds
         while not condition():

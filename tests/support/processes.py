@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+PATIENCE = 90.0
+"""Wall seconds for what a process is to say, and for its end."""
 
 
 class Daemon:
@@ -54,7 +56,7 @@ class Daemon:
     def text(self) -> str:
         return "\n".join(self.lines)
 
-    def until(self, condition: Callable[[str], bool], wish: str, seconds: float = 30) -> None:
+    def until(self, condition: Callable[[str], bool], wish: str, seconds: float = PATIENCE) -> None:
         """Wait until what it said fulfils a condition."""
         end = time.monotonic() + seconds
         while not condition(self.text):
@@ -63,11 +65,11 @@ class Daemon:
                 raise AssertionError(f"{wish}; exit {ended}; it said:\n{self.text}")
             time.sleep(0.02)
 
-    def says(self, words: str, seconds: float = 30) -> None:
+    def says(self, words: str, seconds: float = PATIENCE) -> None:
         """Wait until it has said `words`."""
         self.until(lambda text: words in text, f"`{self.arguments}` says `{words}`", seconds)
 
-    def ends(self, seconds: float = 30) -> int:
+    def ends(self, seconds: float = PATIENCE) -> int:
         """Wait for its end and return its exit code."""
         code = self.process.wait(seconds)
         self._reader.join(5)

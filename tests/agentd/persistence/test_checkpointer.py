@@ -146,7 +146,7 @@ def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_the
         await asyncio.sleep(0.3)
         assert taken == []
         agent.disk.full = ""
-        await until(lambda: taken == [7], "the message leaves when it is kept", 30)
+        await until(lambda: taken == [7], "the message leaves when it is kept")
         assert await hand_over(desk_bus, numbered(1), goal) == Receipt(taken=2)
         assert agent.host.health().notes == ()
         assert agent.prints == ["got(1)", "said(7)"]
@@ -394,7 +394,7 @@ def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
         await until(lambda: agent.prints == ["got(x)"], "it has something to keep")
         agent._stop.set()
         await agent._life
-        await asyncio.wait_for(agent.host.part_with(forget=False), 10)
+        await asyncio.wait_for(agent.host.part_with(forget=False), 120)
         assert "its file is left as it is: the disk does not answer" in caplog.text
         agent.disk.open.set()
 

@@ -19,6 +19,7 @@ from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import term
 from tests.support.buses import Connect, on_a_bus, served, until
 from tests.support.processes import running
+from tests.support.promises import in_time
 
 PROGRAM = """\
 n(0).
@@ -192,7 +193,7 @@ def test_pausing_again_does_not_move_the_end(tmp_path: Path, endpoint: str, monk
         bob = await desk(connect, tmp_path)
         await bob.order("pause")
         cycle, pauses = bob.agent.host.view().cycle, 0
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(120):
             while bob.agent.host.view().state == "paused" and pauses < 1000:
                 pauses += 1
                 outcome = await bob.order("pause")
@@ -322,7 +323,7 @@ def test_a_paused_agent_leaves_at_once_when_it_is_told_to(tmp_path: Path, endpoi
         await bob.order("pause")
         before = time.monotonic()
         await bob.agent.end()
-        assert time.monotonic() - before < 5.0
+        assert in_time(time.monotonic() - before, 5.0)
 
     on_a_bus(endpoint, body)
 
@@ -364,9 +365,9 @@ def test_a_daemon_with_several_agents_pauses_the_one_that_is_meant(tmp_path: Pat
         running("commd", "serve", str(path), "--router", endpoint),
         running("agentd", "serve", str(path), "--router", endpoint, "--state", str(tmp_path)) as agents,
     ):
-        asyncio.run(asyncio.wait_for(talk(), 60))
+        asyncio.run(asyncio.wait_for(talk(), 240))
         agents.says("say 7 for operator")
         agents.process.terminate()
         before = time.monotonic()
         agents.process.wait(15)
-        assert time.monotonic() - before < 10.0, "a paused agent keeps nobody from ending"
+        assert in_time(time.monotonic() - before, 10.0), "a paused agent keeps nobody from ending"

@@ -171,8 +171,7 @@ def test_a_router_that_restarts_takes_no_agent_with_it(boards: Boards, board: st
                 second = await agents.enter_async_context(boards.agents("pi2", "b"))
                 await believes(first, "a", HERE, CAME)
             async with boards.commd(board), session(boards.endpoints["pi1"], "observer") as observer:
-                while not await observer.tokens(keys.alive("test", "b", "agentd", "*")):
-                    await asyncio.sleep(0.05)
+                await until(lambda: observer.tokens(keys.alive("test", "b", "agentd", "*")), "b is there")
                 await asyncio.sleep(ROUTER_GRACE + 0.5)  # by then a loss would have counted
                 assert HERE in beliefs(first, "a")
                 assert not any(belief.startswith("went") for belief in beliefs(first, "a"))

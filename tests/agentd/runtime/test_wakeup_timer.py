@@ -10,7 +10,7 @@ from agentd.runtime.wakeup_timer import Wake
 
 
 def in_time(main: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
-    return asyncio.run(asyncio.wait_for(main(), 20))
+    return asyncio.run(asyncio.wait_for(main(), 240))
 
 
 def test_it_wakes_when_something_comes() -> None:

@@ -51,7 +51,7 @@ def _flying(folder: Path, **programs: str) -> Iterator[Daemon]:
 
 def test_one_process_flies_a_mission_and_sigterm_in_flight_leaves_the_robot_as_the_mission_says(tmp_path: Path) -> None:
     with _flying(tmp_path) as one:
-        one.says("[uav] flying to", 60)
+        one.says("[uav] flying to")
         one.signal(signal.SIGTERM)
         assert one.ends(60) == 0
         assert re.search(r"leaving uav1: rtl: the vehicle is in RTL", one.text)
@@ -62,7 +62,7 @@ def test_one_process_flies_a_mission_and_sigterm_in_flight_leaves_the_robot_as_t
 
 def test_a_program_that_stops_its_team_ends_no_board(tmp_path: Path) -> None:
     with _flying(tmp_path, uav='!go. +!go <- set_mode("GUIDED"); .stopMAS.') as one:
-        one.says("a program has stopped its team; the board goes on without agents", 60)
+        one.says("a program has stopped its team; the board goes on without agents")
         one.signal(signal.SIGTERM)
         assert one.ends(60) == 0
 
@@ -129,7 +129,7 @@ def _run(
         if stop_when_ready:
             await until(lambda: all(one.is_ready for one in made.members.values()), "all parts are ready")
             stop.set()
-        return await asyncio.wait_for(running, 20)
+        return await asyncio.wait_for(running, 120)
 
     return asyncio.run(everything())
 
@@ -234,7 +234,7 @@ def test_with_a_routers_file_agents_and_bridges_go_in_where_the_router_opens_for
         (tmp_path / "router.json5").write_text(config.write(settings))
         where = ("--config", str(tmp_path / "router.json5"), "--state", str(tmp_path / "state"))
         with running("argosy", "board", str(mission.path), *where) as one:
-            one.says("[a] begun", 60)
+            one.says("[a] begun")
             assert f"endpoint=unixsock-stream/{short}/router.sock" in one.text
             one.signal(signal.SIGTERM)
             assert one.ends() == 0

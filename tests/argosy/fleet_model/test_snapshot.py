@@ -34,7 +34,7 @@ def test_that_the_router_is_away_and_back_is_told_in_the_run_and_in_the_log(
         return any(re.search(word, entry.text) for entry in journal.entries)
 
     async def body() -> None:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(240):
             waiting = open_bus(endpoint, fleet=FLEET, name="argosy", daemon="argosy", stamp=time.time_ns)
             opening = asyncio.create_task(waiting.__aenter__())
             await until(

@@ -39,7 +39,7 @@ async def _observer(stack: AsyncExitStack, endpoint: str) -> Bus:
 
 def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(endpoint: str) -> None:
     async def body() -> None:
-        async with AsyncExitStack() as stack, asyncio.timeout(60):
+        async with AsyncExitStack() as stack, asyncio.timeout(240):
             await stack.enter_async_context(session(endpoint, "board", "commd", router=True))
             model = TeamModel(steady_clock)
             watcher = TeamWatcher(await _observer(stack, endpoint), model)
@@ -74,7 +74,7 @@ def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(endpoi
 
 def test_a_router_that_goes_is_said_at_once_and_the_fleet_is_seen_again_when_it_is_back(endpoint: str) -> None:
     async def body() -> None:
-        async with AsyncExitStack() as stack, asyncio.timeout(60):
+        async with AsyncExitStack() as stack, asyncio.timeout(240):
             router = session(endpoint, "board", "commd", router=True)
             await router.__aenter__()
             agent = await stack.enter_async_context(session(endpoint, "uav"))
@@ -97,7 +97,7 @@ def test_a_router_that_goes_is_said_at_once_and_the_fleet_is_seen_again_when_it_
 
 def test_who_looks_at_a_mind_is_counted(endpoint: str) -> None:
     async def body() -> None:
-        async with AsyncExitStack() as stack, asyncio.timeout(60):
+        async with AsyncExitStack() as stack, asyncio.timeout(240):
             await stack.enter_async_context(session(endpoint, "board", "commd", router=True))
             watcher = TeamWatcher(await _observer(stack, endpoint), TeamModel(steady_clock, fleet="test"), "test")
             for step in (watcher.look_at, watcher.look_at, watcher.look_away):

@@ -17,6 +17,7 @@ from argosy.processes import restarts
 from argosy.processes.process_table import Kind, Process
 from argosy.processes.restarts import MOST, Restarts
 from argosy.processes.supervisor import Child, Supervisor
+from tests.support.buses import until
 
 DAEMON = Kind("daemon", lambda setup: [], lambda setup, subject: [])
 SIMULATOR = replace(DAEMON, name="simulator", daemon=False)
@@ -51,7 +52,7 @@ def supervised(body: Callable[[Run], Awaitable[None]], on: bool = True) -> None:
     async def main() -> None:
         run = Run(on)
         try:
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(240):
                 await body(run)
         finally:
             await run.restarts.close()
@@ -59,12 +60,6 @@ def supervised(body: Callable[[Run], Awaitable[None]], on: bool = True) -> None:
         assert all(not child.alive for child in run.supervisor.children)
 
     asyncio.run(main())
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    """Wait until something holds."""
-    while not condition():
-        await asyncio.sleep(0.01)
 
 
 @pytest.fixture(autouse=True)
@@ -78,7 +73,7 @@ def test_a_daemon_that_is_killed_runs_again_by_the_same_command_in_its_place() -
         first = await run.start("import time; time.sleep(600)")
         other = await run.start("import time; time.sleep(600)")
         first.signal(signal.SIGKILL)
-        await until(lambda: run.counts["daemon one"] == 1)
+        await until(lambda: run.counts["daemon one"] == 1, "it runs again")
         again = run.supervisor.children[0]
         assert run.supervisor.children == [again, other]
         assert again.alive
@@ -98,7 +93,7 @@ def test_what_is_up_again_is_told_once() -> None:
         first = await run.start("import time; time.sleep(600)")
         run.restarts.tell(lambda child: True)
         first.signal(signal.SIGKILL)
-        await until(lambda: run.counts["daemon one"] == 1)
+        await until(lambda: run.counts["daemon one"] == 1, "it runs again")
         run.restarts.tell(lambda child: False)
         before = len(run.told)
         run.restarts.tell(lambda child: True)
@@ -112,7 +107,7 @@ def test_what_is_up_again_is_told_once() -> None:
 def test_a_daemon_that_dies_again_and_again_is_given_up_and_the_reason_says_so() -> None:
     async def body(run: Run) -> None:
         await run.start("import sys; sys.exit('no')")
-        await until(lambda: bool(run.supervisor.dead()))
+        await until(lambda: bool(run.supervisor.dead()), "its end is seen")
         assert run.counts["daemon one"] == MOST == 5
         (dead,) = run.supervisor.dead()
         told = "ended by itself with exit code 1: no"
@@ -128,7 +123,7 @@ def test_deaths_that_are_long_ago_do_not_count(monkeypatch: pytest.MonkeyPatch) 
 
     async def body(run: Run) -> None:
         await run.start("import sys; sys.exit(1)")
-        await until(lambda: run.counts["daemon one"] == MOST + 2)
+        await until(lambda: run.counts["daemon one"] == MOST + 2, "it runs again each time")
         assert run.supervisor.dead() == []
 
     supervised(body)
@@ -138,7 +133,7 @@ def test_deaths_that_are_long_ago_do_not_count(monkeypatch: pytest.MonkeyPatch) 
 def test_what_would_end_in_the_same_way_again_is_not_restarted(code: int) -> None:
     async def body(run: Run) -> None:
         await run.start(f"import sys; sys.exit({code})")
-        await until(lambda: bool(run.ended))
+        await until(lambda: bool(run.ended), "the run ends")
         assert [child.how_it_ended() for child in run.supervisor.dead()] == [f"ended by itself with exit code {code}"]
         assert run.counts.total() == 0
 
@@ -149,7 +144,7 @@ def test_a_simulator_is_a_vehicle_and_a_vehicle_that_crashed_does_not_start_agai
     async def body(run: Run) -> None:
         simulator = await run.start("import time; time.sleep(600)", SIMULATOR)
         simulator.signal(signal.SIGKILL)
-        await until(lambda: bool(run.ended))
+        await until(lambda: bool(run.ended), "the run ends")
         assert run.supervisor.dead() == [simulator]
 
     supervised(body)
@@ -159,7 +154,7 @@ def test_without_restart_whoever_dies_is_dead() -> None:
     async def body(run: Run) -> None:
         daemon = await run.start("import time; time.sleep(600)")
         daemon.signal(signal.SIGKILL)
-        await until(lambda: bool(run.ended))
+        await until(lambda: bool(run.ended), "the run ends")
         assert run.supervisor.dead() == [daemon]
 
     supervised(body, on=False)
@@ -172,7 +167,7 @@ def test_nothing_is_started_any_more_when_the_run_ends(monkeypatch: pytest.Monke
     async def body(run: Run) -> None:
         daemon = await run.start("import time; time.sleep(600)")
         daemon.signal(signal.SIGKILL)
-        await until(lambda: daemon.replaced)
+        await until(lambda: daemon.replaced, "it is replaced")
         await run.restarts.close()
         assert run.counts.total() == 0
         assert run.supervisor.children == [daemon]
@@ -191,7 +186,7 @@ def test_a_daemon_that_cannot_be_started_again_is_dead_and_says_why(
 
         monkeypatch.setattr(run.supervisor, "start", fails)
         daemon.signal(signal.SIGKILL)
-        await until(lambda: bool(run.supervisor.dead()))
+        await until(lambda: bool(run.supervisor.dead()), "its end is seen")
         told = "was killed by SIGKILL; it cannot be started again: Resource temporarily unavailable"
         assert daemon.how_it_ended() == told
 

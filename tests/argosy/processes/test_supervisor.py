@@ -13,6 +13,7 @@ from argosy.processes.process_table import Kind, Process
 from argosy.processes.supervisor import MAX_LINE, Child, Supervisor
 from schemas.wire import log_lines
 from schemas.wire.log_lines import LogLine
+from tests.support.buses import until
 
 KIND = Kind("thing", lambda setup: [], lambda setup, subject: [])
 
@@ -30,7 +31,7 @@ def supervised(body: Callable[[Supervisor, list[str], list[Child]], Awaitable[No
         ended: list[Child] = []
         supervisor = Supervisor(lambda child, line: lines.append(line.text), ended.append)
         try:
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(240):
                 await body(supervisor, lines, ended)
         finally:
             await supervisor.close()
@@ -39,17 +40,11 @@ def supervised(body: Callable[[Supervisor, list[str], list[Child]], Awaitable[No
     asyncio.run(run())
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    """Wait until something holds."""
-    while not condition():
-        await asyncio.sleep(0.01)
-
-
 def test_lines_of_both_outputs_arrive_whole_and_without_what_no_text_is() -> None:
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
         code = "import os; os.write(1, b'one\\ntw'); os.write(1, b'o\\n\\n'); os.write(2, b'caf\\xff\\nlast')"
         await supervisor.start(script(code))
-        await until(lambda: bool(ended))
+        await until(lambda: bool(ended), "it has ended")
         assert sorted(lines) == ["caf\ufffd", "last", "one", "two"]
 
     supervised(body)
@@ -58,7 +53,7 @@ def test_lines_of_both_outputs_arrive_whole_and_without_what_no_text_is() -> Non
 def test_a_process_that_writes_without_end_cannot_fill_the_memory() -> None:
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
         child = await supervisor.start(script("import os\nfor _ in range(300): os.write(1, b'x' * 100_000)"))
-        await until(lambda: bool(ended))
+        await until(lambda: bool(ended), "it has ended")
         assert max(map(len, lines)) <= MAX_LINE
         assert len(child.lines) <= 50
         assert supervisor.cut_lines > 0
@@ -70,7 +65,7 @@ def test_a_process_that_ends_by_itself_is_dead_and_tells_its_last_error() -> Non
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
         code = "import os; os.write(2, b'no such vehicle\\n'); os.write(1, b'bye\\n'); os._exit(7)"
         await supervisor.start(script(code))
-        await until(lambda: bool(supervisor.dead()))
+        await until(lambda: bool(supervisor.dead()), "its end is seen")
         assert supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: no such vehicle"
 
     supervised(body)
@@ -80,7 +75,7 @@ def test_the_last_error_that_a_daemon_logged_tells_more_than_what_it_wrote_after
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
         error = log_lines.encode(LogLine(text="the disk is full", level="error"))
         await supervisor.start(script(f"import os; os.write(2, {error!r} + b'\\nbye\\n'); os._exit(7)"))
-        await until(lambda: bool(supervisor.dead()))
+        await until(lambda: bool(supervisor.dead()), "its end is seen")
         assert supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: the disk is full"
         assert lines == ["the disk is full", "bye"]
 
@@ -90,7 +85,7 @@ def test_the_last_error_that_a_daemon_logged_tells_more_than_what_it_wrote_after
 def test_a_process_that_is_told_to_leave_is_not_dead() -> None:
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
         child = await supervisor.start(script("import time; print('up', flush=True); time.sleep(60)"))
-        await until(lambda: lines == ["up"])
+        await until(lambda: lines == ["up"], "it is up")
         assert await supervisor.leave([child], 10.0, asyncio.Event()) == []
         assert supervisor.dead() == []
         assert child.how_it_ended() == "was killed by SIGTERM"
@@ -102,7 +97,7 @@ def test_a_process_that_does_not_leave_is_killed_when_its_time_is_over() -> None
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
         code = "import signal, time; signal.signal(15, signal.SIG_IGN); print('up', flush=True); time.sleep(60)"
         child = await supervisor.start(script(code))
-        await until(lambda: lines == ["up"])
+        await until(lambda: lines == ["up"], "it is up")
         hurry = asyncio.Event()
         hurry.set()  # 1 s instead of 60
         began = time.monotonic()
@@ -116,7 +111,7 @@ def test_a_process_that_does_not_leave_is_killed_when_its_time_is_over() -> None
 def test_a_command_that_does_not_exist_is_said_in_words() -> None:
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
         child = await supervisor.start(Process(KIND, "one", ("/no/such/program",)))
-        await until(lambda: bool(ended))
+        await until(lambda: bool(ended), "it has ended")
         assert "error: /no/such/program: No such file or directory" in child.how_it_ended()
 
     supervised(body)
@@ -125,9 +120,9 @@ def test_a_command_that_does_not_exist_is_said_in_words() -> None:
 def test_each_process_leads_a_group_of_its_own_so_that_ctrl_c_reaches_only_argosy() -> None:
     async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
         child = await supervisor.start(script("import time; print('up', flush=True); time.sleep(60)"))
-        await until(lambda: lines == ["up"])
+        await until(lambda: lines == ["up"], "it is up")
         assert os.getpgid(child.pid) == child.pid
         child.signal(signal.SIGKILL)
-        await until(lambda: bool(ended))
+        await until(lambda: bool(ended), "it has ended")
 
     supervised(body)

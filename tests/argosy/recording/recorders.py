@@ -23,7 +23,7 @@ class Process:
     handle: asyncio.subprocess.Process
     said: str = ""
 
-    async def until(self, text: str, seconds: float = 20) -> None:
+    async def until(self, text: str, seconds: float = 90) -> None:
         """Wait until a line with this text has come."""
         assert self.handle.stdout is not None
         async with asyncio.timeout(seconds):
@@ -32,7 +32,7 @@ class Process:
                 assert line, f"ended before {text!r}: {self.said}"
                 self.said += line.decode()
 
-    async def end(self, number: signal.Signals | None = signal.SIGINT, seconds: float = 20) -> tuple[int, str, str]:
+    async def end(self, number: signal.Signals | None = signal.SIGINT, seconds: float = 90) -> tuple[int, str, str]:
         """Send a signal and wait. Returns exit code, standard output and standard error."""
         if number is not None:
             self.handle.send_signal(number)
@@ -70,7 +70,7 @@ async def recording(endpoint: str, path: Path, *arguments: str, fleet: str = "te
         yield process
 
 
-async def seen(path: Path, key: str, count: int, seconds: float = 20) -> None:
+async def seen(path: Path, key: str, count: int, seconds: float = 90) -> None:
     """Wait until so many messages on a key are in a file."""
     await until(
         lambda: sum(t.messages for t in open_recording(path).topics if t.key == key) >= count,

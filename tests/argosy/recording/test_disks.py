@@ -131,7 +131,7 @@ def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(endpoint: str, sm
                         )
                 return recorder.handle.returncode is not None
 
-            await until(ended, "the disk is full", 30)
+            await until(ended, "the disk is full")
             code, out, err = await recorder.end(None)
         told = f"cannot write {path}: No space left on device"
         assert (code, err) == (1, f"error: {told}; what is recorded up to there can be read\n")

@@ -334,7 +334,7 @@ def test_a_recorder_of_nobody_says_so(endpoint: str, tmp_path: Path, free_port: 
     async def body(connect: Connect) -> None:
         async with recording(endpoint, tmp_path / "a.mcap", fleet="misspelt") as recorder:
             assert recorder.handle.stderr is not None
-            line = await asyncio.wait_for(recorder.handle.stderr.readline(), 20)
+            line = await asyncio.wait_for(recorder.handle.stderr.readline(), 120)
             told = f"nobody of fleet `misspelt` is on {endpoint} yet; it is recorded as soon as it comes"
             assert line.decode() == f"note: {told}\n"
             code, out, _ = await recorder.end()
@@ -380,13 +380,13 @@ def test_on_a_terminal_one_line_tells_how_it_goes(endpoint: str, tmp_path: Path)
         os.set_blocking(ours, False)
         shown = b""
         try:
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(240):
                 while b"dropped" not in shown:
                     with suppress(BlockingIOError, OSError):
                         shown += os.read(ours, 1000)
                     await asyncio.sleep(0.05)
             process.send_signal(signal.SIGTERM)
-            out, _ = await asyncio.wait_for(process.communicate(), 20)
+            out, _ = await asyncio.wait_for(process.communicate(), 120)
         finally:
             if process.returncode is None:
                 process.kill()

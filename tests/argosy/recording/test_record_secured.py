@@ -28,10 +28,10 @@ def test_a_recorder_with_keys_hears_each_board(tmp_path: Path) -> None:
     async def record(fleet: Secured) -> None:
         arguments = ("--mission", fleet.path, "--keys", fleet.keys("eye"), "-o", path)
         async with argosy("record", *arguments) as recorder:
-            await recorder.until("recording ", 40)
+            await recorder.until("recording ")
             for agent in ("a", "b"):
-                await until(lambda agent=agent: heard(path, keys.trace("three", agent, "inputs")) > 3, f"{agent}", 60)  # type: ignore[misc]
-                await until(lambda agent=agent: heard(path, keys.health("three", agent, "agentd")) > 3, f"{agent}", 60)  # type: ignore[misc]
+                await until(lambda agent=agent: heard(path, keys.trace("three", agent, "inputs")) > 3, f"{agent}")  # type: ignore[misc]
+                await until(lambda agent=agent: heard(path, keys.health("three", agent, "agentd")) > 3, f"{agent}")  # type: ignore[misc]
             code, _, err = await recorder.end(seconds=40)
         assert code == 0
         assert "board pi3 is not reached" in err

@@ -51,7 +51,7 @@ def test_the_mission_is_flown_to_its_end(start: Start, single_uav: Path, tmp_pat
 
 def test_three_copters_on_one_link_are_flown_by_one_bridge(start: Start, three_uavs: Path, tmp_path: Path) -> None:
     running = start(three_uavs, "--speed", "20", "--report", str(tmp_path / "report"), real_daemons=True)
-    running.until("argosy: done", 60)
+    running.until("argosy: done")
     running.process.send_signal(signal.SIGINT)  # there is no need to measure idle use
     assert sum("bridged serve" in line for line in running.family) == 2  # by its kind and by its command line: one
     code, out, err = flown(running, 60)

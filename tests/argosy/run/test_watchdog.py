@@ -58,7 +58,7 @@ def looking(body: Callable[[Looking], Awaitable[None]]) -> None:
     async def main() -> None:
         one = Looking()
         try:
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(240):
                 await body(one)
         finally:
             await one.supervisor.close()

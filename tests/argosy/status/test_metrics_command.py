@@ -17,6 +17,7 @@ from argosy.fleet_model.fleet_status import Row
 from argosy.status import metrics_command
 from argosy.status.metrics_command import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page, _is_loopback
 from schemas.wire.records import Health, Note
+from tests.support.buses import until
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 
@@ -97,7 +98,7 @@ def test_only_get_metrics_has_an_answer_and_what_is_too_long_none(request_: byte
         server = await asyncio.start_server(Page(lambda: b"page\n").answer, "127.0.0.1", port, limit=REQUEST_BYTES)
         async with server:
             try:
-                answer = await asyncio.wait_for(ask(port, request_), 20)
+                answer = await asyncio.wait_for(ask(port, request_), 120)
             except ConnectionError:
                 answer = b""
             assert answer.startswith(first)
@@ -114,16 +115,14 @@ def test_callers_that_say_nothing_are_bounded_and_give_their_place_back(monkeypa
     async def body() -> None:
         page = Page(lambda: b"page\n")
         server = await asyncio.start_server(page.answer, "127.0.0.1", port, limit=REQUEST_BYTES)
-        async with server, asyncio.timeout(60):
+        async with server, asyncio.timeout(240):
             mute = [await asyncio.open_connection("127.0.0.1", port) for _ in range(CALLERS)]
-            while page.callers < CALLERS:
-                await asyncio.sleep(0.01)
+            await until(lambda: page.callers >= CALLERS, "all are let in")
             with suppress(ConnectionError):
                 assert await ask(port, b"GET /metrics HTTP/1.1\r\n\r\n") == b""
             for _, writer in mute:
                 writer.close()
-            while page.callers:
-                await asyncio.sleep(0.01)
+            await until(lambda: not page.callers, "all have left")
             assert (await ask(port, b"GET /metrics HTTP/1.1\r\n\r\n")).endswith(b"page\n")
 
     port = free_port()

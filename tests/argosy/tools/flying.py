@@ -46,8 +46,8 @@ class Trial:
         self.copter = self.start("bridged", "simulate", "copter", *link, "--speed", "5", *patient)
         self.bridged = self.serve("bridged")
         self.agentd = self.serve("agentd")
-        self.bridged.says("serving uav1", 60)
-        self.agentd.says("bridge_up robot=uav1", 60)
+        self.bridged.says("serving uav1")
+        self.agentd.says("bridge_up robot=uav1")
 
     def start(self, *arguments: str) -> Daemon:
         """Start a process of the mission's own."""

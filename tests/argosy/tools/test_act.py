@@ -60,7 +60,7 @@ def test_an_action_is_followed_in_words_to_its_success(flying: Trial) -> None:
 def test_ctrl_c_cancels_it_and_says_what_became_of_it(flying: Trial) -> None:
     words = ("argosy", "act", "uav", "goto", "-27.600", "-48.515", "20", "--mission", str(flying.path))
     with running(*words) as goto:
-        goto.says("goto(-27.6, -48.515, 20) running", 60)
+        goto.says("goto(-27.6, -48.515, 20) running")
         goto.signal(signal.SIGINT)
         assert goto.ends() == 130
     assert "uav: goto(-27.6, -48.515, 20): ctrl-C, cancelling it" in goto.lines
@@ -71,7 +71,7 @@ def test_ctrl_c_cancels_it_and_says_what_became_of_it(flying: Trial) -> None:
 def test_what_ends_the_command_cancels_the_action(flying: Trial, number: int, name: str) -> None:
     words = ("argosy", "act", "uav", "goto", "-27.600", "-48.515", "20", "--mission", str(flying.path))
     with running(*words) as goto:
-        goto.says("goto(-27.6, -48.515, 20) running", 60)
+        goto.says("goto(-27.6, -48.515, 20) running")
         goto.signal(number)
         assert goto.ends() == 128 + number
     assert f"uav: goto(-27.6, -48.515, 20): {name}, cancelling it" in goto.lines
@@ -161,7 +161,7 @@ def test_without_inject_it_is_refused_and_the_field_is_named(tmp_path: Path) -> 
 def test_a_bridge_that_is_killed_meanwhile_is_no_success(flying: Trial) -> None:
     """The last test of the module's mission: its bridge is gone after it."""
     with running("argosy", "act", "uav", "goto", "-27.600", "-48.515", "20", "--router", flying.endpoint) as goto:
-        goto.says(" running", 60)
+        goto.says(" running")
         flying.bridged.kill()
         assert goto.ends(60) == 1
     assert goto.lines[-1].startswith("uav: goto(-27.6, -48.515, 20) NOT confirmed, how it ended is not known: ")

@@ -64,7 +64,7 @@ def test_an_operator_tells_percepts_and_an_observer_does_not(world: World) -> No
             world.machine("eye", "pi1") as observer,
         ):
             percepts = member.percepts("a")
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(120):
                 while not percepts.of("victim"):
                     observer.put(keys.percept(NAME, "a", "forged"), Perception(parameters=(1,)))
                     operator.put(keys.percept(NAME, "a", "victim"), Perception(parameters=(1,)))

@@ -405,7 +405,7 @@ def test_a_board_that_is_not_reached_is_told_while_others_speak() -> None:
                     running("argosy", "echo", "b", "--count", "5", *options) as echo,
                     running("argosy", "hz", "b", "--once", "--window", "5s", *options) as hz,
                 ):
-                    async with asyncio.timeout(40):
+                    async with asyncio.timeout(240):
                         while echo.process.poll() is None or hz.process.poll() is None:
                             bus.put(keys.health(NAME, "b", "agentd"), Health(daemon="agentd"))
                             await asyncio.sleep(0.1)
@@ -428,7 +428,7 @@ def test_of_several_boards_each_record_is_heard_once(tmp_path: Path) -> None:
         async def body() -> None:
             async with world.member("pi2", "b") as bus:
                 with running("argosy", "echo", "b", "--json", "--count", "12", *options) as echo:
-                    async with asyncio.timeout(40):
+                    async with asyncio.timeout(240):
                         while echo.process.poll() is None:
                             bus.put(keys.health(NAME, "b", "agentd"), Health(header=bus.header("h"), daemon="agentd"))
                             await asyncio.sleep(0.1)

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from playwright.async_api import Locator, Page, async_playwright
 
-PATIENCE = 30_000.0
+PATIENCE = 90_000.0
 """Milliseconds for anything that the page is to show."""
 
 

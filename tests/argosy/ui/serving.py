@@ -78,7 +78,7 @@ class Feed:
 
     async def hear(self) -> dict[str, Any]:
         """Take one message."""
-        text = await asyncio.wait_for(self.socket.receive_str(), 10)
+        text = await asyncio.wait_for(self.socket.receive_str(), 90)
         self.sizes.append(len(text))
         news: dict[str, Any] = json.loads(text)
         self.parts.update(news.get("set", {}))
@@ -91,11 +91,11 @@ class Feed:
     async def until(self, key: str, **fields: object) -> dict[str, Any]:
         """Hear until a part has these fields; fails after a bound."""
         try:
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(240):
                 while not (key in self.parts and fields.items() <= self.parts[key].items()):
                     await self.hear()
         except TimeoutError:
-            raise AssertionError(f"not within 20 s: {key} has {fields}; it is {self.parts.get(key)}") from None
+            raise AssertionError(f"not within 90 s: {key} has {fields}; it is {self.parts.get(key)}") from None
         return self.parts[key]  # type: ignore[no-any-return]
 
 
@@ -118,7 +118,7 @@ async def served(
     try:
         await runner.setup()
         await web.TCPSite(runner, "127.0.0.1", doors.port).start()
-        async with aiohttp.ClientSession(cookie_jar=jar) as session, asyncio.timeout(60):
+        async with aiohttp.ClientSession(cookie_jar=jar) as session, asyncio.timeout(240):
             yield Browser(session, doors, following)
     finally:
         if link is not None:
@@ -126,4 +126,4 @@ async def served(
             await asyncio.gather(link, return_exceptions=True)
         await runner.cleanup()
         own = [one for one in sessions_under_way() if one not in before]
-        assert not await asyncio.to_thread(still_there, own, 20)
+        assert not await asyncio.to_thread(still_there, own, 90)

@@ -166,7 +166,7 @@ def test_no_path_leads_out_of_the_static_folder(path: str, tmp_path: Path) -> No
             cookie = f"{browser.doors.cookie}={browser.doors.token}"
             request = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: {cookie}\r\nConnection: close\r\n\r\n"
             writer.write(request.encode())
-            answer = await asyncio.wait_for(reader.read(), 10)
+            answer = await asyncio.wait_for(reader.read(), 120)
             writer.close()
             assert b" 404 " in answer.split(b"\r\n")[0] or b" 403 " in answer.split(b"\r\n")[0]
             assert b"secret" not in answer
@@ -240,7 +240,7 @@ def test_bytes_that_are_no_text_are_refused_and_are_no_defect(caplog: pytest.Log
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
                 head = b"HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: " + name + b"=" + cookie
                 writer.write(line + head + b"\r\nConnection: close\r\n\r\n")
-                answer = await asyncio.wait_for(reader.read(), 10)
+                answer = await asyncio.wait_for(reader.read(), 120)
                 writer.close()
                 assert b" 401 " in answer.split(b"\r\n")[0]
 

@@ -79,7 +79,7 @@ def test_nothing_that_a_secured_fleet_says_runs_in_the_operators_page() -> None:
     with Secured(MISSION) as fleet:
         (fleet.folder / "says.asl").write_text(PROGRAM.replace("BAD", json.dumps(MARKUP)))
         fleet.routers()
-        fleet.start("pi2", "agentd").says("agents=", 60)
+        fleet.start("pi2", "agentd").says("agents=")
         names = (fleet.mission.fleet, "__proto__", "constructor")
         with saying(fleet.socket("pi1"), "markup", *names):
             asyncio.run(asyncio.wait_for(body(fleet), 240))
@@ -91,7 +91,7 @@ async def _look_into(seen: Seen, agent: str, *telling: str) -> None:
     await seen.page.click(f".row[data-agent={agent}]")
     for tab in TABS:
         await seen.page.click(f"#tab-{tab}")
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(240):
             while tab in (telling or TABS[:3]) and "<img src=x" not in await seen.says("body"):
                 await seen.page.wait_for_timeout(100)
         await seen.page.wait_for_timeout(1_000)

@@ -55,7 +55,7 @@ def test_an_operator_orders_and_is_told_of_boards_that_are_not_reached(boards: S
             assert outcomes["r3"][0] == "NOT confirmed"
             assert "board pi3 is not reached" in outcomes["r3"][1]
             assert robot.orders == ["hold"]
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(120):
                 while not any("pi3" in line for line in feed.parts["head"].get("unreached", ())):
                     await feed.hear()
 

@@ -34,7 +34,7 @@ FINE = Outcome(ok=True)
 
 def runs(body: Callable[[], Coroutine[object, object, None]]) -> None:
     """Run a test that ends."""
-    asyncio.run(asyncio.wait_for(body(), 120))
+    asyncio.run(asyncio.wait_for(body(), 280))
 
 
 def test_a_server_that_hangs_is_told_of_and_what_was_ordered_meanwhile_is_refused_when_it_goes_on(

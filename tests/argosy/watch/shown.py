@@ -56,7 +56,7 @@ def show(
 
     async def everything() -> None:
         app = WatchApp(link or link_to(fleet), glyphs=glyphs, filter=filter, period=0.1)
-        async with asyncio.timeout(60), app.run_test(size=size) as pilot:
+        async with asyncio.timeout(240), app.run_test(size=size) as pilot:
             await until(app, pilot, "argosy watch")
             await pilot.pause(0.2)
             await body(app, pilot)

@@ -58,18 +58,18 @@ class Terminal:
         """What stands on the screen."""
         return "\n".join(line.rstrip() for line in self.screen.display)
 
-    def until(self, condition: Callable[[str], bool], wish: str, seconds: float = 60) -> None:
+    def until(self, condition: Callable[[str], bool], wish: str, seconds: float = 120) -> None:
         """Read until the screen fulfils a condition."""
         end = time.monotonic() + seconds
         while not condition(self.text):
             assert time.monotonic() < end, f"not within {seconds:g} s: {wish}\n{self.text}"
             assert self._read(), f"it ended before {wish}\n{self.text}\n{self.output[-2000:]!r}"
 
-    def shows(self, words: str, seconds: float = 60) -> None:
+    def shows(self, words: str, seconds: float = 120) -> None:
         """Read until the screen has these words."""
         self.until(lambda text: words in text, words, seconds)
 
-    def end(self, seconds: float = 30) -> int:
+    def end(self, seconds: float = 90) -> int:
         """Read until the command has ended. Returns its exit code."""
         end = time.monotonic() + seconds
         while self._read():

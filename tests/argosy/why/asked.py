@@ -47,7 +47,7 @@ def timeless(text: str) -> str:
     return re.sub(r"cycle [0-9]+", "cycle C", text)
 
 
-def eventually(ask: Callable[[], str], fits: Callable[[str], bool], seconds: float = 40) -> str:
+def eventually(ask: Callable[[], str], fits: Callable[[str], bool], seconds: float = 90) -> str:
     """Ask until the text fits; returns it, or the last one after a bound. An agent may be too busy to answer."""
     end = time.monotonic() + seconds
     while True:

@@ -76,7 +76,7 @@ def test_the_page_tells_why_an_action_failed(tmp_path: Path, endpoint: str, free
             running("bridged", "serve", path, "--state", str(tmp_path / "state"), "--router", endpoint),
             running("argosy", "simulate", path),
         ):
-            daemon.says("takeoff(5) fails", 60)
+            daemon.says("takeoff(5) fails")
             text = eventually(lambda: told(endpoint, *command), lambda text: text == said, 15)
             mode = told(endpoint, "uav", "set_mode")
     assert text == said

@@ -72,7 +72,7 @@ def rigged(state: Path, body: Callable[[Rigged], object]) -> None:
     """Run `body` while the gripper's driver runs; the copter's is moved by the sky."""
 
     async def everything() -> None:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(240):
             rig = Rigged(state)
             running = asyncio.create_task(rig.gripper.run())
             try:

@@ -13,7 +13,7 @@ from bridged.bridge.bus_endpoints import BY_HAND, is_by_hand
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header
-from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.airfield import Airfield, on_the_airfield, until, until_served
 from tests.bridged.sky import MISSION
 
 INJECT = f"{MISSION}inject: true\n"
@@ -41,9 +41,7 @@ def test_without_inject_an_action_by_hand_is_refused_and_the_field_is_named(endp
     async def body(field: Airfield) -> None:
         async with field.router(), field.client() as bus, field.client("operator") as person:
             daemon = field.start()
-            async with asyncio.timeout(20):
-                while not await present(bus):
-                    await asyncio.sleep(0.05)
+            await until_served(bus)
             told: list[ActionStatus] = []
             bus.subscribe(keys.status("test", "uav", "*"), ActionStatus, lambda _, one: told.append(one))
             [refused] = await asyncio.to_thread(asked, person, "arm_motors", b'{"parameters": [true]}')
@@ -62,9 +60,7 @@ def test_with_inject_what_is_missing_is_filled_in_and_every_status_comes(endpoin
     async def body(field: Airfield) -> None:
         async with field.router(), field.client() as bus, field.client("operator") as person:
             daemon = field.start()
-            async with asyncio.timeout(20):
-                while not await present(bus):
-                    await asyncio.sleep(0.05)
+            await until_served(bus)
             for name, payload in (("set_mode", b'{"parameters":["GUIDED"]}'), ("arm_motors", b'{"parameters":[true]}')):
                 statuses = await asyncio.to_thread(asked, person, name, payload)
                 assert statuses[-1]["state"] == "succeeded", statuses
@@ -91,9 +87,7 @@ def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(endpoint:
     async def body(field: Airfield) -> None:
         async with field.router(), field.client() as bus, field.client("operator") as person:
             daemon = field.start()
-            async with asyncio.timeout(20):
-                while not await present(bus):
-                    await asyncio.sleep(0.05)
+            await until_served(bus)
             await field.take_off(bus)
             [refused] = await asyncio.to_thread(asked, person, "land", b'{"parameters":[]}', "other")
             assert refused["reason"].startswith("held by uav for ")
@@ -129,9 +123,7 @@ def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
     async def body(field: Airfield) -> None:
         async with field.router(), field.client() as bus, field.client("operator") as person:
             daemon = field.start()
-            async with asyncio.timeout(20):
-                while not await present(bus):
-                    await asyncio.sleep(0.05)
+            await until_served(bus)
             await field.take_off(bus)
             flying = Action(header=Header(source="uav"), id="uav:b:9", parameters=(-27.600, -48.515, 20))
             told: list[ActionStatus] = []
@@ -172,9 +164,7 @@ def test_what_contradicts_its_key_is_refused(endpoint: str, tmp_path: Path, payl
     async def body(field: Airfield) -> None:
         async with field.router(), field.client("operator") as person:
             daemon = field.start()
-            async with asyncio.timeout(20):
-                while not await present(person):
-                    await asyncio.sleep(0.05)
+            await until_served(person)
             [refused] = await asyncio.to_thread(asked, person, "return_to_launch", payload)
             assert "the key says uav/return_to_launch, the action says " in refused["reason"]
             field.stop.set()

@@ -21,7 +21,7 @@ from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import LiveManifest, ManifestChange, Perception
-from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.airfield import Airfield, on_the_airfield, restored, until
 
 TEXT = """
 [robot]
@@ -209,9 +209,7 @@ def test_a_manifest_changes_in_flight_and_no_percept_is_lost(endpoint: str, tmp_
             bus.subscribe(keys.percept("test", "uav", "**"), Perception, hear)
             bus.subscribe(keys.manifest("test", "uav1"), LiveManifest, lambda _key, one: told.append(one))
             await until(lambda: "altitude" in heard, "the bridge tells percepts")
-            async with asyncio.timeout(20):
-                while copy.restore([one.record for one in await present(bus) if one.record]) is None:
-                    await asyncio.sleep(0.02)
+            await until(lambda: restored(copy, bus), "the percepts")
             await field.take_off(bus)
             before = await ask(bus, None)
             assert (before.version, before.robot) == (1, "uav1")

@@ -26,7 +26,7 @@ FAR = (-27.600683, -48.518052, 40)
 
 def flown(sky: Sky, body: Callable[[Sky], Awaitable[None]]) -> None:
     async def bounded() -> None:
-        async with asyncio.timeout(120):
+        async with asyncio.timeout(240):
             await body(sky)
 
     asyncio.run(bounded())

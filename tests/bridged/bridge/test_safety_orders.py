@@ -51,7 +51,7 @@ def mode_of(sky: Sky) -> str:
 
 def flown(body: Callable[[Sky], Awaitable[None]], sky: Sky) -> None:
     async def bounded() -> None:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(240):
             await body(sky)
 
     asyncio.run(bounded())

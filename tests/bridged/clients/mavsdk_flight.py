@@ -20,7 +20,7 @@ GOAL = (-27.603683, -48.518052, 15.0)
 """Degrees, degrees, metres above home."""
 
 
-async def until(stream: AsyncIterator[Any], wish: Callable[[Any], bool], what: str, seconds: float = 40.0) -> Any:
+async def until(stream: AsyncIterator[Any], wish: Callable[[Any], bool], what: str, seconds: float = 90.0) -> Any:
     last: Any = None
     try:
         async with asyncio.timeout(seconds):

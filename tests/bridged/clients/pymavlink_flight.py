@@ -22,11 +22,11 @@ def done(step: str) -> None:
 class Script:
     def __init__(self, address: str) -> None:
         self.link = mavutil.mavlink_connection(address, source_system=255, source_component=190)
-        if self.link.wait_heartbeat(timeout=15) is None:
+        if self.link.wait_heartbeat(timeout=90) is None:
             raise SystemExit("pymavlink: no heartbeat in 15 s")
         self.beat_at = 0.0
 
-    def until(self, kind: str, wish: Callable[[Any], bool], what: str, seconds: float = 40.0) -> Any:
+    def until(self, kind: str, wish: Callable[[Any], bool], what: str, seconds: float = 90.0) -> Any:
         end, last = time.monotonic() + seconds, None
         while time.monotonic() < end:
             if time.monotonic() - self.beat_at > 1.0:
@@ -42,7 +42,7 @@ class Script:
     def command(self, number: int, *params: float) -> None:
         padded = (*params, *([0.0] * (7 - len(params))))
         self.link.mav.command_long_send(0, 0, number, 0, *padded)  # 0/0: to everybody, as old scripts do
-        ack = self.until("COMMAND_ACK", lambda ack: ack.command == number, f"COMMAND_ACK {number}", 5.0)
+        ack = self.until("COMMAND_ACK", lambda ack: ack.command == number, f"COMMAND_ACK {number}")
         if ack.result != 0:
             raise SystemExit(f"pymavlink: command {number} was answered with {ack.result}")
 

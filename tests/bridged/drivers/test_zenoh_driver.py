@@ -473,7 +473,7 @@ def test_a_router_that_is_away_is_named(endpoint: str) -> None:
                 await until(lambda: pond.driver._topics["lamp/set", False].heard, "the lamp is seen again")
                 assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
 
-    asyncio.run(asyncio.wait_for(everything(), 30))
+    asyncio.run(asyncio.wait_for(everything(), 240))
 
 
 def _bus(endpoint: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:

@@ -54,7 +54,7 @@ def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon(
             async with open_bus("tcp/127.0.0.1:0", stamp=lambda: 0, config=config, **who):
                 pass
 
-    asyncio.run(asyncio.wait_for(body(), 30))
+    asyncio.run(asyncio.wait_for(body(), 240))
 
 
 def test_bad_bytes_are_counted_and_never_reach_the_handler(endpoint: str) -> None:
@@ -142,8 +142,10 @@ def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_paramete
 def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) -> None:
     async def body(connect: Any) -> None:
         asker = await connect()
-        async with asyncio.timeout(10):
-            replies = [reply async for reply in asker.query("argosy/test/uav/action/land", Action(), ActionStatus, 30)]
+        async with asyncio.timeout(120):
+            replies = [
+                reply async for reply in asker.query("argosy/test/uav/action/land", Action(), ActionStatus, 1000)
+            ]
         assert replies == []
 
     on_a_bus(endpoint, body)
@@ -166,7 +168,7 @@ def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(endpoint: 
 
         server.serve(f"{key}/*", Action, serve)
         await served(asker, f"{key}/land")
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(120):
             assert (await asker.ask_one(f"{key}/arm", Action(), ActionStatus, 10)).id == "1"
             with pytest.raises(QueryFailed, match="no such action") as failed:
                 await asker.ask_one(f"{key}/land", Action(), ActionStatus, 10)
@@ -202,7 +204,7 @@ def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_errors(end
             if len(got) == 2:
                 both.set()
 
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(120):
             errors = await asker.ask_all("argosy/test/*/action/arm", ActionStatus, 15, take)
         assert sorted(got) == [(f"argosy/test/{name}/action/arm", name) for name in ("uav", "usv")]
         assert list(errors.values()) == ["under water"]
@@ -227,10 +229,10 @@ def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its_repli
             bus._session = session
             assert not asking.done(), "neither the first sight of the router nor anything else has ended it"
             await router.aclose()
-            assert (await asyncio.wait_for(asking, 20)).error == ROUTER_LOST
+            assert (await asyncio.wait_for(asking, 120)).error == ROUTER_LOST
             assert await anext(replies, None) is None
 
-    asyncio.run(asyncio.wait_for(body(), 60))
+    asyncio.run(asyncio.wait_for(body(), 240))
 
 
 def test_an_abandoned_query_is_cancelled(endpoint: str) -> None:
@@ -327,7 +329,7 @@ def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint
             assert not opening.done()
             states: list[bool] = []
             async with router(endpoint):
-                bus = await asyncio.wait_for(opening, 20)
+                bus = await asyncio.wait_for(opening, 120)
                 await until(lambda: bus.router_up, "what was sent arrives")
                 bus.on_router(states.append)
             await until(lambda: not bus.router_up, "what was sent arrives")
@@ -343,7 +345,7 @@ def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint
     def router(at: str) -> Any:
         return open_bus(at, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
 
-    asyncio.run(asyncio.wait_for(body(), 60))
+    asyncio.run(asyncio.wait_for(body(), 240))
 
 
 def test_a_router_says_when_its_endpoint_is_taken(endpoint: str) -> None:
@@ -360,7 +362,7 @@ def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: str) -
             async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns, patience=0.1):
                 pass
 
-    asyncio.run(asyncio.wait_for(body(), 30))
+    asyncio.run(asyncio.wait_for(body(), 240))
 
 
 def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:

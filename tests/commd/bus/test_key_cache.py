@@ -88,4 +88,4 @@ def test_declared_keys_outlive_their_router(endpoint: str) -> None:
             bus.put(KEY, Perception(name="altitude", parameters=(number,)))
         await until(lambda: got[begin - end :] == list(range(begin, end)), "what is put arrives in order")
 
-    asyncio.run(asyncio.wait_for(body(), 60))
+    asyncio.run(asyncio.wait_for(body(), 240))

@@ -30,7 +30,7 @@ def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> No
         threads = [threading.Thread(target=put, args=(who,)) for who in range(4)]
         for thread in threads:
             thread.start()
-        await asyncio.wait_for(told.wait(), 20)
+        await asyncio.wait_for(told.wait(), 120)
         return heard
 
     assert asyncio.run(main()) == {who: list(range(1000)) for who in range(4)}

@@ -29,7 +29,7 @@ def start(fleet: Secured, denied: str) -> Daemon:
     file.write_text(write(settings))
     state = ("--state", str(fleet.folder / "state"))
     daemon = fleet.run("commd", "serve", str(fleet.path), "--board", "pi1", *state, "--config", str(file))
-    daemon.says("router board=", 60)
+    daemon.says("router board=")
     return daemon
 
 
@@ -56,7 +56,7 @@ def test_they_are_noticed_without_a_declaration_and_forgotten_when_they_are_back
             await until(lambda: bus.access.note == "", "it is forgotten")
 
     with Secured() as fleet:
-        asyncio.run(asyncio.wait_for(body(fleet), 90))
+        asyncio.run(asyncio.wait_for(body(fleet), 240))
 
 
 def test_what_could_not_be_known_is_looked_at_again_and_a_defect_ends_no_watch(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,7 +87,7 @@ def test_what_could_not_be_known_is_looked_at_again_and_a_defect_ends_no_watch(m
         assert not watching.done()
         watching.cancel()
 
-    asyncio.run(asyncio.wait_for(body(), 30))
+    asyncio.run(asyncio.wait_for(body(), 240))
     assert looks == ["", "denied", "denied", "denied", "denied"], "no look is owed once all is well"
 
 

@@ -17,6 +17,7 @@ from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Perception
 from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
+from tests.support.promises import in_time
 
 Served = Callable[[Query[Action]], Awaitable[None]]
 
@@ -137,9 +138,9 @@ def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         acting, _, bridge, _ = await act(connect, serve)
         flying = asyncio.create_task(acting.perform("uav:b:1", "goto", (1, 2, 3), 60))
-        await asyncio.wait_for(begun.wait(), 20)
+        await asyncio.wait_for(begun.wait(), 120)
         await bridge.close()
-        status = await asyncio.wait_for(flying, 20)
+        status = await asyncio.wait_for(flying, 120)
         assert status.state == "failed"
         assert status.reason == "bridge_lost: the bridge of this robot is not running"
 
@@ -243,7 +244,7 @@ def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_ask
         bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
         bridge.serve(keys.action(FLEET, "uav", "*"), Action, begin)
         await acting.cancel("uav:b:1")
-        status = await asyncio.wait_for(performing, 20)
+        status = await asyncio.wait_for(performing, 120)
         assert (status.state, begun) == ("cancelled", [])
 
     on_a_bus(endpoint, body)
@@ -265,7 +266,7 @@ def test_an_action_that_was_dropped_before_it_was_asked_for_is_cancelled_whateve
         await bridge.close()
         await until(lambda: watch.gone, "the bridge is gone")
         kept.set_result(None)
-        status = await asyncio.wait_for(performing, 20)
+        status = await asyncio.wait_for(performing, 120)
         assert (status.state, status.reason) == ("cancelled", "the agent has dropped it")
         assert acting.counters["asked_again"] == 0
 
@@ -296,7 +297,7 @@ def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoin
 def test_an_argument_that_no_wire_carries_fails_the_action_at_once(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         acting, *_ = await act(connect, None)
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "set_mode", ("\ud800",), 30), 20)
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "set_mode", ("\ud800",), 30), 120)
         assert status.state == "failed"
         assert status.reason.startswith("cannot be sent: Action:")
 
@@ -318,9 +319,11 @@ def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
     async def body(connect: Connect) -> None:
         acting, *_ = await act(connect, serve)
         began = asyncio.get_running_loop().time()
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "goto", (1, 2, 3), patience=20), 20)
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "goto", (1, 2, 3), patience=20), 120)
         assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
-        assert 0.8 < asyncio.get_running_loop().time() - began < 10
+        took = asyncio.get_running_loop().time() - began
+        assert took > 0.8
+        assert in_time(took, 10)
         assert acting.counters["asked_again"] == 0
 
     on_a_bus(endpoint, body)
@@ -332,7 +335,7 @@ def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(endpoint: str) 
 
     async def body(connect: Connect) -> None:
         acting, *_ = await act(connect, serve)
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), patience=0.5), 20)
+        status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), patience=0.5), 120)
         assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
 
     on_a_bus(endpoint, body)
@@ -359,13 +362,13 @@ def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_
         assert watch.up, "a bridge that speaks is not given up"
         assert not doing.done()
         speaking.cancel()
-        status = await asyncio.wait_for(doing, 20)
+        status = await asyncio.wait_for(doing, 120)
         assert (status.state, status.reason) == (
             "failed",
             "bridge_lost: the bridge is there and says nothing: it hangs",
         )
         assert not watch.up
-        status = await asyncio.wait_for(acting.perform("uav:b:2", "goto", (), 1000), 5)
+        status = await asyncio.wait_for(acting.perform("uav:b:2", "goto", (), 1000), 120)
         assert status.reason == "bridge_lost: the bridge is there and says nothing: it hangs"
         speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
         await until(lambda: watch.up and not watch.hangs, "the bridge is back")

@@ -17,6 +17,7 @@ from schemas.wire.terms import Structure
 from tests.commd.client.test_client import as_planner, mail
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.support.buses import until
+from tests.support.promises import in_time
 
 MISSION = Path(__file__).parents[3] / "examples" / "client" / "survey.yaml"
 NOT_DONE = ProgramInbox.NOT_DONE
@@ -37,7 +38,7 @@ def test_an_agent_answers_what_it_believes_and_what_it_does_not(endpoint: str, t
                 "victims(east,2)[",
             ]
             await me.send("scout", "achieve", parse("survey(east)"))
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(240):
                 async for message in me.messages():
                     assert write(message.content) == "surveyed(east,2)", "an answer is no message"
                     break
@@ -46,7 +47,7 @@ def test_an_agent_answers_what_it_believes_and_what_it_does_not(endpoint: str, t
     with watched("commd", "-P", "-m", "commd", "serve", str(MISSION), *where) as commd:
         commd.says("router board=")
         with watched("agentd", "-P", "-m", "agentd", "serve", str(MISSION), "scout", *where):
-            asyncio.run(asyncio.wait_for(ask(), 60))
+            asyncio.run(asyncio.wait_for(ask(), 240))
 
 
 def asked(commd: ScriptedCommd, place: int = -1) -> str:
@@ -70,17 +71,17 @@ def test_nobody_answers(endpoint: str) -> None:
 def test_who_asks_with_a_message_in_hand_has_the_answer_that_stands_behind_it(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 40.0)
+    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 1000.0)
 
     async def body(me: Client, commd: ScriptedCommd) -> None:
-        held = asyncio.create_task(commd.offer(mail(1), patience=50))
+        held = asyncio.create_task(commd.offer(mail(1), patience=1000))
         reading = me.messages()
         assert (await anext(reading)).content == 1
         assert not held.done()
-        asking = asyncio.create_task(me.ask("scout", QUESTION, patience=20))
-        assert await asyncio.wait_for(held, 15) == Receipt(later={0: NOT_DONE}), "its commd may offer what is behind"
+        asking = asyncio.create_task(me.ask("scout", QUESTION, patience=240))
+        assert await asyncio.wait_for(held, 120) == Receipt(later={0: NOT_DONE}), "its commd may offer what is behind"
         offer = commd.offer(mail(1), mail(2, in_reply_to=asked(commd)))
-        assert await asyncio.wait_for(offer, 15) == Receipt(later={0: NOT_DONE, 1: NOT_DONE})
+        assert await asyncio.wait_for(offer, 120) == Receipt(later={0: NOT_DONE, 1: NOT_DONE})
         assert await asking == 2
 
     as_planner(endpoint, body)
@@ -103,7 +104,7 @@ def test_a_commd_that_says_nothing_is_no_agent_that_does_not_answer(endpoint: st
         first, second = await asyncio.gather(
             me.ask("scout", QUESTION, patience=1), me.ask("scout", QUESTION, patience=0.5), return_exceptions=True
         )
-        assert asyncio.get_running_loop().time() - begun < 10
+        assert in_time(asyncio.get_running_loop().time() - begun, 10)
         assert isinstance(first, SendTimeout)
         assert isinstance(second, NotSent)
         assert str(second) == "askOne to scout: commd has not answered for a message before it (0.5 s)"

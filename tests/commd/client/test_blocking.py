@@ -25,7 +25,7 @@ def beside(endpoint: str, program: Callable[[ScriptedCommd, asyncio.AbstractEven
 
     async def everything(connect: Connect) -> None:
         commd = ScriptedCommd(await connect("local", "commd"), "planner")
-        await asyncio.wait_for(asyncio.to_thread(program, commd, asyncio.get_running_loop()), 60)
+        await asyncio.wait_for(asyncio.to_thread(program, commd, asyncio.get_running_loop()), 120)
 
     on_a_bus(endpoint, everything)
 

@@ -75,12 +75,13 @@ def test_a_program_learns_who_is_there(endpoint: str) -> None:
                     await me.there(no_name)
             scout = await connect("scout", "agentd")
             token = await scout.claim("scout")
-            async with asyncio.timeout(20):
-                while not await me.there("scout"):
-                    await asyncio.sleep(0.05)
-                scout.withdraw(token)
-                while await me.there("scout"):
-                    await asyncio.sleep(0.05)
+            await until(lambda: me.there("scout"), "the scout is there")
+            scout.withdraw(token)
+
+            async def gone() -> bool:
+                return not await me.there("scout")
+
+            await until(gone, "the scout is gone")
 
     on_a_bus(endpoint, everything)
 

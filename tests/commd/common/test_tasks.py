@@ -13,7 +13,7 @@ from commd.common.tasks import Tasks, wait_at_most
 
 
 def bounded(work: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(asyncio.wait_for(work, 30))
+    asyncio.run(asyncio.wait_for(work, 240))
 
 
 def test_a_loop_of_waits_ends_when_it_is_cancelled_with_its_event() -> None:

@@ -85,7 +85,7 @@ class Agent:
     async def ask(self, do: str, service: str = "", agent: str = "", stays: bool = False) -> BoardServices:
         """Ask until somebody answers."""
         request = ServiceRequest(agent=agent or self.name, do=do, service=service, stays=stays)  # type: ignore[arg-type]
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(120):
             while True:
                 key = keys.service_requests(FLEET, self.board, request.agent)
                 with suppress(QueryTimeout):
@@ -127,9 +127,10 @@ def test_a_service_is_found_and_told_of_on_the_other_board(fleet: Fleet) -> None
 
 
 async def until_found(agent: Agent, service: str, expected: tuple[str, ...]) -> None:
-    async with asyncio.timeout(20):
-        while (await agent.ask("search", service)).found != expected:
-            await asyncio.sleep(0.02)
+    async def found() -> bool:
+        return (await agent.ask("search", service)).found == expected
+
+    await until(found, f"{service}: {expected}")
 
 
 def test_who_joins_one_board_is_known_on_the_other_until_it_leaves(fleet: Fleet) -> None:

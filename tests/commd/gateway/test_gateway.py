@@ -69,7 +69,7 @@ def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) 
 
     async def everything() -> None:
         async with (
-            asyncio.timeout(60),
+            asyncio.timeout(240),
             nodes(f"127.0.0.1:{port}") as field,
             open_gateway(field.mission(), "local") as field.gateway,
             field.gateway.serving(field.post),

@@ -9,6 +9,7 @@ from unittest.mock import Mock
 import pytest
 
 from commd.liveness.bridge_presence import BridgeWatch
+from tests.support.buses import until
 
 
 class Said:
@@ -42,9 +43,7 @@ def test_a_router_that_comes_and_goes_again_is_no_loss_of_the_bridge(monkeypatch
             await asyncio.sleep(0.4)
             said.router(up)
             assert not said.watch.gone
-        async with asyncio.timeout(20):
-            while not said.watch.gone:
-                await asyncio.sleep(0.05)
+        await until(lambda: said.watch.gone, "the bridge is given up")
         assert asyncio.get_running_loop().time() >= said.watch.router_since + 1.0
 
     asyncio.run(body())

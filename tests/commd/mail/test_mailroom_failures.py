@@ -100,7 +100,7 @@ def test_mail_for_a_full_mailbox_of_another_board_waits_at_its_own(endpoint: str
             await until(lambda: second.waiting == 3, "the other mailbox is full")
             await until(lambda: "mailbox_full" in first.state_of("a", "b"), "and its board says so")
             receiver = Receiver(bus, "b")
-            await until(lambda: receiver.contents == list(range(1, 9)), "all arrive in order", 40)
+            await until(lambda: receiver.contents == list(range(1, 9)), "all arrive in order")
 
     on_a_bus(endpoint, body)
 
@@ -450,7 +450,7 @@ def test_mail_survives_a_commd_that_is_killed_and_one_that_is_told_to_go(endpoin
 
     async def body() -> None:
         async with (
-            asyncio.timeout(60),
+            asyncio.timeout(240),
             open_bus(endpoint, fleet=FLEET, name="a", daemon="agentd", stamp=lambda: 1) as a,
         ):
             assert await post(a, message(1), message(2)) == Receipt(taken=2)

@@ -28,7 +28,7 @@ def in_store(path: Path, body: Callable[[Store], Coroutine[Any, Any, None]], syn
     """Run `body(store)` on the file at `path`, bounded."""
 
     async def everything() -> None:
-        async with asyncio.timeout(30), open_store(path, synchronous) as store:
+        async with asyncio.timeout(240), open_store(path, synchronous) as store:
             await body(store)
 
     asyncio.run(everything())
@@ -402,7 +402,7 @@ def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, caplog: py
         raise ValueError("rolled back")
 
     async def everything() -> None:
-        async with asyncio.timeout(30), open_store(path, count=count) as store:
+        async with asyncio.timeout(240), open_store(path, count=count) as store:
             counting.append(True)
             with pytest.raises(StoreFailed, match="defect in argosy: 'a defect'"):
                 await store.write(fails)

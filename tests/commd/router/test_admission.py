@@ -109,13 +109,13 @@ def run(free_port: Port, body: Callable[[Front], Awaitable[None]]) -> None:
         async with front(free_port()) as made:
             await body(made)
 
-    asyncio.run(asyncio.wait_for(all_of_it(), 60))
+    asyncio.run(asyncio.wait_for(all_of_it(), 240))
 
 
 async def closed(streams: Streams) -> bytes:
     """Wait until the other side has closed a connection, and return what it said."""
     try:
-        return await asyncio.wait_for(streams[0].read(), 20)
+        return await asyncio.wait_for(streams[0].read(), 120)
     except ConnectionError:
         return b""
 

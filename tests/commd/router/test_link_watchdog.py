@@ -67,7 +67,7 @@ class Fleet:
 
 @asynccontextmanager
 async def boards() -> AsyncIterator[Fleet]:
-    async with AsyncExitStack() as stack, asyncio.timeout(120):
+    async with AsyncExitStack() as stack, asyncio.timeout(280):
         enter = stack.enter_async_context
         port = free_port()
         a = await enter(session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True))
@@ -88,7 +88,7 @@ async def boards() -> AsyncIterator[Fleet]:
 
 
 async def _holds(condition: Callable[[], Awaitable[bool]], wish: str) -> None:
-    for _ in range(600):
+    for _ in range(1800):
         if await condition():
             return
         await asyncio.sleep(0.05)

@@ -40,7 +40,7 @@ async def pair(stack: AsyncExitStack, folder: Path) -> tuple[Bus, Bus]:
 
 def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(tmp_path: Path) -> None:
     async def body() -> None:
-        async with asyncio.timeout(60), AsyncExitStack() as stack:
+        async with asyncio.timeout(240), AsyncExitStack() as stack:
             one, _ = await pair(stack, tmp_path)
             report = await one.ask_one(keys.checkup(FLEET, "pi2"), Checkup(links=True), BoardReport, 20)
             assert (report.board, report.state) == ("pi2", str(tmp_path))

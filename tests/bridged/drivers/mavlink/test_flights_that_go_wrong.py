@@ -114,7 +114,7 @@ class Field:
 
 def printed(agent: Daemon, who: str, start: str) -> str:
     """Wait for a line that an agent prints."""
-    agent.until(lambda text: f"[{who}] {start}" in text, f"{who} prints `{start}`", 40)
+    agent.until(lambda text: f"[{who}] {start}" in text, f"{who} prints `{start}`")
     found = re.search(rf"\[{who}\] ({re.escape(start)}.*)", agent.text)
     assert found is not None
     return found[1]
@@ -133,7 +133,7 @@ def test_the_operator_stops_a_robot_whose_agent_hangs_and_a_killed_bridge_leaves
             try:
                 assert main(["stop", "hold", "uav1", "--router", field.endpoint]) == 0
                 assert "uav1: hold confirmed" in capsys.readouterr().out
-                bridge.says("goto failed operator: hold", 5)
+                bridge.says("goto failed operator: hold")
             finally:
                 agent.signal(signal.SIGCONT)
             assert printed(agent, "uav", "away:") == "away: action_failed, failed, operator: hold"
@@ -151,7 +151,7 @@ def test_an_agent_drops_its_goal_loses_the_robot_to_a_pilot_takes_it_again_and_h
         with running(*field.agents()) as agent:
             refused = printed(agent, "wing", "try:")
             assert refused.startswith("try: refused, held by uav for "), refused
-            bridge.says("goto cancelled cancelled by uav", 40)
+            bridge.says("goto cancelled cancelled by uav")
             assert printed(agent, "uav", "hovers") == "hovers 0e-3 off", "near where it was when the goal was dropped"
             printed(agent, "uav", "again")
             bridge.until(lambda text: len(re.findall(r"action \S+ goto\[", text)) == 2, "the second goto has begun")

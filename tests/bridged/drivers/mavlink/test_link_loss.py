@@ -29,7 +29,7 @@ UP, DOWN = Atom("up"), Atom("down")
 
 def run(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
     async def bounded() -> None:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(240):
             await body()
 
     asyncio.run(bounded())

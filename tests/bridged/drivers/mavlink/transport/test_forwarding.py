@@ -26,7 +26,7 @@ RTL = dialect.MAVLink_heartbeat_message(2, 3, 129, 6, 4, 3)
 
 def run(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
     async def bounded() -> None:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(240):
             await body()
 
     asyncio.run(bounded())
@@ -231,7 +231,7 @@ def test_an_absent_station_and_one_that_does_not_read_cost_dropped_packets_only(
 
             vehicle.say(BEAT)
             begun = ride.driver.counters()["messages"]
-            await until(dropped, "packets for the station that does not read are dropped", 40)
+            await until(dropped, "packets for the station that does not read are dropped")
             assert ride.driver.counters()["messages"] > begun
             asleep.close()
             vehicle.close()
@@ -271,7 +271,7 @@ def test_a_station_that_floods_a_slow_vehicle_loses_its_own_packets_and_keeps_no
             while True:
                 for _ in range(5):
                     station.say(file)
-                data = await asyncio.wait_for(asyncio.get_running_loop().sock_recv(vehicle, 300), 10)
+                data = await asyncio.wait_for(asyncio.get_running_loop().sock_recv(vehicle, 300), 120)
                 waited += len(data)
                 if any(getattr(one, "param1", 0) == 77.0 for one in framer.feed(data)):
                     break

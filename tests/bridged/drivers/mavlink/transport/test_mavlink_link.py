@@ -298,7 +298,7 @@ def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
             deaf.send(Encoder(255, 1).pack(heartbeat()))
             await until(lambda: bool(vehicle.heard), "the client is known")
             text = dialect.MAVLink_statustext_message(6, b"x" * 50)
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(240):
                 while not listening.counters.dropped:
                     listening.send(text)
                     await asyncio.sleep(0)
@@ -348,7 +348,7 @@ def test_a_link_has_as_many_vehicles_as_there_are_system_ids_and_answers_each_wh
             assert all(listening.send(heartbeat(), system) for system in vehicles)
             loop = asyncio.get_running_loop()
             for vehicle in vehicles.values():
-                assert await asyncio.wait_for(loop.sock_recv(vehicle, 300), 10)
+                assert await asyncio.wait_for(loop.sock_recv(vehicle, 300), 120)
         await listening.close()
 
     asyncio.run(story())

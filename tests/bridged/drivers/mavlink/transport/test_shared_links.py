@@ -27,7 +27,7 @@ from tests.support.ports import free_port
 
 def run(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
     async def bounded() -> None:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(240):
             await body()
 
     asyncio.run(bounded())
