@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from typing import ClassVar
 
+from textual import events
 from textual.app import App
 from textual.binding import Binding, BindingType
 
@@ -63,6 +64,15 @@ class WatchApp(App[None]):
     def on_mount(self) -> None:
         """Show the fleet."""
         self.push_screen(Overview())
+        self.set_interval(self.period, self._follow_size)
+
+    def _follow_size(self) -> None:
+        """Lay the page out again if a new size of the terminal did not reach it.
+
+        Textual passes it on by a one-shot timer of 8 ms, which never fires if it starts 8 ms late (`Timer._run`).
+        """
+        if self.screen.outer_size != self.size:
+            self.screen.post_message(events.Resize(self.size, self.size))
 
     def action_pause(self) -> None:
         """Let the view stand still, or go on."""

@@ -36,7 +36,7 @@ def text_of(app: WatchApp) -> str:
 
 async def until(app: WatchApp, pilot: Pilot[None], words: str) -> None:
     """Wait until the screen has these words."""
-    for _ in range(400):
+    for _ in range(4500):
         await pilot.pause(0.02)
         if words in text_of(app):
             return

@@ -561,3 +561,16 @@ def test_a_row_has_nothing_that_a_terminal_takes_for_a_command_and_keeps_its_sty
     assert row.text.plain.isprintable()
     assert row.text.plain.startswith("a ]0;T")
     assert [row.text.plain[one.start : one.end].strip() for one in row.text.spans] == ["b 2J"]
+
+
+def test_a_change_of_size_that_textual_loses_is_followed() -> None:
+    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
+        app._resize_timer = app.set_timer(1000, lambda: None)  # one that was late, and never fires
+        await pilot.resize_terminal(50, 12)
+        for _ in range(4500):
+            if len(lines_of(app)) == 12:
+                return
+            await pilot.pause(0.02)
+        raise AssertionError(f"it is still drawn for {app.screen.outer_size}")
+
+    show(flying(), body)
