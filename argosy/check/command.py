@@ -16,6 +16,7 @@ from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_te
 from agentd.check.finding_kinds import FAILS_WHERE_REACHED
 from agentd.check.programs import Surveyed, read_survey
 from agentd.conversion.slow_notice import loading, told_if_long
+from agentd.language.compiler.compile import DirectiveError
 from agentd.language.parse import parse_file, parse_literal
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Formula, Program, Structure
@@ -178,12 +179,11 @@ def _program(named: Outline, agent: str, mission: Mission | None, findings: list
 
 
 def _unreadable(named: Outline, agent: str, error: OSError | ValueError) -> Finding:
-    program = named.agents[agent].program
-    if isinstance(error, OSError):
-        why = f"agents.{agent}.program: `{program}` cannot be read: {error.strerror}"
-        return named.positions.finding(("agents", agent, "program"), why)
-    file, line, message = [*str(error).split(":", 2), "", ""][:3]
-    return Finding(file, int(line) if line.isdigit() else 0, 0, message.removeprefix(" error: "))
+    if isinstance(error, DirectiveError):
+        return Finding(error.position.file, error.position.line, 0, error.message)
+    program, reason = named.agents[agent].program, error.strerror if isinstance(error, OSError) else error
+    why = f"agents.{agent}.program: `{program}` cannot be read: {reason}"
+    return named.positions.finding(("agents", agent, "program"), why)
 
 
 def _declared(beliefs: tuple[str, ...]) -> set[tuple[str, int]]:

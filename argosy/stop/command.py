@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from typing import get_args
+from typing import Final, get_args
 
 from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus.bus import Bus
@@ -25,7 +25,7 @@ HELP = (
     "`hold`, `land` and `rtl` fail every action, and none begins until `release`; "
     "`pause` holds the robot and keeps its actions, which go on at `continue`"
 )
-UNANSWERED = "its bridge did not answer"
+UNANSWERED: Final = Outcome(ok=False, reason="its bridge did not answer")
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -71,7 +71,7 @@ async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
     async def told(fleet: str, robot: str) -> bool:
         outcome = await order_robot(bus, fleet, robot, order)
         reason = outcome.reason
-        if reason == UNANSWERED and robot not in {its for _, its in await looking}:
+        if outcome is UNANSWERED and robot not in {its for _, its in await looking}:
             reason = f"its bridge is not on the bus at {where.router}"
         said = f" ({printable(reason)})" if reason else ""
         print(f"{robot}: {order} {'confirmed' if outcome.ok else 'NOT confirmed'}{said}", flush=True)
@@ -117,6 +117,6 @@ async def order_robot(bus: Bus, fleet: str, robot: str, order: str) -> Outcome:
     try:
         return await bus.ask_one(keys.stop(fleet, robot), ask, Outcome, ANSWER_TIMEOUT)
     except QueryTimeout:
-        return Outcome(ok=False, reason=UNANSWERED)
+        return UNANSWERED
     except BusError as error:  # the others have their orders, and their outcomes are to be shown
         return Outcome(ok=False, reason=str(error))

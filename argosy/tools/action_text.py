@@ -29,9 +29,10 @@ def read_action(text: str, words: Sequence[str]) -> tuple[str, tuple[Term, ...]]
 def read_argument(word: str, what: str) -> Term:
     """Return the value that a word says, as a program writes it. Raises BadTerm."""
     try:
-        return _value(read(word), what)
+        term = read(word)
     except BadTerm as bad:
-        raise BadTerm(f"{what}: {str(bad).removeprefix(f'{what}: ')}") from None
+        raise BadTerm(f"{what}: {bad}") from None
+    return _value(term, what)
 
 
 def called(name: str, parameters: Sequence[Term]) -> str:

@@ -101,9 +101,9 @@ class Orders:
             for told in asyncio.as_completed(telling):
                 robot, outcome = await told
                 reason = outcome.reason
-                if reason == UNANSWERED and not bus.router_up:
+                if outcome is UNANSWERED and not bus.router_up:
                     reason = "the router is not reached"
-                elif reason == UNANSWERED and robot not in there:
+                elif outcome is UNANSWERED and robot not in there:
                     reason = "its bridge is not on the bus"
                 state = "confirmed" if outcome.ok else "NOT confirmed"
                 view = self._now(replace(view, outcomes=view.outcomes | {robot: (state, reason)}))

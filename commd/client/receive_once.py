@@ -139,7 +139,7 @@ class ReceiveOnce:
             except MessageRefused as bad:
                 refused[place] = bad.reason
                 self._arrived(whose, progress, seq)
-                if bad.reason is EXPIRED:
+                if bad.reason.code == EXPIRED.code:
                     held.add(whose)
                 continue
             if whose in held:
