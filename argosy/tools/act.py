@@ -65,7 +65,7 @@ def run(args: Namespace) -> int:
         if wanted not in {one.name for one in there}:
             complain(f"error: {args.agent}: {unknown('action', wanted, [one.name for one in there])}")
             return EXIT_BAD_INPUT
-        return await _perform(session, fleet, args.agent, wanted, parameters, args.deadline)
+        return await _perform(session, fleet, args.agent, wanted, parameters, args.deadline and float(args.deadline))
 
     return on_the_bus(args, act)
 
