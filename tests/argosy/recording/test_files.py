@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from argparse import ArgumentTypeError
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from mcap.writer import Writer
 
-from argosy.recording.file import metadata, sizes, writer
+from argosy.recording.file import metadata, writer
 from argosy.recording.file.metadata import End
 from argosy.recording.file.reader import BadRecording, open_recording
 from argosy.recording.file.records import RecorderNote, Unread
 from argosy.recording.file.write_queue import Heard, Intake
+from argosy.recording.record.command import _size
 from argosy.recording.record.filter import NOTES
 from argosy.recording.record.recorder import Limits, Recorder
 from schemas.wire import keys
@@ -226,10 +228,10 @@ def test_what_does_not_fit_in_the_queue_is_counted_told_and_noted_in_the_file(tm
     ("text", "value"), [("2GB", 2_000_000_000), ("1.5 mb", 1_500_000), ("5000000", 5_000_000), ("64 MB", 64_000_000)]
 )
 def test_sizes_are_read_as_people_write_them(text: str, value: int) -> None:
-    assert sizes.size(text) == value
+    assert _size(text) == value
 
 
 @pytest.mark.parametrize("text", ["", "big", "5 XB", "-1GB", "1kB"])
 def test_other_sizes_are_refused_with_what_was_expected(text: str) -> None:
-    with pytest.raises(sizes.ArgumentTypeError, match="expected"):
-        sizes.size(text)
+    with pytest.raises(ArgumentTypeError, match="expected"):
+        _size(text)
