@@ -31,7 +31,7 @@ test-all: test test-boards test-browser  ## run all tests
 index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter answers as the real one did
 	@$(BIN)/python -m tests.bridged.index_replay
 
-soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md and docs/units.md
+soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/measurements/soak.md and docs/measurements/systemd-units.md
 	$(BIN)/python -m tests.soak
 	$(BIN)/python -m tests.soak_flights
 	$(BIN)/python -m tests.soak_mail
@@ -43,13 +43,13 @@ soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/soak.md 
 	nice $(BIN)/python -m tests.soak_parser
 	ARGOSY_THOROUGH=1 nice $(BIN)/python -m pytest -q -m generated
 
-faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/faults.md
+faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/measurements/faults.md
 	$(BIN)/python -m tests.faults
 
-attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet, 30 s; writes docs/attacks.md
+attacks: $(VENV)/test.stamp  ## try every attack of the table on a secured fleet, 30 s; writes docs/measurements/attacks.md
 	$(BIN)/python -m tests.attacks
 
-field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes docs/field.md
+field: $(VENV)/test.stamp  ## let daemons fail in flight, half an hour; writes docs/measurements/daemon-failures.md
 	$(BIN)/python -m tests.field $(ARGS)
 
 bench: $(VENV)/bench.stamp byte-code  ## measure everything, an hour and a half on a quiet machine (ARGS="bridge mail": some); writes each figure of the pages
@@ -79,7 +79,7 @@ lint: $(VENV)/lint.stamp
 types: $(VENV)/lint.stamp
 	$(BIN)/mypy
 
-contracts: $(VENV)/lint.stamp  ## who may import whom (docs/design.md)
+contracts: $(VENV)/lint.stamp  ## who may import whom (docs/architecture/decisions.md)
 	$(BIN)/lint-imports
 
 # Where Python is told to write none (PYTHONDONTWRITEBYTECODE) each process would compile all of this for itself.

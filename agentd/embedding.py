@@ -1,4 +1,4 @@
-"""Programs for minds in a Python program of your own: see docs/embedding.md."""
+"""Programs for minds in a Python program of your own: see docs/guides/embedding.md."""
 
 from __future__ import annotations
 

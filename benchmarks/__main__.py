@@ -93,7 +93,8 @@ def _all_shown(table: Sequence[Part]) -> None:
 
 
 def all_goals(table: Sequence[Part] = PARTS) -> str:
-    """Return the table of all goals of all parts that have results: the block `goals` of docs/benchmarks.md."""
+    """Return the table of all goals of all parts that have results: the block `goals` of
+    docs/measurements/benchmarks.md."""
     return "\n".join(table_of_goals([_told_of(one) for one in table]))
 
 
@@ -110,7 +111,8 @@ def goals_of(one: Part) -> list[Goal]:
 
 
 def section_of(one: Part) -> str:
-    """Return where the first block of a part stands, as a link from docs/benchmarks.md; empty without results."""
+    """Return where the first block of a part stands, as a link from docs/measurements/benchmarks.md; empty without
+    results."""
     with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError, KeyError):
         blocks = one.module().blocks(*results.load(one.name, one.module().Figures))
         return pages.section(next(iter(blocks)))

@@ -157,7 +157,7 @@ def pictures(figures: Figures) -> dict[str, str]:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/board.md, and those of docs/comparison.md."""
+    """Return the figures of docs/guides/boards.md, and those of docs/measurements/comparison.md."""
     lines = [
         origin.line(),
         "",
@@ -178,10 +178,11 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 
 
 def in_comparison(figures: Figures) -> list[str]:
-    """Return the rows of the table of boards' memory in docs/comparison.md: what, memory, of which machine, source."""
+    """Return the rows of the table of boards' memory in docs/measurements/comparison.md: what, memory, of which
+    machine, source."""
     first = figures.rows[0]
     return [
-        f"| {what} in flight | {_held(one)} | a computer | [board.md](board.md) |"
+        f"| {what} in flight | {_held(one)} | a computer | [board.md](../guides/boards.md) |"
         for what, one in (("Argosy, three daemons", first.apart), ("Argosy, one process", first.together))
     ]
 

@@ -10,6 +10,7 @@ typed by hand, and `tests/benchmarks/test_pages.py` holds the pages against the 
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Final
 
 from benchmarks.results import ROOT
 
-PICTURES: Final = ROOT / "docs" / "figures"
+PICTURES: Final = ROOT / "docs/measurements/figures"
 _BLOCK: Final = re.compile(
     r"(?P<begin><!-- figures (?P<name>[\w-]+) -->\n)(?P<text>.*?)(?P<end><!-- end of figures -->)", re.DOTALL
 )
@@ -66,15 +67,16 @@ def write(blocks: Mapping[str, str], root: Path = ROOT) -> list[Path]:
 
 
 def section(name: str, root: Path = ROOT) -> str:
-    """Return where a block stands, as a link from a page in docs: the page, and the heading above it.
+    """Return where a block stands, as a link from a page in docs/measurements: the page, and the heading above it.
 
     Of several places the first in docs. Raises KeyError for a lost block.
     """
     for page in names(root).get(name, []):
-        if page.parent == root / "docs":
+        if root / "docs" in page.parents:
             before = page.read_text(encoding="utf-8").partition(f"<!-- figures {name} -->")[0]
             level, _, title = _HEADING.findall(before)[-1].partition(" ")
-            return page.name if level == "#" else f"{page.name}#{_anchor(title)}"
+            path = os.path.relpath(page, root / "docs/measurements")
+            return path if level == "#" else f"{path}#{_anchor(title)}"
     raise KeyError(f"no page of docs has the mark <!-- figures {name} -->")
 
 

@@ -29,7 +29,8 @@ def in_short(table: Sequence[Part] = PARTS) -> str:
 
 
 def comparison_board(table: Sequence[Part] = PARTS) -> str:
-    """Return the table of docs/comparison.md about the memory of a board, beside what the paper's authors published."""
+    """Return the table of docs/measurements/comparison.md about the memory of a board, beside what the paper's
+    authors published."""
     low, high, python_low, python_high, agent_low, agent_high = (
         f"{peers.mb(value):.0f}"
         for value in (*peers.JASON_BOARD, *peers.PYTHON_BOARD, *peers.PROCESSES["Jason agent"].memory)

@@ -1,6 +1,6 @@
 """What takes too long for CI: `make soak` flies the first mission ten times in a row at 20 times real time.
 
-Writes its section of docs/soak.md and exits with 0 only if all flights were done.
+Writes its section of docs/measurements/soak.md and exits with 0 only if all flights were done.
 """
 
 from __future__ import annotations

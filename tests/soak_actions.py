@@ -5,7 +5,7 @@
 Four robots on one bridge: two carry out what agents ask for, two what Python clients ask for (`commd.client`), each one
 action after the other, of seeded durations and outcomes. The router's process (commd) is killed (-9) and started again
 all the time. What agents and clients heard is compared with the bridge's ledger and with the robots' own journal.
-Writes its section of docs/soak.md.
+Writes its section of docs/measurements/soak.md.
 """
 
 from __future__ import annotations

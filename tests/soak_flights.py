@@ -4,7 +4,8 @@
 
 Each flight has a daemon and a moment of its own, by its number; all are flown with `--restart` and again without. The
 verdict is the vehicle's own: a second MAVLink link of the simulated copter, which no daemon has, says whether it was
-armed, and whether it stands on the ground, disarmed, when the run ends. Writes its section of docs/soak.md.
+armed, and whether it stands on the ground, disarmed, when the run ends. Writes its section of
+docs/measurements/soak.md.
 """
 
 from __future__ import annotations
@@ -199,7 +200,7 @@ def courses_of(first: int, flights: int) -> list[Course]:
 
 
 def report(courses: list[Course]) -> None:
-    """Write the section of docs/soak.md."""
+    """Write the section of docs/measurements/soak.md."""
     rows = []
     for restart in (True, False):
         mine = [course for course in courses if course.restart is restart]

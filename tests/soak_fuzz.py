@@ -1,6 +1,6 @@
 """Everything that reads what strangers can send, against 100,000 inputs each.
 
-python -m tests.soak_fuzz [--inputs N] [--seed N]             all targets, and a section of docs/soak.md
+python -m tests.soak_fuzz [--inputs N] [--seed N]             all targets, and a section of docs/measurements/soak.md
 python -m tests.soak_fuzz --keep FILE                         the same, resumed: what is in the file is not run again
 python -m tests.soak_fuzz --seed N --only TARGET NUMBER       one input again, shown
 """

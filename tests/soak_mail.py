@@ -1,7 +1,8 @@
 """Mail between three boards for real: what is lost, what comes twice and in which order, while all of it breaks.
 
-`make soak` runs 100,000 messages with links cut, daemons killed and a disk full, and writes its part of docs/soak.md;
-a part of that, some thousand messages, is a test (tests/boards/test_mail.py). Needs root and iproute2.
+`make soak` runs 100,000 messages with links cut, daemons killed and a disk full, and writes its part of
+docs/measurements/soak.md; a part of that, some thousand messages, is a test (tests/boards/test_mail.py). Needs root
+and iproute2.
 """
 
 from __future__ import annotations
@@ -182,7 +183,7 @@ def main() -> int:
     parser.add_argument("--rate", type=float, default=RATE)
     parser.add_argument("--kills", type=int, default=KILLS)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--dry", action="store_true", help="do not write docs/soak.md")
+    parser.add_argument("--dry", action="store_true", help="do not write docs/measurements/soak.md")
     args = parser.parse_args()
     try:
         possible()

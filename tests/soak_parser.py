@@ -1,7 +1,8 @@
 """The parser against a million inputs: it reads each or says what is wrong with it, in time; some are run as well.
 
-    python -m tests.soak_parser [--inputs N] [--jobs N] [--seed N]     all of them, and a section of docs/soak.md
-    python -m tests.soak_parser --seed N --only NUMBER                 one of them again, shown
+    python -m tests.soak_parser [--inputs N] [--jobs N] [--seed N]     all of them, and a section of
+    docs/measurements/soak.md python -m tests.soak_parser --seed N --only NUMBER                 one of them again,
+    shown
 
 Every input is made from the seed and its number (`tests.agentd.mutants`), so a failure can be made again. What has been
 done is kept in `.soak_parser`: stopped and started again, the run goes on where it was.

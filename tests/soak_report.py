@@ -1,4 +1,5 @@
-"""The report of the soak tests, docs/soak.md: a section per test, each written by the test when it has run."""
+"""The report of the soak tests, docs/measurements/soak.md: a section per test, each written by the test when it has
+run."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from pathlib import Path
 from benchmarks.results import processor
 
 ROOT = Path(__file__).parents[1]
-REPORT = ROOT / "docs" / "soak.md"
+REPORT = ROOT / "docs/measurements/soak.md"
 
 
 def write_section(title: str, lines: list[str], report: Path = REPORT) -> None:

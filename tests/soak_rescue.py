@@ -5,7 +5,7 @@
 Each run has a world and troubles of its own, by its number. Any daemon of any board may be killed, at any time and, by
 aim, just when a rescuer is to drop its buoy, or stopped for a while; any link between two boards may be cut.
 `argosy run` starts daemons again as the mission says. The referee judges by the simulators' logs alone. Writes its
-section of docs/soak.md.
+section of docs/measurements/soak.md.
 """
 
 from __future__ import annotations
@@ -239,7 +239,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=RUNS)
     parser.add_argument("--first", type=int, default=1, help="number of the first run, which is its seed")
     parser.add_argument("--keep", type=Path, help="keep logs of the runs there")
-    parser.add_argument("--no-report", action="store_true", help="do not write docs/soak.md")
+    parser.add_argument("--no-report", action="store_true", help="do not write docs/measurements/soak.md")
     args = parser.parse_args()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that a run ends with its test
     courses = []

@@ -4,7 +4,7 @@
 
 Keys and routers' configurations are made as for real boards; each daemon is started by its own command. The referee
 judges by the simulators' logs. Then the same without keys and rules, by plain TCP, to compare. Writes its section of
-docs/soak.md.
+docs/measurements/soak.md.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python -m tests.soak_units
 
-Boots a machine of its own (tests/support/booted.py). Writes docs/units.md.
+Boots a machine of its own (tests/support/booted.py). Writes docs/measurements/systemd-units.md.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tests.soak_report import ROOT, here
 from tests.support.analyzed import analyzed, exposure, installed
 from tests.support.booted import Machine, NoMachine, booted
 
-PAGE = ROOT / "docs" / "units.md"
+PAGE = ROOT / "docs/measurements/systemd-units.md"
 ASK = "/opt/checkout/tests/support/ask_mind.py"
 KNOCK = "/opt/checkout/tests/support/knock.py"
 TWO = {
@@ -86,7 +86,8 @@ def exposures(folder: Path) -> Iterator[str]:
         "# The units, measured",
         "",
         "What `systemd-analyze` says of the units that `argosy units` writes, and what a real systemd made of them in",
-        "a machine of its own (namespaces over an overlay). What they are and how they are used: [Boards](boards.md).",
+        "a machine of its own (namespaces over an overlay). What they are and how they are used: "
+        "[Boards](../guides/boards.md).",
         f"Written by `make soak` on {here()}.",
         "",
         "## Exposure",

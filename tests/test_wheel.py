@@ -64,7 +64,7 @@ class Installed:
 
 @pytest.fixture(scope="module")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
-    """Install the wheel as docs/install.md has it on a board: from a wheelhouse, by the pip that is in there."""
+    """Install the wheel as docs/start/install.md has it on a board: from a wheelhouse, by the pip that is in there."""
     folder = tmp_path_factory.mktemp("installed")
     home, house, work = folder / "venv", folder / "wheelhouse", folder / "work"
     work.mkdir()

@@ -152,7 +152,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 _DESCRIPTION = """\
 Look for mistakes in programs, and start nothing. Several files are taken for the agents of one team: what they send to
 one another is known. Exit code 0: no errors (there may be warnings); 1: errors; 2: something could not be read.
-docs/errors.md lists what is looked for, and the fields of --json."""
+docs/reference/errors.md lists what is looked for, and the fields of --json."""
 
 
 def run(args: Namespace) -> int:

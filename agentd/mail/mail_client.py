@@ -1,4 +1,4 @@
-"""An agent's mail, between its mind and the board's commd (docs/mail.md)."""
+"""An agent's mail, between its mind and the board's commd (docs/guides/mail.md)."""
 
 from __future__ import annotations
 

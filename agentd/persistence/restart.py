@@ -1,4 +1,4 @@
-"""An agent that is back: what it hears, and which of its goals it takes up again (docs/restart.md)."""
+"""An agent that is back: what it hears, and which of its goals it takes up again (docs/guides/restart.md)."""
 
 from __future__ import annotations
 

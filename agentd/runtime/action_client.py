@@ -1,4 +1,4 @@
-"""The actions that a mind performs, and those that a former life of its agent left running (docs/restart.md).
+"""The actions that a mind performs, and those that a former life of its agent left running (docs/guides/restart.md).
 
 An action is written down before the bridge is asked for it. So an agent that was killed knows which actions it may have
 begun; it asks for each of them by its id, which begins nothing, and learns what became of it.

@@ -53,7 +53,7 @@ def _check_options(mind: MindState, options: Any) -> None:
             continue
         named = plain_text(term.args[0]).rpartition(".")[2] if term.args else ""
         if named not in plain:
-            why = "is a class of Java, which Argosy has not; extend agents in Python (docs/extending.md)"
+            why = "is a class of Java, which Argosy has not; extend agents in Python (docs/guides/extending.md)"
             raise Failed("unknown", f".create_agent: {text(term)} {why}")
 
 

@@ -1,7 +1,8 @@
 """The operator's bus to a fleet with keys: a session with each board, and each question to the board that it is for.
 
-The router of a board lets an operator through, and not what another board passes on in his name (docs/security.md).
-What is there and what is said is taken from all boards: each tells of itself, however its links to the others are.
+The router of a board lets an operator through, and not what another board passes on in his name
+(docs/guides/security.md). What is there and what is said is taken from all boards: each tells of itself, however its
+links to the others are.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Boards:
         asked = zenoh.KeyExpr(key.partition("?")[0])
         if sight is None or not any(zenoh.KeyExpr(one).intersects(asked) for one in hidden(sight)):
             return ""
-        return f"`{observer}` is an observer of {sight} by the mission: it may not see this (docs/security.md)"
+        return f"`{observer}` is an observer of {sight} by the mission: it may not see this (docs/guides/security.md)"
 
     async def bus(self, board: str) -> Bus | str:
         """Return the session with a board, or why there is none."""

@@ -9,20 +9,20 @@ from schemas.wire.records import Note
 
 REMEDIES = {
     "autopilot_unknown": "is this the right vehicle at the robot's `link` and `sysid`? Only ArduPilot is flown "
-    "(docs/mavlink.md)",
+    "(docs/guides/mavlink.md)",
     "failsafe_none": "if the vehicle's own ground-station failsafe (FS_GCS_ENABLE) is to watch this bridge: "
-    "`failsafe: {gcs: bridge}` at the robot in the mission, else `human` or `none` (docs/mavlink.md)",
+    "`failsafe: {gcs: bridge}` at the robot in the mission, else `human` or `none` (docs/guides/mavlink.md)",
     "failsafe_off": "set FS_GCS_ENABLE on the vehicle, or say `failsafe: {gcs: none}` in the mission",
     "failsafe_unknown": "is it an ArduPilot? `failsafe: {gcs: none}` for vehicles that have none",
-    "foreign_packets": "who speaks there? Sign the vehicle's link (docs/mavlink.md, signing)",
+    "foreign_packets": "who speaks there? Sign the vehicle's link (docs/guides/mavlink.md, signing)",
     "link_down": "see `vehicles`: cable, device, baud rate or address of the robot's `link` in the mission",
-    "link_renewed": "was its commd stopped, or without processor? Nothing is to be done (docs/fleets.md, restarts)",
+    "link_renewed": "was its commd stopped, or without processor? Nothing to do (docs/guides/fleets.md, restarts)",
     "mail_went_back": "was a backup restored? Mail that was taken since then is lost: its senders are to send it again "
-    "(docs/mail.md)",
+    "(docs/guides/mail.md)",
     "no_heartbeat": "see `vehicles`: is it switched on, is this its `sysid` and `link` in the mission?",
     "operator_order": "when the agents may act again: `argosy stop release`",
     "robot_unattended": "`argosy why AGENT` tells what its program did last; `argosy stop land|rtl` acts now",
-    "session_id_forged": "whose keys are these, and who has a copy? `argosy keys revoke` (docs/security.md)",
+    "session_id_forged": "whose keys are these, and who has a copy? `argosy keys revoke` (docs/guides/security.md)",
     "two_vehicles": "give each its own MAV_SYSID; if there is only one, somebody forges it: sign its link",
 }
 """What to do about a note, by its code."""

@@ -16,7 +16,7 @@ def guide(board: Board, secrets: Sequence[str]) -> str:
     mission, target = board.mission.name, board.target
     parts = [
         f"# {mission}: board {board.name}\n",
-        f"Argosy is installed in `{board.venv}` on the board (docs/install.md). "
+        f"Argosy is installed in `{board.venv}` on the board (docs/start/install.md). "
         "Copy this folder to the board, and there, in it:\n",
         _block(
             "chmod -R u=rwX,go=rX etc  # whatever the umask was: nothing here is secret",
@@ -33,7 +33,7 @@ def guide(board: Board, secrets: Sequence[str]) -> str:
         *_firewall(board),
         f"The router is at `{board.router}`, for the group `argosy`. **Who joins it** (`sudo usermod -aG argosy USER`) "
         "may act as every agent and robot of this board, and stop its robots: its operators, nobody else. Whoever only "
-        "watches gets an observer's keys (`argosy keys add-observer`, docs/security.md).\n",
+        "watches gets an observer's keys (`argosy keys add-observer`, docs/guides/security.md).\n",
         "Stop it; a robot that is armed is left as `on_shutdown` says first:\n",
         _block(f"sudo systemctl stop {target}"),
     ]
@@ -48,8 +48,8 @@ def _keys(board: Board) -> list[str]:
     if board.keys is None:
         return ["It is linked to no other machine, and needs no keys.\n"]
     text = (
-        f"Its keys are the folder `machines/{board.name}` that `argosy keys init` has made (docs/security.md); copy it "
-        "to the board as `keys`. Only the router reads them:\n"
+        f"Its keys are the folder `machines/{board.name}` that `argosy keys init` has made "
+        "(docs/guides/security.md); copy it to the board as `keys`. Only the router reads them:\n"
     )
     again = f"sudo systemd-tmpfiles --create argosy-{board.mission.name}.conf"
     return [text, _block(f"sudo cp -rT keys {board.keys}", again, "rm -r keys")]

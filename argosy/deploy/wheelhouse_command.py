@@ -150,7 +150,7 @@ def _platform(text: str) -> str:
     if text.startswith("arm"):
         raise ArgumentTypeError(
             f"`{text}` is 32-bit: msgspec and PyYAML have no wheels for it, so boards have to build them"
-            " (docs/install.md); 64-bit Raspberry Pi OS is aarch64"
+            " (docs/start/install.md); 64-bit Raspberry Pi OS is aarch64"
         )
     raise ArgumentTypeError(f"expected {' or '.join(PLATFORMS)}, got `{text}`")
 

@@ -52,7 +52,7 @@ async def findings(bus: Bus, mission: Mission) -> list[Said]:
     """Try at each router that this machine reaches what it may do."""
     if bus.endpoint.startswith("tcp/"):
         text = "the router is reached by plain TCP: whoever reaches it may do everything"
-        do = "for boards in the field: `argosy keys init`, `argosy units` (docs/security.md)"
+        do = "for boards in the field: `argosy keys init`, `argosy units` (docs/guides/security.md)"
         return [Said("warning", WHAT, text, do)] if any(b.address for b in mission.boards.values()) else []
     try:
         name, rights, routers = await _who(bus, mission)

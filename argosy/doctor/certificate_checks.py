@@ -32,7 +32,7 @@ def certificates(mission: Mission, folder: Path | None) -> list[Said]:
     try:
         own = identity_of(tls, now)
     except Findings as findings:
-        return [Said("error", "certificates", one.message, "see docs/security.md") for one in findings.findings]
+        return [Said("error", "certificates", one.message, "see docs/guides/security.md") for one in findings.findings]
     said = _dates("this machine's", own, now)
     seen = [own.ends]
     for board, entry in mission.boards.items():

@@ -109,7 +109,7 @@ def versions(facts: Facts) -> list[Said]:
         return [Said("ok", "versions", f"all run {RELEASE}, as this machine does")]
     told = "; ".join(f"{version}: {', '.join(sorted(set(names)))}" for version, names in sorted(found.items()))
     majors = {version.partition(".")[0] for version in found if version[:1].isdigit()} | {RELEASE.partition(".")[0]}
-    do = "install the same version on all of them, one board after the other (docs/versions.md)"
+    do = "install the same version on all of them, one board after the other (docs/guides/operations.md)"
     return [Said("error" if len(majors) > 1 else "warning", "versions", f"{told}; this machine: {RELEASE}", do)]
 
 

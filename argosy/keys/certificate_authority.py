@@ -1,4 +1,4 @@
-"""The fleet's certificate authority: one secret key, and what is signed by it (docs/security.md).
+"""The fleet's certificate authority: one secret key, and what is signed by it (docs/guides/security.md).
 
 A machine believes a certificate when one of the *anchors* in its `ca.pem` signed it. Every anchor holds the public half
 of the same key, under a name of its own: one for each machine of the fleet. So a machine is disowned by leaving its

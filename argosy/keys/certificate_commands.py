@@ -97,7 +97,7 @@ def init(args: Namespace) -> int:
         for name, kind in everybody(mission).items():
             folder.add(name, kind, hosts_of(mission, name))
     _tell_members(folder, list(everybody(mission)))
-    print(f"copy each folder in {machine_folder(path, '')} to its machine, and to no other (docs/security.md)")
+    print(f"copy each folder in {machine_folder(path, '')} to its machine, and to no other (docs/guides/security.md)")
     print(f"{path / 'ca.key'} is the fleet's secret: it stays here, and in your backup")
     return EXIT_DONE
 

@@ -1,4 +1,4 @@
-"""`argosy keys`: certificates for the machines of a fleet (docs/security.md)."""
+"""`argosy keys`: certificates for the machines of a fleet (docs/guides/security.md)."""
 
 from __future__ import annotations
 

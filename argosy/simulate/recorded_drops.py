@@ -30,7 +30,7 @@ ARMED = ("HEARTBEAT", "armed")
 FRESH = 1.0
 """Seconds for which a place that was told holds: bridges tell of moving copters 10 times a second."""
 SIGHTING = ("id", "lat", "lon")
-"""The fields of a percept by which a camera tells of a victim (docs/search-and-rescue.md)."""
+"""The fields of a percept by which a camera tells of a victim (docs/start/search-and-rescue.md)."""
 FarAndNear = tuple[float, float]
 """Latitude and longitude in degrees."""
 

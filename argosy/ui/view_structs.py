@@ -1,6 +1,6 @@
 """What goes to the page, as JSON: one struct for each part. Times are Unix seconds of this machine, places are degrees.
 
-What a mind shows goes as it came (schemas/wire/mind_records.py, docs/mind-format.md).
+What a mind shows goes as it came (schemas/wire/mind_records.py, docs/reference/mind-records.md).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class NoteView(View, frozen=True, kw_only=True):
     """A warning of a member, or of several."""
 
     code: str
-    """The kind of warning (docs/health.md)."""
+    """The kind of warning (docs/guides/health.md)."""
     text: str
     about: str = ""
     level: Literal["warning", "error"] = "warning"
@@ -135,8 +135,8 @@ class AgentView(View, frozen=True, kw_only=True):
     board: str = ""
     robot: str = ""
     standing: str
-    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/health.md); ended = it has left
-    with its run."""
+    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/guides/health.md); ended = it
+    has left with its run."""
     since: float | None = None
     notes: tuple[NoteView, ...] = ()
     state: Doing = ""

@@ -1,4 +1,4 @@
-"""The section of docs/scaling.md about many agents in one daemon, and its pictures."""
+"""The section of docs/measurements/scaling.md about many agents in one daemon, and its pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The list of docs/benchmarks.md: what was slow, what was done, and both figures."""
+"""The list of docs/measurements/benchmarks.md: what was slow, what was done, and both figures."""
 
 from __future__ import annotations
 

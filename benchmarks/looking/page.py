@@ -1,4 +1,4 @@
-"""What the benchmark of looking finds, and how docs/looking.md tells it."""
+"""What the benchmark of looking finds, and how docs/measurements/observers.md tells it."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def pictures(figures: Figures) -> dict[str, str]:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/looking.md."""
+    """Return the figures of docs/measurements/observers.md."""
     lines = [
         origin.line(),
         "",

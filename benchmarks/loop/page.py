@@ -1,4 +1,4 @@
-"""What the decision loop took, as docs/benchmarks.md tells it, and what is asked of it."""
+"""What the decision loop took, as docs/measurements/benchmarks.md tells it, and what is asked of it."""
 
 from __future__ import annotations
 

@@ -32,13 +32,14 @@ def in_short(figures: Figures) -> list[str]:
         rows.append(
             f"| agents instead of imperative programs, {TITLES[mission]}: a board's processor and memory "
             f"| {mine.cpu.mean / its.cpu.mean:.2f}x, {mine.rss.mean / its.rss.mean:.2f}x{one} "
-            f"| Jason in the paper {cpu:.2f}x, {memory:.2f}x ([measured](docs/benchmarks.md#processor-and-memory)) |"
+            f"| Jason in the paper {cpu:.2f}x, {memory:.2f}x "
+            f"([measured](docs/measurements/benchmarks.md#processor-and-memory)) |"
         )
     return rows
 
 
 def in_comparison(figures: Figures) -> list[str]:
-    """Return the row of boards' memory in docs/comparison.md: what, memory, of which machine, source."""
+    """Return the row of boards' memory in docs/measurements/comparison.md: what, memory, of which machine, source."""
     flown = [
         one for one in figures.usages if (one.mission, one.speed, one.approach) == (SINGLE.mission, 1.0, IMPERATIVE)
     ]

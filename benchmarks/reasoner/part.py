@@ -78,7 +78,8 @@ def measure(quick: bool) -> Figures:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/reasoner.md, of docs/mind.md, and those of docs/comparison.md about speed."""
+    """Return the figures of docs/measurements/reasoner.md, of docs/architecture/mind.md, and those of
+    docs/measurements/comparison.md about speed."""
     results = figures.results()
     return {
         "reasoner": report.page(origin, results, figures.footprints, figures.repeat, figures.jason),
@@ -88,7 +89,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 
 
 def pictures(figures: Figures) -> dict[str, str]:
-    """Return the picture of docs/reasoner.md."""
+    """Return the picture of docs/measurements/reasoner.md."""
     return {"reasoner": report.picture(figures.results())}
 
 

@@ -1,4 +1,5 @@
-"""What was measured of the reasoner as Markdown and as a picture: the blocks of docs/reasoner.md and other pages."""
+"""What was measured of the reasoner as Markdown and as a picture: the blocks of docs/measurements/reasoner.md and
+other pages."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ PICTURE: Final = "![how many times the speed of python-agentspeak each row reach
 def page(
     origin: Origin, results: list[Result], footprints: dict[str, dict[str, float]], repeat: int, jason: str
 ) -> str:
-    """The block of docs/reasoner.md. `jason` is the version of the Jason that was run as well, if there was one."""
+    """The block of docs/measurements/reasoner.md. `jason` is the version of the Jason that was run as well, if there
+    was one."""
     here = f" The `jason` command found here was run as well: {jason}." if jason else ""
     method = (
         f"Every program (`benchmarks/reasoner/programs`) is run {repeat} times by each reasoner, in turns, in fresh "
@@ -34,7 +36,7 @@ FEW: Final = 20
 
 
 def instructions(origin: Origin, counted: Mapping[str, Counted]) -> str:
-    """The block of docs/mind.md: what a cycle of the slowest rows takes, by module."""
+    """The block of docs/architecture/mind.md: what a cycle of the slowest rows takes, by module."""
     modules = dict.fromkeys(name for one in counted.values() for name, count in one.modules.items() if count >= FEW)
     titles = [f"{key}, {row_called(key).operation}" for key in counted]
     rows = [
@@ -51,11 +53,11 @@ def instructions(origin: Origin, counted: Mapping[str, Counted]) -> str:
 
 
 COMPARED: Final = ("a", "b", "c", "d", "e", "f", "f2", "g", "h")
-"""The rows that docs/comparison.md shows."""
+"""The rows that docs/measurements/comparison.md shows."""
 
 
 def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -> str:
-    """The block of docs/comparison.md about speed: some rows, how many there are, start and memory."""
+    """The block of docs/measurements/comparison.md about speed: some rows, how many there are, start and memory."""
     lines = [
         "| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |",
         "|---|---|---|---|",
@@ -92,9 +94,9 @@ def in_short(results: list[Result], footprints: dict[str, dict[str, float]]) -> 
     return [
         f"| thinking, warm | {min(others):.0f} to {max(others):.0f} times python-agentspeak, look-ups and joins at "
         f"least {min(indexed):,.0f} times; ahead of Jason 3.3's warm JVM on {won} of {known} rows, behind on "
-        f"{known - won} | [measured](docs/reasoner.md) |",
+        f"{known - won} | [measured](docs/measurements/reasoner.md) |",
         f"| memory, idle reasoner | {memory['agentd']:.0f} MB | python-agentspeak {memory['agentspeak']:.0f} MB, "
-        f"Jason {idle.jason:g} MB ([measured](docs/reasoner.md)) |",
+        f"Jason {idle.jason:g} MB ([measured](docs/measurements/reasoner.md)) |",
     ]
 
 

@@ -13,15 +13,17 @@ PROGRAMS: Final = Path(__file__).parent / "programs"
 
 _MESSAGES: Final = (
     "The time is spent between the minds (turn, effect, message, event), where python-agentspeak has one call of a "
-    "function; tried: shortened where a count of instructions showed more than was needed ([mind.md](mind.md#speed))."
+    "function; tried: shortened where a count of instructions showed more than was needed "
+    "([mind.md](../architecture/mind.md#speed))."
 )
 _REASONING: Final = (
     "Why just this row is under what is asked is not known; tried: plans made into Python code, facts indexed by their "
-    "arguments, mypyc ([mind.md](mind.md#mypyc))."
+    "arguments, mypyc ([mind.md](../architecture/mind.md#mypyc))."
 )
 _PERCEPTS: Final = (
     "Each percept is an input and each action an effect that can be recorded and replayed; python-agentspeak's action "
-    "is a call of a function; tried: shortened by a count of what a cycle costs ([mind.md](mind.md#speed))."
+    "is a call of a function; tried: shortened by a count of what a cycle costs "
+    "([mind.md](../architecture/mind.md#speed))."
 )
 
 

@@ -1,4 +1,4 @@
-"""The tables of docs/reasoner.md."""
+"""The tables of docs/measurements/reasoner.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The section of docs/scaling.md about fleets of several routers, and its picture."""
+"""The section of docs/measurements/scaling.md about fleets of several routers, and its picture."""
 
 from __future__ import annotations
 

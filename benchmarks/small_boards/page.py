@@ -15,7 +15,7 @@ COLOURS: Final = (plots.COLOURS["agentd"], plots.COLOURS["bridged"])
 
 
 def block(origin: Origin, figures: Figures, boards: Sequence[Board], system: float, dmips: float) -> str:
-    """Return the block of docs/benchmarks.md."""
+    """Return the block of docs/measurements/benchmarks.md."""
     parts = [
         origin.line(),
         "The paper's first mission (section 5.1) at speed 1 with all daemons of its board held within the limits of a "
@@ -151,7 +151,7 @@ def in_short(figures: Figures, title: str) -> list[str]:
     return [
         f"| the paper's first mission within the limits of a {title} ({given}; no such board was at hand) | "
         f"{'completed' if completed else 'not completed'} | in the paper {peers.BEAGLEBONE} "
-        "([measured](docs/benchmarks.md#small-boards)) |"
+        "([measured](docs/measurements/benchmarks.md#small-boards)) |"
     ]
 
 

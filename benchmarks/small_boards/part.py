@@ -94,7 +94,7 @@ def _busy() -> float:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the block of docs/benchmarks.md."""
+    """Return the block of docs/measurements/benchmarks.md."""
     return {"small-boards": small_boards_page.block(origin, figures, BOARDS, SYSTEM, OUR_DMIPS)}
 
 

@@ -1,4 +1,4 @@
-"""The lease on a robot: one of its agents has it at a time (design section 5; docs/actions.md).
+"""The lease on a robot: one of its agents has it at a time (design section 5; docs/reference/actions.md).
 
 Pure: who acts, what the robot shows and the time (mission seconds) go in; whether they may comes out.
 """

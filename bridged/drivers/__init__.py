@@ -1,7 +1,7 @@
 """Drivers: how the bridge talks to robots.
 
 A driver is a module with the functions of `bridged.drivers.api.DriverKind`. Ours stand in the table below; others are
-found by the entry points of `argosy.drivers` (docs/drivers.md). Only those that a manifest names are imported.
+found by the entry points of `argosy.drivers` (docs/guides/drivers.md). Only those that a manifest names are imported.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A machine's keys: who it says it is to other machines, and whom it believes (docs/security.md).
+"""A machine's keys: who it says it is to other machines, and whom it believes (docs/guides/security.md).
 
 A folder of keys holds `ca.pem` (the certificates of those that this machine believes), `cert.pem` (its own) and
 `key.pem` (its secret). `argosy keys` makes it; here it is only read, by what the standard library has.

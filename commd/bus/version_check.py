@@ -46,5 +46,5 @@ class Strangers:
 def _text(who: str, said: str) -> str:
     return (
         f"{who}: records of version {said or '?'}, this daemon speaks version {VERSION}: they are not understood;"
-        " install releases of Argosy that go together (docs/versions.md)"
+        " install releases of Argosy that go together (docs/guides/operations.md)"
     )

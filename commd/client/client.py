@@ -6,7 +6,7 @@
             print(message.sender, write(message.content))
 
 Mail is as durable as that of agents: `send` returns when the message is on disk, and a message that came is kept there
-until the program is done with it. To do what it says exactly once is up to the program (docs/mail.md).
+until the program is done with it. To do what it says exactly once is up to the program (docs/guides/mail.md).
 """
 
 from __future__ import annotations

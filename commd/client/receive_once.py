@@ -1,4 +1,5 @@
-"""Receive the mail of one name once: what the inboxes of agents and of Python programs have in common (docs/mail.md).
+"""Receive the mail of one name once: what the inboxes of agents and of Python programs have in common
+(docs/guides/mail.md).
 
 `commd` offers a message until it is *done with*: its effects are on disk (an agent), or the next one was asked for
 (a program). What it offers again meanwhile is known by the numbers that each sender gives to its messages.

@@ -1,7 +1,7 @@
 """A board's mail: taken from senders and from other boards, kept on disk, carried on until its receiver has it.
 
 Whoever holds a message answers for it: it is removed here only when whoever comes next has it on disk, and if it is
-given up here its sender is told from here (docs/mail.md).
+given up here its sender is told from here (docs/guides/mail.md).
 """
 
 from __future__ import annotations

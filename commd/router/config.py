@@ -2,7 +2,7 @@
 
 A file of it is what `commd serve --config` opens its router with; a `zenohd` understands it too. Between machines only
 mutual TLS, on the board only its socket, and access control lists on both that deny what
-`schemas.mission.access_rules` does not grant (docs/security.md).
+`schemas.mission.access_rules` does not grant (docs/guides/security.md).
 """
 
 from __future__ import annotations

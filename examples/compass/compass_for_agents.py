@@ -1,4 +1,4 @@
-"""Directions for agents: an example of a package that extends AgentSpeak programs (docs/extending.md)."""
+"""Directions for agents: an example of a package that extends AgentSpeak programs (docs/guides/extending.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Functions of a Linux board for the driver `python`: its temperature, and its light (docs/drivers.md)."""
+"""Functions of a Linux board for the driver `python`: its temperature, and its light (docs/guides/drivers.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A driver of one's own: a lamp that speaks lines of text over TCP, and its simulated twin (docs/drivers.md).
+"""A driver of one's own: a lamp that speaks lines of text over TCP, and its simulated twin (docs/guides/drivers.md).
 
 The lamp tells `level 40` (percent) once a second, and answers `set 40` by `done` or `no REASON`.
 """

@@ -9,7 +9,7 @@ ACTIONS: dict[str, ActionEntry] = {
     "release": ActionEntry(motion=False, deadline=Duration(1)),
     "hand_over": ActionEntry(params=(Parameter(name="agent", type="string"),), motion=False, deadline=Duration(1)),
 }
-"""`release` lets go of the robot, `hand_over(Agent)` gives it to another of its agents (docs/actions.md)."""
+"""`release` lets go of the robot, `hand_over(Agent)` gives it to another of its agents (docs/reference/actions.md)."""
 ACTION_ARITIES: dict[str, int] = {name: entry.arity for name, entry in ACTIONS.items()}
 PERCEPTS: dict[str, int] = {
     "bridge": 1,

@@ -222,14 +222,14 @@ class RobotEntry(_Entry, frozen=True, kw_only=True):
     """What kind of robot this is."""
 
     driver: str
-    """How the robot is talked to: `mavlink`, `zenoh`, `python`, or a package's own (docs/drivers.md)."""
+    """How the robot is talked to: `mavlink`, `zenoh`, `python`, or a package's own (docs/guides/drivers.md)."""
     vehicle: str = ""
     """Which of the driver's vehicle tables holds, such as `arducopter`."""
     link_loss: Duration = Duration(5)
     """Silence after which the robot counts as not connected; wall seconds at least."""
     values: Values = "typed"
     """`text`: percepts and arguments are read and written as the paper's bridge did, by way of their text
-    (docs/manifests.md)."""
+    (docs/reference/manifests.md)."""
     payload: str = ""
     """What a robot on Zenoh speaks where its samples' Encoding does not say it: `json` or `msgpack`; none = JSON."""
 

@@ -1,4 +1,5 @@
-"""Who may put, serve, ask and see what, as the mission says: what routers enforce, link by link (docs/security.md).
+"""Who may put, serve, ask and see what, as the mission says: what routers enforce, link by link
+(docs/guides/security.md).
 
 A name lives on one board. What is said under a name comes from its board alone, what is asked under it too. Everybody
 of the fleet may look at what robots do; minds and mail are for operators, and for observers that the mission names.

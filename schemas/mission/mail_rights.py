@@ -1,8 +1,8 @@
 """Which mail an agent accepts, and from whom: `accepts` in the mission, and the rule where it names nobody.
 
 The board of a sender is the mission's word, or follows from a name made at run time: in a secured fleet the routers
-hold each name to its board (`schemas.mission.access_rules`). Nothing else is taken from the message. docs/security.md
-has the table.
+hold each name to its board (`schemas.mission.access_rules`). Nothing else is taken from the message.
+docs/guides/security.md has the table.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ class Agent(FileModel, frozen=True, kw_only=True):
     """resume, fresh, or `goal(g)`."""
     accepts: dict[str, Accepted] = {}
     """Performatives that it takes, by sender; `*` = from every agent and program that is not named. A line replaces the
-    rule that holds without it (docs/security.md)."""
+    rule that holds without it (docs/guides/security.md)."""
 
 
 class Failsafe(FileModel, frozen=True, kw_only=True):
@@ -144,7 +144,7 @@ class Simulate(FileModel, frozen=True, kw_only=True):
     camera: Distance | None = None
     """Metres over ground within which it sees the victims of the mission's world; none = it has no camera."""
     faults: tuple[str, ...] = ()
-    """What is wrong with it and its link, such as `loss=0.2` (docs/simulated-copter.md)."""
+    """What is wrong with it and its link, such as `loss=0.2` (docs/guides/simulated-copter.md)."""
 
     @property
     def process(self) -> str:

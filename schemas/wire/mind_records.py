@@ -1,6 +1,7 @@
 """What a mind shows of itself: the records of its present state, and of its course while somebody follows it.
 
-Texts are for people and as the program writes them; `docs/mind-format.md` tells how the records hang together.
+Texts are for people and as the program writes them; `docs/reference/mind-records.md` tells how the records hang
+together.
 """
 
 from __future__ import annotations
@@ -263,7 +264,7 @@ class MindOrder(Record, frozen=True, kw_only=True):
 
 
 class MindBirth(Record, frozen=True, kw_only=True):
-    """All that a mind was made of: with its inputs it can be lived again (docs/mind-format.md)."""
+    """All that a mind was made of: with its inputs it can be lived again (docs/reference/mind-records.md)."""
 
     program: str
     """The main file, a name among `files`; empty: a program of nothing."""
@@ -310,7 +311,8 @@ class MindInput(Record, frozen=True, kw_only=True):
 
     cycle: int
     kind: str
-    """The class of `agentd.mind.data.inputs`, or what was read: docs/mind-format.md lists them with their fields."""
+    """The class of `agentd.mind.data.inputs`, or what was read: docs/reference/mind-records.md lists them with their
+    fields."""
     fields: dict[str, Term] = {}
 
 

@@ -1,4 +1,5 @@
-"""The example and the tables of docs/mind-format.md: `python -m tests.agentd.mind_format_page` writes them."""
+"""The example and the tables of docs/reference/mind-records.md: `python -m tests.agentd.mind_format_page` writes
+them."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ from tests.docs.pages import ROOT
 from tests.docs.records_page import records, table
 from tests.support.buses import Connect, on_a_bus, served, until
 
-PAGE: Final = ROOT / "docs" / "mind-format.md"
+PAGE: Final = ROOT / "docs/reference/mind-records.md"
 SHOWN: Final = (
     "MindView",
     "BeliefView",

@@ -30,13 +30,13 @@ def _run(page: str) -> dict[str, Any]:
 
 
 def test_the_embedded_mind_prints_what_its_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
-    _run("embedding.md")
-    shown = [text for language, text in _blocks("embedding.md") if language == "text"]
+    _run("guides/embedding.md")
+    shown = [text for language, text in _blocks("guides/embedding.md") if language == "text"]
     assert capsys.readouterr().out == "".join(shown)
 
 
 def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
-    room: type[Environment] = _run("environments.md")["Room"]
+    room: type[Environment] = _run("guides/environments.md")["Room"]
     stage = Stage(
         {
             "bob": """
@@ -60,7 +60,7 @@ def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
 def test_the_actions_of_the_page_on_extending_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "ACTIONS", dict(registry.ACTIONS))
     monkeypatch.setattr(registry, "FUNCTIONS", dict(registry.FUNCTIONS))
-    _run("extending.md")
+    _run("guides/extending.md")
     stage = Stage(
         {
             "bob": """

@@ -12,7 +12,8 @@ from tests import soak_parser, soak_report
 
 @pytest.fixture
 def report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """Where the report goes instead of docs/soak.md; the run is small and keeps its state in a folder of the test."""
+    """Where the report goes instead of docs/measurements/soak.md; the run is small and keeps its state in a folder of
+    the test."""
     written: list[list[str]] = []
     monkeypatch.setattr(soak_parser, "STATE", tmp_path / "state")
     monkeypatch.setattr(soak_parser, "CHUNK", 20)

@@ -1,4 +1,4 @@
-"""docs/why.md tells the truth: each program on it says what stands below it."""
+"""docs/guides/why.md tells the truth: each program on it says what stands below it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from agentd.standalone.clocks import VirtualClock
 from agentd.standalone.decision_printer import Narrator
 from agentd.standalone.standalone_team import Team
 
-PAGE = (Path(__file__).parents[2] / "docs" / "why.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/guides/why.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)
 SHOWN = [block for block in BLOCKS if not block[2].startswith("$ argosy why")]  # those: tests/argosy/why
 

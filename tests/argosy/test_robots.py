@@ -14,7 +14,7 @@ import pytest
 from tests.argosy.conftest import MISSIONS, Running, Start
 from tests.bridged.plugins import install
 
-PAGE = MISSIONS.parent / "docs" / "drivers.md"
+PAGE = MISSIONS.parent / "docs/guides/drivers.md"
 LAMP = MISSIONS.parent / "examples" / "lamp"
 
 

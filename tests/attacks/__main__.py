@@ -1,4 +1,4 @@
-"""`make attacks`: tries every attack of the table, prints what came of it and writes docs/attacks.md."""
+"""`make attacks`: tries every attack of the table, prints what came of it and writes docs/measurements/attacks.md."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.attacks.world import TEXT, Row, World
 from tests.soak_report import ROOT, here
 from tests.support.secured import Secured
 
-PAGE = ROOT / "docs" / "attacks.md"
+PAGE = ROOT / "docs/measurements/attacks.md"
 HEAD = """\
 # Attacks
 

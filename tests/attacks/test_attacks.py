@@ -1,4 +1,4 @@
-"""Every attack of docs/attacks.md is refused, and what is allowed is not."""
+"""Every attack of docs/measurements/attacks.md is refused, and what is allowed is not."""
 
 from __future__ import annotations
 

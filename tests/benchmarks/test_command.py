@@ -239,5 +239,7 @@ def test_the_cheapest_part_can_be_tried(capfd: pytest.CaptureFixture[str]) -> No
 
 
 def test_all_parts_take_as_long_as_the_page_says_and_each_has_a_name_of_its_own() -> None:
-    assert 80 < sum(part.minutes for part in PARTS) < 100, "docs/benchmarks.md says about an hour and a half"
+    assert 80 < sum(part.minutes for part in PARTS) < 100, (
+        "docs/measurements/benchmarks.md says about an hour and a half"
+    )
     assert len({part.name for part in PARTS}) == len(PARTS)

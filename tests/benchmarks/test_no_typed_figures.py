@@ -13,7 +13,7 @@ from typing import Final
 from benchmarks.pages import pages
 from benchmarks.results import ROOT
 
-REPORTS: Final = {"soak.md", "faults.md", "field.md", "attacks.md", "units.md"}
+REPORTS: Final = {"soak.md", "faults.md", "daemon-failures.md", "attacks.md", "systemd-units.md"}
 """Written by `make soak`, `faults`, `field` and `attacks`: each says when and on what it was made."""
 _BLOCK: Final = re.compile(r"<!-- figures [\w-]+ -->\n.*?<!-- end of figures -->", re.DOTALL)
 _FENCE: Final = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
@@ -28,35 +28,38 @@ _CODE: Final = re.compile(r"`[^`\n]+`")
 _LIMITS: Final = "limits"
 _PAUSES: Final = "pauses, and times that are waited"
 ALLOWED: Final[dict[str, tuple[str, str]]] = {
-    "docs/actions.md": ("1.5 s", _PAUSES),
-    "docs/boards.md": ("256 MB, 512 MB, 0.5 s, 60 times, 200 times", "limits and pauses of the units"),
-    "docs/design.md": ("10 times, 0.3 s, 0.1 s, 100 ms", "pauses, and Zenoh's own"),
-    "docs/drivers.md": ("0.5 s, 64 KiB, 16 MB, 500 times", "limits and pauses"),
-    "docs/fleets.md": ("0.2 s", _PAUSES),
-    "docs/health.md": (
-        "3.5 s, 0.25 s, 1 GB, 200 MB, 16 kB, 0.5 s, 20 kB, 5 messages/s, 1 %, 8 kB",
+    "docs/reference/actions.md": ("1.5 s", _PAUSES),
+    "docs/guides/boards.md": ("256 MB, 512 MB, 0.5 s, 60 times, 200 times", "limits and pauses of the units"),
+    "docs/architecture/decisions.md": ("10 times, 0.3 s, 0.1 s, 100 ms", "pauses, and Zenoh's own"),
+    "docs/guides/drivers.md": ("0.5 s, 64 KiB, 16 MB, 500 times", "limits and pauses"),
+    "docs/guides/fleets.md": ("0.2 s", _PAUSES),
+    "docs/guides/health.md": (
+        "5.5 s, 0.25 s, 1 GB, 200 MB, 16 kB, 0.5 s, 20 kB, 5 messages/s, 1 %, 8 kB",
         "bounds between good, warning and error, and what a check sends",
     ),
-    "docs/language.md": ("100 times", _LIMITS),
-    "docs/looking-in.md": ("2.5 s, 4 kB", "limits and defaults"),
-    "docs/looking.md": ("0.2 s, 50 times, 5 times, 2 MB", "limits, and what follows from 0.2 s"),
-    "docs/mail.md": ("0.05 s, 0.1 s, 1 MB, 256 MB, 256 kB, 64 kB, 64 MB, x 8", "limits, pauses, and bits of a byte"),
-    "docs/mavlink.md": ("0.5 s, 0.2 s, 64 KiB, 4 KiB", "limits and pauses"),
-    "docs/mind-format.md": ("0.2 s, 4 kB", _LIMITS),
-    "docs/mind.md": ("100 times", _LIMITS),
-    "docs/recording.md": ("2 GB, 128 MB, 64 MB, 1000 times", _LIMITS),
-    "docs/replaying.md": ("2 MB, 8 MB, 20 %, 45 %", "limits, and the battery of an example"),
-    "docs/restart.md": ("0.5 s, 0.3 s, 50 times, 1 MB, 64 MB", "limits and pauses"),
-    "docs/search-and-rescue.md": ("20 %, 1500 us", "what a rescuer goes out with, and when a latch is open"),
-    "docs/security.md": (
+    "docs/reference/language.md": ("100 times", _LIMITS),
+    "docs/guides/command-line-tools.md": ("2.5 s, 4 kB", "limits and defaults"),
+    "docs/measurements/observers.md": ("0.2 s, 50 times, 5 times, 2 MB", "limits, and what follows from 0.2 s"),
+    "docs/guides/mail.md": (
+        "0.05 s, 0.1 s, 1 MB, 256 MB, 256 kB, 64 kB, 64 MB, x 8",
+        "limits, pauses, and bits of a byte",
+    ),
+    "docs/guides/mavlink.md": ("0.5 s, 0.2 s, 64 KiB, 4 KiB", "limits and pauses"),
+    "docs/reference/mind-records.md": ("0.2 s, 4 kB", _LIMITS),
+    "docs/architecture/mind.md": ("100 times", _LIMITS),
+    "docs/guides/recording.md": ("2 GB, 128 MB, 64 MB, 1000 times", _LIMITS),
+    "docs/guides/replay-a-mind.md": ("2 MB, 8 MB, 20 %, 45 %", "limits, and the battery of an example"),
+    "docs/guides/restart.md": ("0.5 s, 0.3 s, 50 times, 1 MB, 64 MB", "limits and pauses"),
+    "docs/start/search-and-rescue.md": ("20 %, 1500 us", "what a rescuer goes out with, and when a latch is open"),
+    "docs/guides/security.md": (
         "0.1 s, 0.3 s, 0.5 s, 4 MiB, 8 MiB, 1 MB, 128 kB, 150 kB, 256 kB, 256 MB",
         "limits and pauses",
     ),
-    "docs/simulated-copter.md": (
+    "docs/guides/simulated-copter.md": (
         "0.02 s, 0.1 s",
         "the step of the simulation, and from when on it counts as late",
     ),
-    "docs/ui.md": ("0.25 s, 0.35 s, 0.7 s, 16 kB, 4 kB", "limits, and times of a press"),
+    "docs/guides/web-page.md": ("0.25 s, 0.35 s, 0.7 s, 16 kB, 4 kB", "limits, and times of a press"),
 }
 """The figures that a page may type, and why."""
 

@@ -10,7 +10,7 @@ import pytest
 from agentd.__main__ import main
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "actions.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/reference/actions.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("number", [0, 1])

@@ -1,4 +1,4 @@
-"""What docs/drivers.md shows works as it says."""
+"""What docs/guides/drivers.md shows works as it says."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from schemas.mission.model import read_mission
 from tests.bridged.studio import Studio, in_the_studio
 from tests.support.buses import until
 
-PAGE = Path(__file__).parents[2] / "docs" / "drivers.md"
+PAGE = Path(__file__).parents[2] / "docs/guides/drivers.md"
 
 
 def test_the_room_of_the_page_is_a_robot(endpoint: str, tmp_path: Path) -> None:

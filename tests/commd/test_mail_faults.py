@@ -1,4 +1,5 @@
-"""Each row of the fault table (docs/faults.md) about mail: what waits is neither lost nor doubled, and all is told."""
+"""Each row of the fault table (docs/measurements/faults.md) about mail: what waits is neither lost nor doubled, and
+all is told."""
 
 from __future__ import annotations
 

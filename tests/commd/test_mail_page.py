@@ -1,4 +1,4 @@
-"""What docs/mail.md shows works as it says."""
+"""What docs/guides/mail.md shows works as it says."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import sys
 from schemas.wire.paper_message import read_message
 from tests.support.processes import ROOT, running
 
-PAGE = (ROOT / "docs" / "mail.md").read_text()
+PAGE = (ROOT / "docs/guides/mail.md").read_text()
 PROGRAM = ROOT / "examples" / "client" / "planner.py"
 
 

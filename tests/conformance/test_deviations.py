@@ -1,4 +1,5 @@
-"""The deviations from Jason as `docs/language.md` lists them: the program of each row does what the row says."""
+"""The deviations from Jason as `docs/reference/language.md` lists them: the program of each row does what the row
+says."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from agentd.standalone.clocks import VirtualClock
 from agentd.standalone.command import DEEPEST_CALLS
 from agentd.standalone.standalone_team import Team
 
-PAGE = Path(__file__).parents[2] / "docs" / "language.md"
+PAGE = Path(__file__).parents[2] / "docs/reference/language.md"
 _CELL = re.compile(r"(?<!\\)\|")
 _CODE = re.compile(r"`([^`]+)`")
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from tests.docs.commands import PROGRAMS, parser_of
 from tests.docs.pages import ROOT
 
-PAGE = ROOT / "docs" / "reference" / "commands.md"
+PAGE = ROOT / "docs/reference/commands.md"
 _HEAD = """\
 # Commands
 

@@ -15,16 +15,16 @@ from schemas.wire.records import VERSION
 from tests.docs.pages import ROOT
 
 SOURCES = (ROOT / "schemas/wire/records.py", ROOT / "schemas/wire/mind_records.py")
-PAGE = ROOT / "docs" / "reference" / "records.md"
+PAGE = ROOT / "docs/reference/records.md"
 _HEAD = f"""\
 # Records
 
 <!-- Written by `make reference` from schemas/wire/records.py and schemas/wire/mind_records.py. -->
 
-What travels on the [keys](../keys.md), as JSON objects (or MessagePack maps). The Encoding of a sample names its record
-and major version: `application/json;argosy.Perception/{VERSION}`. A field that has its default is left out. Fields that
-a reader does not know are ignored and counted; new fields are optional, so that newer and older daemons
-[work together](../versions.md). A Term is written as [told there](../keys.md#terms).
+What travels on the [keys](bus-keys.md), as JSON objects (or MessagePack maps). The Encoding of a sample names its
+record and major version: `application/json;argosy.Perception/{VERSION}`. A field that has its default is left out.
+Fields that a reader does not know are ignored and counted; new fields are optional, so that newer and older daemons
+[work together](../guides/operations.md#versions). A Term is written as [described there](bus-keys.md#terms).
 """
 
 

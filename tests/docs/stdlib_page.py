@@ -19,7 +19,7 @@ import agentd.stdlib
 from agentd.mind.data.registry import ACTIONS, FUNCTIONS, InternalAction
 from tests.docs.pages import ROOT
 
-PAGE = ROOT / "docs" / "reference" / "stdlib.md"
+PAGE = ROOT / "docs/reference/stdlib.md"
 _HEAD = """\
 # Standard library
 
@@ -28,7 +28,7 @@ _HEAD = """\
 Internal actions begin with a dot. Most may stand in a context, a rule or a query as well as in a body, and fail where
 they do not hold. What *may wait* can only be a step of a plan. What has *solutions* gives one after another, as a
 belief would. An argument of a wrong kind fails with `error(wrong_arguments)`; where this differs from Jason is told in
-[the language](../language.md#the-standard-library).
+[the language](language.md#the-standard-library).
 
 The examples are asked by the tests, with `door(open). door(closed).` believed.
 """

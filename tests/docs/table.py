@@ -13,7 +13,7 @@ Entry = TypeVar("Entry")
 
 _NETWORK = "installs from a package index"
 _REAL = "a real vehicle"
-_BOARD = "on a board: tests/argosy/deploy/test_units_command.py, docs/units.md"
+_BOARD = "on a board: tests/argosy/deploy/test_units_command.py, docs/measurements/systemd-units.md"
 
 NOT_RUN: Final[dict[Key, str]] = {
     ("CONTRIBUTING.md", "make "): "is what runs this",
@@ -21,63 +21,72 @@ NOT_RUN: Final[dict[Key, str]] = {
     ("CONTRIBUTING.md", ".venv/bin/python -m pytest"): "is what runs this",
     ("README.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
     ("README.md", "make test"): "is what runs this",
-    ("docs/benchmarks.md", "make bench"): "90 minutes: tests/benchmarks/test_command.py tries it with parts of its own",
-    ("docs/drivers.md", "pip install"): _NETWORK,
-    ("docs/drivers.md", "argosy check counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
-    ("docs/drivers.md", "argosy run counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
     (
-        "docs/drivers.md",
+        "docs/measurements/benchmarks.md",
+        "make bench",
+    ): "90 minutes: tests/benchmarks/test_command.py tries it with parts of its own",
+    ("docs/guides/drivers.md", "pip install"): _NETWORK,
+    ("docs/guides/drivers.md", "argosy check counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
+    ("docs/guides/drivers.md", "argosy run counting.yaml"): "tests/argosy/test_robots.py, with the package installed",
+    (
+        "docs/guides/drivers.md",
         "argosy check examples/lamp",
     ): "tests/bridged/drivers/test_example_drivers.py, with the package installed",
     (
-        "docs/drivers.md",
+        "docs/guides/drivers.md",
         "argosy run examples/lamp",
     ): "tests/bridged/drivers/test_example_drivers.py, with the package installed",
-    ("docs/boards.md", "sudo "): _BOARD,
-    ("docs/security.md", "sudo "): _BOARD,
-    ("docs/boards.md", "systemctl "): _BOARD,
-    ("docs/boards.md", "journalctl "): _BOARD,
-    ("docs/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/argosy/run/test_rescue.py",
-    ("docs/install.md", "pip wheel"): "wants the checkout and a package index: tests/test_wheel.py",
-    ("docs/install.md", "python3 -m venv /opt"): "another folder in tests/test_wheel.py",
-    ("docs/install.md", "/opt/argosy/bin/"): "another folder in tests/test_wheel.py",
-    ("docs/install.md", "argosy wheelhouse"): _NETWORK + ": tests/test_wheel.py",
-    ("docs/install.md", "scp "): "a real board",
-    ("docs/install.md", "ssh "): "a real board",
-    ("docs/install.md", "sudo "): "a real board: the same without sudo in tests/test_wheel.py",
-    ("docs/search-and-rescue.md", "make rescue"): "minutes: tests/argosy/run/test_rescue.py",
-    ("docs/search-and-rescue.md", "argosy run"): "minutes: tests/argosy/run/test_rescue.py",
-    ("docs/search-and-rescue.md", "argosy referee"): "judges a flight of minutes: tests/argosy/run/test_rescue.py",
-    ("docs/search-and-rescue.md", "python -m tests.soak_rescue"): "half an hour: `make soak`",
-    ("docs/simulated-copter.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
-    ("docs/howto/ardupilot.md", "sim_vehicle.py"): "ArduPilot's simulator is no dependency",
-    ("docs/howto/ardupilot.md", "argosy run --real"): _REAL,
-    ("docs/howto/ardupilot.md", "sudo usermod"): "changes the machine",
-    ("docs/howto/from-jason-ros.md", "argosy run missions/paper_uav.yaml"): "tests/argosy/test_paper_flight.py",
+    ("docs/guides/boards.md", "sudo "): _BOARD,
+    ("docs/guides/security.md", "sudo "): _BOARD,
+    ("docs/guides/boards.md", "systemctl "): _BOARD,
+    ("docs/guides/boards.md", "journalctl "): _BOARD,
+    ("docs/guides/fleets.md", "argosy run missions/search_and_rescue.yaml"): "minutes: tests/argosy/run/test_rescue.py",
+    ("docs/start/install.md", "pip wheel"): "wants the checkout and a package index: tests/test_wheel.py",
+    ("docs/start/install.md", "python3 -m venv /opt"): "another folder in tests/test_wheel.py",
+    ("docs/start/install.md", "/opt/argosy/bin/"): "another folder in tests/test_wheel.py",
+    ("docs/start/install.md", "argosy wheelhouse"): _NETWORK + ": tests/test_wheel.py",
+    ("docs/start/install.md", "scp "): "a real board",
+    ("docs/start/install.md", "ssh "): "a real board",
+    ("docs/start/install.md", "sudo "): "a real board: the same without sudo in tests/test_wheel.py",
+    ("docs/start/search-and-rescue.md", "make rescue"): "minutes: tests/argosy/run/test_rescue.py",
+    ("docs/start/search-and-rescue.md", "argosy run"): "minutes: tests/argosy/run/test_rescue.py",
     (
-        "docs/howto/from-jason-ros.md",
+        "docs/start/search-and-rescue.md",
+        "argosy referee",
+    ): "judges a flight of minutes: tests/argosy/run/test_rescue.py",
+    ("docs/start/search-and-rescue.md", "python -m tests.soak_rescue"): "half an hour: `make soak`",
+    ("docs/guides/simulated-copter.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
+    ("docs/guides/ardupilot.md", "sim_vehicle.py"): "ArduPilot's simulator is no dependency",
+    ("docs/guides/ardupilot.md", "argosy run --real"): _REAL,
+    ("docs/guides/ardupilot.md", "sudo usermod"): "changes the machine",
+    ("docs/guides/from-jason-ros.md", "argosy run missions/paper_uav.yaml"): "tests/argosy/test_paper_flight.py",
+    (
+        "docs/guides/from-jason-ros.md",
         "argosy run missions/paper_turtle.yaml",
     ): "tests/bridged/simulation/turtle/test_turtle.py",
-    ("docs/editor.md", "mkdir -p ~/.vscode"): "the folder of an editor",
+    ("docs/guides/editor.md", "mkdir -p ~/.vscode"): "the folder of an editor",
     (
-        "docs/editor.md",
+        "docs/guides/editor.md",
         "cp -r deploy/editor",
     ): "the folder of an editor; what is in it: tests/agentd/editor/test_lexers.py",
-    ("docs/reasoner.md", "make bench"): "minutes, and it writes the page: tests/agentd/test_benchmarks.py",
-    ("docs/reasoner.md", "jason --version"): "Jason is no dependency: tests/agentd/test_benchmarks.py has one like it",
-    ("docs/reasoner.md", "python -m benchmarks.reasoner"): "minutes: tests/agentd/test_benchmarks.py",
-    ("docs/watch.md", ".venv/bin/pip install"): _NETWORK,
-    ("docs/watch.md", "argosy watch"): "wants a terminal: tests/argosy/watch/test_terminal.py",
-    ("docs/why.md", "argosy why"): "asks a running fleet: tests/argosy/why",
-    ("docs/howto/three-boards.md", "argosy run"): "minutes: tests/argosy/run/test_rescue.py",
-    ("docs/howto/three-boards.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
-    ("docs/howto/three-boards.md", "scp"): _BOARD,
-    ("docs/howto/three-boards.md", "sudo systemctl"): _BOARD,
-    ("docs/operations.md", "sudo systemctl"): _BOARD,
-    ("docs/operations.md", "systemctl"): _BOARD,
-    ("docs/tutorial.md", "sudo apt install"): _NETWORK,
-    ("docs/tutorial.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
-    ("docs/tutorial.md", ". .venv/bin/activate"): "the tests have their own virtual environment",
+    ("docs/measurements/reasoner.md", "make bench"): "minutes, and it writes the page: tests/agentd/test_benchmarks.py",
+    (
+        "docs/measurements/reasoner.md",
+        "jason --version",
+    ): "Jason is no dependency: tests/agentd/test_benchmarks.py has one like it",
+    ("docs/measurements/reasoner.md", "python -m benchmarks.reasoner"): "minutes: tests/agentd/test_benchmarks.py",
+    ("docs/guides/terminal-view.md", ".venv/bin/pip install"): _NETWORK,
+    ("docs/guides/terminal-view.md", "argosy watch"): "wants a terminal: tests/argosy/watch/test_terminal.py",
+    ("docs/guides/why.md", "argosy why"): "asks a running fleet: tests/argosy/why",
+    ("docs/guides/three-boards.md", "argosy run"): "minutes: tests/argosy/run/test_rescue.py",
+    ("docs/guides/three-boards.md", "argosy wheelhouse"): "downloads: tests/test_wheel.py",
+    ("docs/guides/three-boards.md", "scp"): _BOARD,
+    ("docs/guides/three-boards.md", "sudo systemctl"): _BOARD,
+    ("docs/guides/operations.md", "sudo systemctl"): _BOARD,
+    ("docs/guides/operations.md", "systemctl"): _BOARD,
+    ("docs/start/tutorial.md", "sudo apt install"): _NETWORK,
+    ("docs/start/tutorial.md", "make fly"): "makes a virtual environment from a package index, then `argosy run`",
+    ("docs/start/tutorial.md", ". .venv/bin/activate"): "the tests have their own virtual environment",
 }
 """Commands that are not run here: the reason. They have to parse all the same."""
 
@@ -103,24 +112,24 @@ export PYTHONPATH=$PWD/site"""
 """What an installer would leave of examples/sprayer, on the path."""
 
 INSTEAD: Final[dict[Key, str]] = {
-    ("docs/keys.md", "argosy run missions/single_uav.yaml"): _ON_THE_GROUND,
-    ("docs/manifests.md", "argosy run missions/single_uav.yaml"): _ON_THE_GROUND,
-    ("docs/howto/my-robot.md", "pip install"): _INSTALLED,
-    ("docs/howto/my-robot.md", "argosy run examples/sprayer"): (
+    ("docs/reference/bus-keys.md", "argosy run missions/single_uav.yaml"): _ON_THE_GROUND,
+    ("docs/reference/manifests.md", "argosy run missions/single_uav.yaml"): _ON_THE_GROUND,
+    ("docs/guides/my-robot.md", "pip install"): _INSTALLED,
+    ("docs/guides/my-robot.md", "argosy run examples/sprayer"): (
         "argosy run examples/sprayer/sprayer.yaml --plain --speed 20"
     ),
     (
-        "docs/tutorial.md",
+        "docs/start/tutorial.md",
         "argosy run missions/single_uav.yaml",
     ): "argosy run missions/single_uav.yaml --speed 3 --plain",
-    ("docs/tutorial.md", "argosy run my/mission.yaml --plain --report"): (
+    ("docs/start/tutorial.md", "argosy run my/mission.yaml --plain --report"): (
         "argosy run my/mission.yaml --plain --speed 20 --report my/report"
     ),
     (
-        "docs/tutorial.md",
+        "docs/start/tutorial.md",
         "argosy run my/mission.yaml --plain --speed 2",
     ): "argosy run my/mission.yaml --plain --speed 8",
-    ("docs/tutorial.md", "argosy run my/mission.yaml --plain"): "argosy run my/mission.yaml --plain --speed 20",
+    ("docs/start/tutorial.md", "argosy run my/mission.yaml --plain"): "argosy run my/mission.yaml --plain --speed 20",
 }
 """Commands that take minutes: what is run in their place, the same at another speed."""
 
@@ -142,36 +151,38 @@ class Stay(NamedTuple):
 
 
 STAYS: Final[dict[Key, Stay]] = {
-    ("docs/drivers.md", "python room.py"): Stay(says=""),
-    ("docs/mail.md", "argosy run examples/client/survey.yaml"): Stay(says="agentd scout: up", ends="itself"),
-    ("docs/keys.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
-    ("docs/keys.md", "zenoh "): Stay(says='"daemon": "agentd"'),
-    ("docs/looking-in.md", "argosy run by-hand.yaml"): Stay(says="agentd uav: up", ends="itself"),
-    ("docs/looking-in.md", "zenoh --mode client --config look.json5 subscribe"): Stay(
+    ("docs/guides/drivers.md", "python room.py"): Stay(says=""),
+    ("docs/guides/mail.md", "argosy run examples/client/survey.yaml"): Stay(says="agentd scout: up", ends="itself"),
+    ("docs/reference/bus-keys.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
+    ("docs/reference/bus-keys.md", "zenoh "): Stay(says='"daemon": "agentd"'),
+    ("docs/guides/command-line-tools.md", "argosy run by-hand.yaml"): Stay(says="agentd uav: up", ends="itself"),
+    ("docs/guides/command-line-tools.md", "zenoh --mode client --config look.json5 subscribe"): Stay(
         says="argosy/by-hand/uav/health/agentd {"
     ),
-    ("docs/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
-    ("docs/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),
-    ("docs/howto/my-robot.md", "python examples/sprayer/tank.py"): Stay(says="waits"),
-    ("docs/tutorial.md", "argosy run missions"): Stay(says="uav: flying to", ends="failed", after="argosy stop rtl"),
-    ("docs/tutorial.md", "python my/weather.py"): Stay(
+    ("docs/reference/manifests.md", "argosy run missions/single_uav.yaml"): Stay(says="agentd uav: up"),
+    ("docs/guides/simulated-copter.md", "bridged simulate copter"): Stay(says="copter"),
+    ("docs/guides/my-robot.md", "python examples/sprayer/tank.py"): Stay(says="waits"),
+    ("docs/start/tutorial.md", "argosy run missions"): Stay(
+        says="uav: flying to", ends="failed", after="argosy stop rtl"
+    ),
+    ("docs/start/tutorial.md", "python my/weather.py"): Stay(
         says="waits", after="argosy run my/mission.yaml --plain --speed 2"
     ),
 }
 
 NOT_WELL_FORMED: Final[dict[Key, str]] = {
-    ("docs/errors.md", '!start.\n+!start <- .print("hello")\n'): "wrong on purpose: test_errors_page.py",
-    ("docs/errors.md", "!start.\n+!start\n  <- .send(bob"): "wrong on purpose: test_errors_page.py",
-    ("docs/errors.md", "+!buy(X)"): "wrong on purpose: test_errors_page.py",
-    ("docs/errors.md", '!start.\n+!start <- .print("hello)'): "wrong on purpose: test_errors_page.py",
+    ("docs/reference/errors.md", '!start.\n+!start <- .print("hello")\n'): "wrong on purpose: test_errors_page.py",
+    ("docs/reference/errors.md", "!start.\n+!start\n  <- .send(bob"): "wrong on purpose: test_errors_page.py",
+    ("docs/reference/errors.md", "+!buy(X)"): "wrong on purpose: test_errors_page.py",
+    ("docs/reference/errors.md", '!start.\n+!start <- .print("hello)'): "wrong on purpose: test_errors_page.py",
 }
 """Blocks of `asl`, `python`, `toml`, ... that no parser of ours takes: the reason."""
 
 NOT_COMMANDS: Final[dict[Key, str]] = {
-    ("docs/board.md", "agentd has failed"): "what a board says",
-    ("docs/fleets.md", "commd pi1"): "what `argosy run` calls this process",
-    ("docs/fleets.md", "bridged pi1 uav1"): "what `argosy run` calls this process",
-    ("docs/fleets.md", "agentd pi1"): "what `argosy run` calls this process",
-    ("docs/fleets.md", "agentd pi2 was killed by SIGKILL"): "what `argosy run` says",
+    ("docs/guides/boards.md", "agentd has failed"): "what a board says",
+    ("docs/guides/fleets.md", "commd pi1"): "what `argosy run` calls this process",
+    ("docs/guides/fleets.md", "bridged pi1 uav1"): "what `argosy run` calls this process",
+    ("docs/guides/fleets.md", "agentd pi1"): "what `argosy run` calls this process",
+    ("docs/guides/fleets.md", "agentd pi2 was killed by SIGKILL"): "what `argosy run` says",
 }
 """Code within sentences that begins with a program's name and is no command."""

@@ -8,10 +8,10 @@ from tests.docs.pages import ROOT
 
 RUN_IN = {
     "examples/camera": "tests/bridged/test_camera_example.py",
-    "examples/client": "docs/mail.md",
+    "examples/client": "docs/guides/mail.md",
     "examples/compass": "tests/agentd/extensions/test_plugins.py",
     "examples/lamp": "tests/argosy/test_robots.py",
-    "examples/sprayer": "docs/howto/my-robot.md",
+    "examples/sprayer": "docs/guides/my-robot.md",
     "missions/paper_turtle.yaml": "tests/bridged/simulation/turtle/test_turtle.py",
     "missions/paper_uav.yaml": "tests/argosy/test_paper_flight.py",
     "missions/search_and_rescue.yaml": "tests/boards/test_rescue.py",

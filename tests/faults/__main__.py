@@ -1,4 +1,4 @@
-"""`make faults`: injects every fault of the table, prints what came of it and writes docs/faults.md."""
+"""`make faults`: injects every fault of the table, prints what came of it and writes docs/measurements/faults.md."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.faults.rows import Row, table, table_of_mail
 from tests.faults.virtual import VIRTUAL
 from tests.soak_report import ROOT, here
 
-PAGE = ROOT / "docs" / "faults.md"
+PAGE = ROOT / "docs/measurements/faults.md"
 HEAD = """\
 # Faults
 

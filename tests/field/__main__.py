@@ -1,4 +1,5 @@
-"""`make field`: lets agents, bridges, routers and boards fail in flight, and writes docs/field.md; some 30 minutes.
+"""`make field`: lets agents, bridges, routers and boards fail in flight, and writes
+docs/measurements/daemon-failures.md; some 30 minutes.
 
 `--times N` (default 3) flies each row so often; names of rows (`agents.hung`) fly those alone and write nothing.
 """
@@ -23,7 +24,7 @@ from tests.field.units import UnitFile
 from tests.support.processes import ROOT
 
 ALL = (*AGENTS, *BOARDS, *BRIDGES, *SYSTEMD)
-PAGE = ROOT / "docs" / "field.md"
+PAGE = ROOT / "docs/measurements/daemon-failures.md"
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 
 

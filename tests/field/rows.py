@@ -1,4 +1,5 @@
-"""What a row of docs/field.md says: what failed, what the vehicle showed and when, against what was declared."""
+"""What a row of docs/measurements/daemon-failures.md says: what failed, what the vehicle showed and when, against
+what was declared."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A few rows of docs/field.md as tests: in the order and for the reasons declared, with patience for a busy machine."""
+"""A few rows of docs/measurements/daemon-failures.md as tests: in the order and for the reasons declared, with
+patience for a busy machine."""
 
 from __future__ import annotations
 

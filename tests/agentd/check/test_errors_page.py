@@ -1,4 +1,4 @@
-"""docs/errors.md tells the truth: each program on it gets the messages that stand below it."""
+"""docs/reference/errors.md tells the truth: each program on it gets the messages that stand below it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from agentd.check.command import add_arguments, run
 from agentd.check.finding_kinds import Kind
 
-PAGE = (Path(__file__).parents[3] / "docs" / "errors.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs/reference/errors.md").read_text(encoding="utf-8")
 SHOWN = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)
 
 

@@ -1,4 +1,4 @@
-"""docs/restart.md: its program is one, and its figures are those of the code."""
+"""docs/guides/restart.md: its program is one, and its figures are those of the code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from agentd.runtime import action_client
 from commd.client import actions, receive_once
 from commd.liveness import presence
 
-PAGE = (Path(__file__).parents[3] / "docs" / "restart.md").read_text()
+PAGE = (Path(__file__).parents[3] / "docs/guides/restart.md").read_text()
 
 
 def test_the_program_of_the_page_can_be_run() -> None:

@@ -1,4 +1,4 @@
-"""docs/mind-format.md tells the truth: its example is what an agent says, its tables are the records."""
+"""docs/reference/mind-records.md tells the truth: its example is what an agent says, its tables are the records."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The search and rescue: its programs by their own tests, and a short flight in which daemons are killed.
 
-Twenty whole ones: `python -m tests.soak_rescue`, docs/soak.md.
+Twenty whole ones: `python -m tests.soak_rescue`, docs/measurements/soak.md.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def test_an_observer_of_telemetry_is_told_that_it_sees_no_minds(
     world: World, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["why", "a", "--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("eye"))]) == 1
-    why = "a: `eye` is an observer of telemetry by the mission: it may not see this (docs/security.md)"
+    why = "a: `eye` is an observer of telemetry by the mission: it may not see this (docs/guides/security.md)"
     assert why in capsys.readouterr().err
 
 
@@ -86,7 +86,9 @@ def test_an_observer_lists_what_all_boards_tell(world: World, capsys: pytest.Cap
 
 
 def test_zenoh_cli_reads_and_acts_with_an_operators_keys_and_the_settings_of_the_page(world: World) -> None:
-    [settings] = [block.text for block in blocks("docs/looking-in.md") if "root_ca_certificate" in block.text]
+    [settings] = [
+        block.text for block in blocks("docs/guides/command-line-tools.md") if "root_ca_certificate" in block.text
+    ]
     settings = settings.replace("tls/10.0.0.11:7447", world.fleet.link("pi1"))
     file = world.fleet.folder / "operator.json5"
     file.write_text(settings.replace("keys/", f"{world.fleet.keys('ops')}/"))

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("browser")
 
 
 def scout() -> MindView:
-    """The mind of docs/mind-format.md, and what that has not."""
+    """The mind of docs/reference/mind-records.md, and what that has not."""
     told: Any = json.loads(part("example").removeprefix("```json\n").removesuffix("```\n"))
     mind = msgspec.convert(told, MindView)
     deep = IntentionView(

@@ -1,4 +1,4 @@
-"""The texts of docs/why.md: a failed context, a failed action, dropped events, a message never answered."""
+"""The texts of docs/guides/why.md: a failed context, a failed action, dropped events, a message never answered."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from tests.argosy.why.asked import agent, eventually, told
 from tests.support.processes import running
 
-PAGE = (Path(__file__).parents[3] / "docs" / "why.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs/guides/why.md").read_text(encoding="utf-8")
 SHOWN = {
     title: (program, text)
     for title, program, text in re.findall(

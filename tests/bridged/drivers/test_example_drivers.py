@@ -1,4 +1,5 @@
-"""The example package of docs/drivers.md: a driver of one's own and functions of one's own, installed and used."""
+"""The example package of docs/guides/drivers.md: a driver of one's own and functions of one's own, installed and
+used."""
 
 from __future__ import annotations
 

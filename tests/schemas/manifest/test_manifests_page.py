@@ -13,7 +13,7 @@ from schemas.manifest.loader import read_manifest
 from schemas.manifest.model import ActionEntry, Field, FieldValue, Parameter, PerceptEntry, RobotEntry
 from schemas.manifest.rules import RESERVED
 
-PAGE = (Path(__file__).parents[3] / "docs" / "manifests.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs/reference/manifests.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 COPTER = '[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\n'
 

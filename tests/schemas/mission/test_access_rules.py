@@ -123,7 +123,7 @@ def test_the_routers_tell_each_observer_what_the_mission_says() -> None:
 
 
 def test_the_page_says_who_sees_what_as_the_rules_do() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "security.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs/guides/security.md").read_text(encoding="utf-8")
     section = page.partition("### Who sees what\n")[2].partition("\n#")[0]
     shown = {line.split("|")[1].strip(" `"): line for line in section.splitlines() if line.startswith("| `")}
     assert tuple(shown) == keys.SIGHTS

@@ -33,7 +33,7 @@ from schemas.mission.model import (
     read_mission,
 )
 
-PAGE = (Path(__file__).parents[3] / "docs" / "missions.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs/reference/missions.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 MODELS = {
     "The file": MissionFile,

@@ -10,7 +10,7 @@ import pytest
 from schemas.wire import keys
 from schemas.wire.names import check_name
 
-PAGE = Path(__file__).parents[3] / "docs" / "keys.md"
+PAGE = Path(__file__).parents[3] / "docs/reference/bus-keys.md"
 
 BUILT = {
     keys.percept("{fleet}", "{agent}", "{name}"),

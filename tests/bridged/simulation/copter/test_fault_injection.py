@@ -1,4 +1,5 @@
-"""Each row of the fault table (docs/faults.md): every action ends once, and is what the robot's own state says."""
+"""Each row of the fault table (docs/measurements/faults.md): every action ends once, and is what the robot's own
+state says."""
 
 from __future__ import annotations
 
