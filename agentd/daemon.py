@@ -14,7 +14,7 @@ from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Program
 from agentd.persistence.checkpoint import CheckpointError
-from agentd.runtime.agent_group import Crew
+from agentd.runtime.agent_group import AgentGroup
 from agentd.runtime.agent_host import DECISIONS, Part
 from agentd.runtime.program_loader import compose, endings, restart_goal
 from agentd.trace.program_sources import Sources
@@ -84,7 +84,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     ) as bus:
         await greet(bus, (mission.agents[part.name].board for part in parts))
         folder = state_folder(args.state, mission.fleet)
-        crew = Crew(bus, clock, mission, folder, args.seed, fresh=args.fresh, unit=unit)
+        crew = AgentGroup(bus, clock, mission, folder, args.seed, fresh=args.fresh, unit=unit)
         try:
             await crew.add(*parts)
         except CheckpointError as error:

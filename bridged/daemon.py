@@ -12,7 +12,7 @@ from typing import Any
 from bridged.bridge.agent_monitor import watch_agents
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.bus_endpoints import Service
-from bridged.bridge.robot_setup import Part, chosen, prepare_all
+from bridged.bridge.robot_setup import RobotSetup, chosen, prepare_all
 from commd.bus.bus import Bus, open_bus
 from commd.common.clock import Clock
 from commd.process.process import (
@@ -119,7 +119,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
 
 
 async def bind(
-    bus: Bus, mission: Mission, part: Part, clock: Clock, args: Namespace, shared: dict[str, Any], unit: Member
+    bus: Bus, mission: Mission, part: RobotSetup, clock: Clock, args: Namespace, shared: dict[str, Any], unit: Member
 ) -> Bridge:
     """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning, and Findings in words."""
     await bus.claim(part.name)
@@ -149,7 +149,7 @@ async def bind(
     return bridge
 
 
-def told_of(bus: Bus, part: Part) -> list[str]:
+def told_of(bus: Bus, part: RobotSetup) -> list[str]:
     """The keys on which a robot is told of: those of its agents, and its own."""
     of_agents = [build(bus.fleet, agent, "any") for agent in part.agents for build in (keys.percept, keys.status)]
     return [*of_agents, keys.health(bus.fleet, part.name, bus.daemon), keys.manifest(bus.fleet, part.name)]

@@ -33,7 +33,7 @@ from commd.router import config as router_config
 from commd.router.admission import Admission, open_admission
 from commd.router.link_monitor import open_links
 from commd.router.link_watchdog import open_link_watchdog
-from commd.router.self_check import Checkups
+from commd.router.self_check import SelfCheck
 from commd.router.tls_rejections import hear_refusals
 from schemas.files.findings import Finding, Findings
 from schemas.files.yaml_positions import did_you_mean
@@ -145,7 +145,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
             directory = await enter(open_directory(bus, board, mission, mailroom, clock, secured))
             if gateway is not None:
                 await enter(gateway.serving(mailroom))
-            Checkups(bus, board, mission.board_names, folder)
+            SelfCheck(bus, board, mission.board_names, folder)
             tell_mission(bus, board, mission)
             if admission is not None:
                 await enter(open_admission(admission, bus))

@@ -36,7 +36,7 @@ from argosy.recording.file.writer import COMPRESSIONS
 from argosy.why.explain import tell
 from argosy.why.from_recording import NotRecorded, recorded_view
 from bridged.drivers import check_manifest
-from bridged.drivers.mavlink.session import Conversation
+from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from bridged.paper_format.ini_manifests import load_ini_pair
@@ -335,7 +335,7 @@ class _Vehicle:
     def __init__(self) -> None:
         self.now = 0.0
         self.framer = Framer(WireCounters())
-        self.conversation = Conversation(
+        self.conversation = VehicleSession(
             load_manifest("arducopter"), Identity(255, 190, 1), lambda message: None, lambda reading: None
         )
 

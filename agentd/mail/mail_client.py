@@ -33,7 +33,7 @@ OFFICE = "mail"
 """The sender of notices about mail (`+undelivered(...)[source(mail)]`)."""
 
 
-class Mailing:
+class MailClient:
     """The mail of one agent."""
 
     def __init__(

@@ -28,7 +28,7 @@ from agentd.persistence.sqlite_file import (
     set_aside,
     told,
 )
-from commd.mail.page_checksums import PageSums, log_damage
+from commd.mail.page_checksums import PageChecksums, log_damage
 from commd.process.state_dir import make_private_folder
 from schemas.wire.records import Note
 
@@ -104,7 +104,7 @@ class Checkpoint:
         self.notes: list[Note] = []
         """What is missing of the file that was found."""
         self._agent, self._synchronous = agent, synchronous
-        self._sums = PageSums(path)
+        self._sums = PageChecksums(path)
         self._lock = threading.Lock()
         self._database: sqlite3.Connection | None = None
         self._soft = False

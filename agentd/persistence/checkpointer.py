@@ -14,11 +14,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
-from agentd.mail.mail_client import Mailing
+from agentd.mail.mail_client import MailClient
 from agentd.mind import Mind
 from agentd.mind.persistence.change_tracking import Keeper
 from agentd.persistence.checkpoint import ActionInFlight, CheckpointError, Outgoing, Saving
-from agentd.persistence.restore import Memory
+from agentd.persistence.restore import RestoredState
 from schemas.wire.codec import Wire, codec
 from schemas.wire.records import Action, Message, Note
 
@@ -46,16 +46,16 @@ CLOSE_PATIENCE = 10.0
 """Wall seconds that the disk has to close the file, or to remove it; all agents of a daemon share its writer."""
 
 
-class Keeping:
+class Checkpointer:
     """The saves of one agent."""
 
     def __init__(
         self,
         agent: str,
-        memory: Memory,
+        memory: RestoredState,
         keeper: Keeper,
         mind: Mind,
-        mailing: Mailing,
+        mailing: MailClient,
         wire: Wire,
         wake: Callable[[], None],
     ) -> None:

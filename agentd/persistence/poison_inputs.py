@@ -58,7 +58,7 @@ class _Note(msgspec.Struct, omit_defaults=True):
     """Messages that were set aside: they are not taken when they come again."""
 
 
-class InHand:
+class PoisonInputs:
     """What one agent has in hand."""
 
     def __init__(self, folder: Path, look: Callable[[], Held]) -> None:
@@ -153,7 +153,7 @@ def said(held: Held) -> str:
     return held.event or mail
 
 
-def _watch(one: InHand) -> None:
+def _watch(one: PoisonInputs) -> None:
     _all.add(one)
     if len(_all) == 1 and not any(thread.name == _THREAD for thread in threading.enumerate()):
         threading.Thread(target=_look_around, name=_THREAD, daemon=True).start()
@@ -171,4 +171,4 @@ def _look_around() -> None:
 
 
 _THREAD: Final = "in-hand"
-_all: Final[WeakSet[InHand]] = WeakSet()
+_all: Final[WeakSet[PoisonInputs]] = WeakSet()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from agentd.extensions.file_access import KEPT
-from agentd.mail.mail_client import Mailing
+from agentd.mail.mail_client import MailClient
 from agentd.mail.outbox import OutgoingMessage
 from agentd.persistence.checkpoint import DAMAGED, Checkpoint, CheckpointError, Saving, Stored
 from agentd.persistence.sqlite_file import remove
@@ -26,7 +26,7 @@ FILE = KEPT
 
 
 @dataclass
-class Memory:
+class RestoredState:
     """The checkpoint of one agent."""
 
     checkpoint: Checkpoint
@@ -51,7 +51,7 @@ class Memory:
         stored = self.stored
         return set() if stored is None else {*stored.next_seq, *(sender for sender, _ in stored.absorbed)}
 
-    def restore(self, mailing: Mailing) -> None:
+    def restore(self, mailing: MailClient) -> None:
         """Give the mail of the agent what the last life had not handed over, and what it has taken.
 
         A row that is damaged is told and left out: it must not keep a daemon from beginning.
@@ -77,7 +77,7 @@ class Memory:
         mailing.outbox.restore(messages)
         mailing.inbox.restore({Numbered(*whose): seq for whose, seq in stored.absorbed.items()})
 
-    async def went_back(self, stored: Stored, mailing: Mailing) -> str:
+    async def went_back(self, stored: Stored, mailing: MailClient) -> str:
         """Ask the board whether it has taken mail that this state knows nothing of: say how much, or nothing."""
         if not stored.numbering:
             return ""
@@ -90,7 +90,7 @@ class Memory:
             f" taken messages that are not known here: {whom}; the agent may do and say again what it did then"
         )
 
-    def first_saving(self, mailing: Mailing, program: bytes) -> Saving:
+    def first_saving(self, mailing: MailClient, program: bytes) -> Saving:
         """Return what the first save of this life holds in any case; `program` stands for what the agent runs."""
         extra = {"program": program}
         begun = {} if self.stored is None else dict.fromkeys(self.stored.next_seq, 1)
@@ -110,14 +110,14 @@ class Memory:
 
 async def open_memory(
     folder: Path, agent: str, writer: Executor, synchronous: Literal["full", "normal"], *, fresh: bool
-) -> Memory:
+) -> RestoredState:
     """Open an agent's checkpoint, or make it. Raises CheckpointError.
 
     `fresh` forgets what is there, mail that has not left included, and says so.
     """
     path = folder / FILE
 
-    def work() -> Memory:
+    def work() -> RestoredState:
         make_private_folder(path.parent)
         mode: Literal["FULL", "NORMAL"] = "FULL" if synchronous == "full" else "NORMAL"
         try:
@@ -133,7 +133,7 @@ async def open_memory(
             log.warning("agent=%s forgets what it was; messages=%d are lost", agent, len(stored.outgoing))
             checkpoint.forget()
             checkpoint, stored = Checkpoint.open(path, agent, mode), None
-        return Memory(checkpoint, stored, writer, synchronous)
+        return RestoredState(checkpoint, stored, writer, synchronous)
 
     try:
         memory = await asyncio.get_running_loop().run_in_executor(writer, work)

@@ -25,12 +25,12 @@ from agentd.mind.data.inputs import ActionDone, Mail, TeamReply
 from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure
 from agentd.mind.introspection.term_snapshot import short_text
-from agentd.replay.replayed_mind import CannotReplay, Done, Life, digest_of
+from agentd.replay.replayed_mind import CannotReplay, Done, ReplayedMind, digest_of
 from agentd.trace.environment_reads import CameBack, Given, MailRefused, NamesRead
 from schemas.files.text_files import read_bounded
 from schemas.wire.mind_records import DecisionView, MindBirth, MindDecisions, MindInputs
 
-__all__ = ["Act", "CannotReplay", "Difference", "Life", "Result", "acts", "compare", "replay"]
+__all__ = ["Act", "CannotReplay", "Difference", "ReplayedMind", "Result", "acts", "compare", "replay"]
 
 NEXT: Final = 6
 """So many of what each did after a difference are shown."""
@@ -105,7 +105,7 @@ class Result:
 class _Tally:
     """Counts what agrees."""
 
-    def __init__(self, life: Life) -> None:
+    def __init__(self, life: ReplayedMind) -> None:
         self._life = life
         self.batches = self.inputs = self.cycles = self.decisions = self.effects = self.proven = 0
         self.unheard = 0
@@ -195,7 +195,7 @@ def compare(
     life, rest = _first(batches)
     birth = life.birth
     first = next(rest)
-    other, tally = Life(first, program=_texts(birth, program, files)), _Tally(life)
+    other, tally = ReplayedMind(first, program=_texts(birth, program, files)), _Tally(life)
     keys = _Keys()
     for batch in _and(first, rest):
         life.take(batch)
@@ -234,7 +234,7 @@ def acts(
     first = next(rest, None)
     if first is None or first.birth is None:
         raise CannotReplay("there is no birth of a mind in the recording")
-    life = Life(first, program=_texts(first.birth, program, files))
+    life = ReplayedMind(first, program=_texts(first.birth, program, files))
     for batch in _and(first, rest):
         life.take(batch)
         while life.mind.cycle < (batch.last if until is None else min(until, batch.last)):
@@ -256,13 +256,13 @@ def _texts(birth: MindBirth, program: Path | str | None, files: Mapping[str, str
     return texts
 
 
-def _first(batches: Iterable[MindInputs]) -> tuple[Life, Iterator[MindInputs]]:
+def _first(batches: Iterable[MindInputs]) -> tuple[ReplayedMind, Iterator[MindInputs]]:
     """Make the mind; return it with all batches, the first one included."""
     rest = iter(batches)
     first = next(rest, None)
     if first is None:
         raise CannotReplay("there are no inputs of a mind in the recording")
-    return Life(first), _and(first, rest)
+    return ReplayedMind(first), _and(first, rest)
 
 
 def _and(first: MindInputs, rest: Iterator[MindInputs]) -> Iterator[MindInputs]:
@@ -283,7 +283,7 @@ def _text(path: Path) -> str:
 
 
 def _where(
-    life: Life, batch: MindInputs, done: list[Done], before: int, decisions: Iterable[MindDecisions]
+    life: ReplayedMind, batch: MindInputs, done: list[Done], before: int, decisions: Iterable[MindDecisions]
 ) -> Difference:
     """Find the first difference of a batch whose digest is another one, by the decisions that were recorded."""
     own = [one for one in done if type(one.what) is tuple]
@@ -361,7 +361,12 @@ _PLACE: Final = re.compile(r":\d+(:\d+)?\b")
 
 
 def _parting(
-    life: Life, other: Life, batch: MindInputs, rest: Iterator[MindInputs], own: list[Done], others: list[Done]
+    life: ReplayedMind,
+    other: ReplayedMind,
+    batch: MindInputs,
+    rest: Iterator[MindInputs],
+    own: list[Done],
+    others: list[Done],
 ) -> Difference:
     """Two lives part here: `own` and `others` are what differs in this cycle. Look at what each does next."""
     cycle, time = life.mind.cycle, life.now
@@ -400,7 +405,7 @@ def _parting(
 # --- in words ---
 
 
-def _act(life: Life, done: Done) -> Act:
+def _act(life: ReplayedMind, done: Done) -> Act:
     what = done.what
     if type(what) is tuple:
         view = life.view_of(done)

@@ -25,7 +25,7 @@ from agentd.mind.persistence.change_tracking import Keeper
 from agentd.persistence.restart import come_back, raise_interrupted
 from agentd.runtime.program_loader import read_item
 from agentd.standalone.command import DEEPEST_CALLS
-from agentd.trace.decision_digest import Acts, DecisionLines, deed_line
+from agentd.trace.decision_digest import DecisionDigest, DecisionLines, deed_line
 from agentd.trace.environment_reads import CameBack, Given, Interrupted, MailRefused, NamesRead
 from agentd.trace.initial_state import unpack, zone_of
 from agentd.trace.input_records import Unreadable, read
@@ -59,7 +59,7 @@ class Done:
         return type(self.what) in (tuple, Failure)
 
 
-class Life:
+class ReplayedMind:
     """One mind that lives again. `feed` batch after batch; in between `mind` may be looked at."""
 
     def __init__(self, first: MindInputs, *, program: Mapping[str, str] | None = None) -> None:
@@ -259,7 +259,7 @@ def _read(record: Any) -> tuple[int, Given]:
 
 def digest_of(done: Iterable[Done], decisions: bool) -> tuple[int, str]:
     """Return how much was decided and done, and its digest; without `decisions` of effects alone."""
-    acts, rest = Acts(), list(done)
+    acts, rest = DecisionDigest(), list(done)
     if decisions:
         acts.decided(one.what for one in rest if one.decides)
     for one in rest:

@@ -17,7 +17,7 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone
-from commd.client.actions import Acting, describe
+from commd.client.actions import ActionRequests, describe
 from schemas.wire.records import Action, ActionStatus
 from schemas.wire.terms import Term
 
@@ -77,14 +77,14 @@ class _Noted:
     error: Exception | None = None
 
 
-class Performing:
+class ActionClient:
     """The actions of one agent, between its mind and its hands."""
 
     def __init__(
         self,
         agent: str,
         life: str,
-        acting: Acting | None,
+        acting: ActionRequests | None,
         journal: Journal,
         feed: Callable[[ActionDone], None],
         spawn: Callable[[Coroutine[Any, Any, None]], object],

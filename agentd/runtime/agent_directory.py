@@ -27,7 +27,7 @@ ASK_TIMEOUT = 5.0
 log = logging.getLogger("roster")
 
 
-class Roster:
+class AgentDirectory:
     """Names in a fixed order: the mission's first, then the others as they came."""
 
     def __init__(self, bus: Bus, mission: Mapping[str, str]) -> None:

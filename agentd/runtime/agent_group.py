@@ -19,10 +19,10 @@ from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.terms.terms import EMPTY, atom, make_list
 from agentd.mind.data.effects import StopTeam, TeamRequest, TeamRequestRefused
 from agentd.mind.data.inputs import TeamReply
-from agentd.persistence.restore import FILE, Memory, open_memory
-from agentd.runtime.agent_directory import Roster
-from agentd.runtime.agent_host import Host, Part
-from agentd.runtime.presence_beliefs import Company
+from agentd.persistence.restore import FILE, RestoredState, open_memory
+from agentd.runtime.agent_directory import AgentDirectory
+from agentd.runtime.agent_host import AgentHost, Part
+from agentd.runtime.presence_beliefs import PresenceBeliefs
 from agentd.runtime.service_client import Do, NotDone, Services
 from agentd.trace.input_records import Included
 from agentd.trace.program_sources import Sources
@@ -51,7 +51,7 @@ MOST_TRIES = 100
 log = logging.getLogger("crew")
 
 
-class Crew:
+class AgentGroup:
     """Runs the agents of a daemon until each has ended, and answers what they ask for."""
 
     def __init__(
@@ -67,10 +67,10 @@ class Crew:
     ) -> None:
         """`state` has a folder for each agent; `fresh`: the agents forget what is kept there, and begin anew."""
         self._unit = unit or Unit({}).member("agentd")
-        self.hosts: dict[str, Host] = {}
+        self.hosts: dict[str, AgentHost] = {}
         self.stopped: StopTeam | None = None
         """What a program said when it stopped the team."""
-        self.roster = Roster(bus, mission.mailboxes)
+        self.roster = AgentDirectory(bus, mission.mailboxes)
         self._bus, self._clock, self._mission, self._state, self._seed = bus, clock, mission, state, seed
         self._made: dict[str, None] = {}
         self._homes: dict[str, str] = {}
@@ -79,7 +79,7 @@ class Crew:
         self._running: dict[asyncio.Task[None], str] = {}
         self._stop = asyncio.Event()
         self._services = Services(bus)
-        self._company = Company(bus, self.roster, clock)
+        self._company = PresenceBeliefs(bus, self.roster, clock)
         self._work = Tasks("working for the agents")
         self._fresh = fresh
         self._writer = ThreadPoolExecutor(1, "keeping")
@@ -95,15 +95,15 @@ class Crew:
         for part, memory in zip(parts, memories, strict=True):
             self._house(part, self._mission.agents[part.name].board, tokens[part.name], memory)
 
-    def _house(self, part: Part, board: str, token: Token, memory: Memory | None = None) -> Host:
+    def _house(self, part: Part, board: str, token: Token, memory: RestoredState | None = None) -> AgentHost:
         rights = MailRights(self._mission, part.name, board)
-        host = Host(self._bus, self._clock, part, self.roster, self.answer, token, memory, rights.accept)
+        host = AgentHost(self._bus, self._clock, part, self.roster, self.answer, token, memory, rights.accept)
         self.hosts[part.name] = host
         self._homes[part.name] = board
         self.roster.add(part.name, board)
         return host
 
-    async def _memory(self, name: str) -> Memory | None:
+    async def _memory(self, name: str) -> RestoredState | None:
         """What an agent has on disk; one that begins anew each time has nothing, nor has one made at run time."""
         agent = self._mission.agents.get(name)
         if agent is None:
@@ -170,7 +170,7 @@ class Crew:
         for end in self._ends.values():
             end.set()
 
-    def _begin(self, host: Host) -> None:
+    def _begin(self, host: AgentHost) -> None:
         end = self._ends[host.part.name] = asyncio.Event()
         if self._stop.is_set():
             end.set()
@@ -189,7 +189,7 @@ class Crew:
         except NotDone as why:
             log.warning("agent=%s may still be listed with the services of a former life: %s", name, why)
 
-    async def _live(self, host: Host, end: asyncio.Event) -> None:
+    async def _live(self, host: AgentHost, end: asyncio.Event) -> None:
         """Run one agent; when its program stops the team, all agents of this daemon end."""
         name = host.part.name
         report = asyncio.create_task(report_health(self._bus, name, self._clock, host.health))
@@ -205,7 +205,7 @@ class Crew:
         if name in self._made:
             await self._gone(host)
 
-    async def _gone(self, host: Host) -> None:
+    async def _gone(self, host: AgentHost) -> None:
         """An agent made at run time has ended: its name is free again when its board has let it go."""
         name = host.part.name
         host.close()
@@ -220,7 +220,7 @@ class Crew:
 
     # --- what agents ask for ---
 
-    async def answer(self, host: Host, request: TeamRequest) -> TeamReply:
+    async def answer(self, host: AgentHost, request: TeamRequest) -> TeamReply:
         """Fulfil a request, or say why not."""
         handlers: dict[str, Callable[..., Any]] = {
             "create": self._create,
@@ -250,10 +250,10 @@ class Crew:
         except (OSError, UnicodeDecodeError) as error:
             return TeamReply(request.id, None, "unknown", getattr(error, "strerror", None) or str(error))
 
-    def _files(self, host: Host) -> AgentFiles:
+    def _files(self, host: AgentHost) -> AgentFiles:
         return AgentFiles([self._mission.path.parent], self._state / host.part.name)
 
-    async def _create(self, host: Host, name: str, path: str) -> str:
+    async def _create(self, host: AgentHost, name: str, path: str) -> str:
         program, sources = CompiledProgram(host.part.program.file), Sources()
         if path:
             found = self._files(host).readable(path, host.part.program.file)
@@ -265,14 +265,14 @@ class Crew:
         log.info("agent=%s made=%s program=%s", host.part.name, made.part.name, path or "none")
         return made.part.name
 
-    async def _clone(self, host: Host, name: str) -> str:
+    async def _clone(self, host: AgentHost, name: str) -> str:
         made = await self._make(host, name, CompiledProgram(host.part.program.file), Sources())
         made.copy_from(host)
         self._begin(made)
         log.info("agent=%s cloned=%s", host.part.name, made.part.name)
         return made.part.name
 
-    async def _make(self, maker: Host, wanted: str, program: CompiledProgram, sources: Sources) -> Host:
+    async def _make(self, maker: AgentHost, wanted: str, program: CompiledProgram, sources: Sources) -> AgentHost:
         """Find a name that is free in the fleet, let it join the board of its maker and claim it on the bus."""
         try:
             check_name(wanted)
@@ -297,7 +297,7 @@ class Crew:
             del self._made[name]
         raise TeamRequestRefused("unknown", f"{MOST_TRIES} agents are called {wanted} or {wanted}_N already")
 
-    async def _welcome(self, name: str, program: CompiledProgram, sources: Sources, board: str) -> Host | None:
+    async def _welcome(self, name: str, program: CompiledProgram, sources: Sources, board: str) -> AgentHost | None:
         """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
         try:
             self.roster.told(await self._services.ask(board, name, "join"))
@@ -310,7 +310,7 @@ class Crew:
                 return None
             raise
 
-    async def _kill(self, host: Host, name: str, delay: float) -> Any:
+    async def _kill(self, host: AgentHost, name: str, delay: float) -> Any:
         if name not in self.roster.names:
             raise TeamRequestRefused("ia_failed", f"there is no agent '{name}'")
         if name in self._mission.agents:
@@ -333,7 +333,7 @@ class Crew:
             await asyncio.wait(lives, timeout=ENDING)
         return EMPTY
 
-    async def _include(self, host: Host, path: str, namespace: str) -> Included | None:
+    async def _include(self, host: AgentHost, path: str, namespace: str) -> Included | None:
         try:
             found = self._files(host).readable(path, host.part.program.file)
         except FileNotFoundError as error:
@@ -344,7 +344,7 @@ class Crew:
         program = await asyncio.to_thread(lambda: in_namespace(read(found), namespace, read))
         return Included(program, str(found), namespace, sources)
 
-    async def _save(self, host: Host, path: str, text: str) -> Any:
+    async def _save(self, host: AgentHost, path: str, text: str) -> Any:
         await asyncio.to_thread(self._files(host).save, path, text)
         return EMPTY
 
@@ -356,19 +356,19 @@ class Crew:
         self.roster.told(answer)
         return answer
 
-    async def _register(self, host: Host, service: str) -> Any:
+    async def _register(self, host: AgentHost, service: str) -> Any:
         await self._ask(host.part.name, "register", service)
         return EMPTY
 
-    async def _deregister(self, host: Host, service: str) -> Any:
+    async def _deregister(self, host: AgentHost, service: str) -> Any:
         await self._ask(host.part.name, "deregister", service)
         return EMPTY
 
-    async def _search(self, host: Host, service: str) -> Any:
+    async def _search(self, host: AgentHost, service: str) -> Any:
         answer = await self._ask(host.part.name, "search", service)
         return make_list([atom(name) for name in answer.found])
 
-    async def _subscribe(self, host: Host, service: str) -> Any:
+    async def _subscribe(self, host: AgentHost, service: str) -> Any:
         """Those who offer it are told by mail, from `df`, now and later."""
         await self._ask(host.part.name, "subscribe", service)
         return EMPTY

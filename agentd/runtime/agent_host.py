@@ -16,7 +16,7 @@ from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.syntax_tree.nodes import Formula, Goal
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
-from agentd.mail.mail_client import Mailing
+from agentd.mail.mail_client import MailClient
 from agentd.mind import Mind
 from agentd.mind.data.effects import CancelAction, Effect, Log, PerformAction, Print, StopTeam, TeamRequest
 from agentd.mind.data.inputs import (
@@ -31,35 +31,35 @@ from agentd.mind.data.inputs import (
 )
 from agentd.mind.persistence.change_tracking import Keeper
 from agentd.persistence.checkpoint import Stored
-from agentd.persistence.checkpointer import Keeping
-from agentd.persistence.poison_inputs import DEATHS, Held, InHand, said
+from agentd.persistence.checkpointer import Checkpointer
+from agentd.persistence.poison_inputs import DEATHS, Held, PoisonInputs, said
 from agentd.persistence.restart import come_back, raise_interrupted
-from agentd.persistence.restore import Memory
-from agentd.runtime.action_client import NoJournal, Performing
-from agentd.runtime.agent_directory import Roster
-from agentd.runtime.lag_estimator import Backlog
-from agentd.runtime.operator_control import Control
+from agentd.persistence.restore import RestoredState
+from agentd.runtime.action_client import ActionClient, NoJournal
+from agentd.runtime.agent_directory import AgentDirectory
+from agentd.runtime.lag_estimator import LagEstimator
+from agentd.runtime.operator_control import OperatorControl
 from agentd.runtime.view_server import Viewer
-from agentd.runtime.wakeup_timer import Wake
+from agentd.runtime.wakeup_timer import WakeupTimer
 from agentd.trace import Tracing
 from agentd.trace.environment_reads import CameBack, Interrupted
-from agentd.trace.initial_state import Birth
+from agentd.trace.initial_state import InitialState
 from agentd.trace.input_records import Included
 from agentd.trace.program_sources import Sources
 from commd.bus.bus import Bus, Token
-from commd.client.actions import Acting
+from commd.client.actions import ActionRequests
 from commd.client.manual_percepts import HandPercepts, hear_by_hand
-from commd.client.percept_sync import Perceiving
+from commd.client.percept_sync import PerceptSync
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
-from commd.liveness.bridge_presence import BridgeWatch
+from commd.liveness.bridge_presence import BridgePresence
 from commd.process.output import stdout
 from commd.process.systemd import Loop
 from schemas.files.terminal import escape_line
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import Health, Message, Note, Perception
 
-Team: TypeAlias = "Callable[[Host, TeamRequest], Awaitable[TeamReply]]"
+Team: TypeAlias = "Callable[[AgentHost, TeamRequest], Awaitable[TeamReply]]"
 """Who fulfils what a mind asks of its team."""
 log = logging.getLogger("agent")
 
@@ -145,7 +145,7 @@ def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> 
                 ran(before + 1, now, effects)
 
 
-class Host:
+class AgentHost:
     """One agent of a mission: its mind, and the mind's hands and ears."""
 
     def __init__(
@@ -153,10 +153,10 @@ class Host:
         bus: Bus,
         clock: Clock,
         part: Part,
-        roster: Roster,
+        roster: AgentDirectory,
         team: Team,
         token: Token,
-        memory: Memory | None = None,
+        memory: RestoredState | None = None,
         accept: Callable[[Message], bool] = lambda message: True,
     ) -> None:
         """`memory` is what the agent has on disk; without one it begins anew each time.
@@ -172,7 +172,7 @@ class Host:
         self._bus, self._clock, self._roster, self._team, self._token = bus, clock, roster, team, token
         self._memory = memory
         self._keeper = None if memory is None else Keeper(None if memory.stored is None else memory.stored.mind)
-        birth = Birth(
+        birth = InitialState(
             sources=part.sources,
             seed=part.own_seed,
             start=clock.now(),
@@ -201,8 +201,8 @@ class Host:
             decisions=part.decisions,
             keeper=self._keeper,
         )
-        self._backlog = Backlog()
-        self._wake = Wake()
+        self._backlog = LagEstimator()
+        self._wake = WakeupTimer()
         self._beats = Loop.unwatched()
         self._reasons = False
         """Whether it reasons by now: what a former life had begun is known."""
@@ -216,28 +216,28 @@ class Host:
         self._tasks = Tasks(f"working for agent {part.name}")
         for formula in (*part.done.values(), *part.failed.values()):
             self._mind.query(formula)  # what it names is known from the beginning, whenever somebody looks
-        self._mailing = Mailing(bus, part.name, self._mind, self._take_mail, lambda: roster.names, accept)
+        self._mailing = MailClient(bus, part.name, self._mind, self._take_mail, lambda: roster.names, accept)
         self._tracing = Tracing(
             bus, clock, self._mind, birth, early, lambda: roster.names, self._mailing.life, self._tasks.spawn
         )
         self._tracing.send_by(self._mailing.send, self._mailing.receivers)
         self._keeping = self._keep_in(memory)
-        self._hand: InHand | None = None
+        self._hand: PoisonInputs | None = None
         if memory is not None:
-            self._hand = InHand(memory.checkpoint.path.parent, self._in_hand)
+            self._hand = PoisonInputs(memory.checkpoint.path.parent, self._in_hand)
             self._mailing.is_set_aside = self._hand.is_set_aside
-        self._perceiving: Perceiving | None = None
+        self._perceiving: PerceptSync | None = None
         self._by_hand: HandPercepts | None = None
-        self._acting: Acting | None = None
+        self._acting: ActionRequests | None = None
         if part.robot is not None:
-            self._perceiving = Perceiving(bus, part.name, part.robot, self._perceive, part.inject)
-            watch = BridgeWatch(bus, part.robot, self._bridge_up, self._bridge_gone, part.robot_elsewhere)
-            self._acting = Acting(bus, part.name, self._perceiving, watch, clock.to_wall)
+            self._perceiving = PerceptSync(bus, part.name, part.robot, self._perceive, part.inject)
+            watch = BridgePresence(bus, part.robot, self._bridge_up, self._bridge_gone, part.robot_elsewhere)
+            self._acting = ActionRequests(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._tasks.spawn(self._perceiving.run())
             self._tasks.spawn(watch.run())
         else:
             self._by_hand = hear_by_hand(bus, part.name, part.inject, self._perceive)
-        self._performing = Performing(
+        self._performing = ActionClient(
             part.name,
             bus.boot,
             self._acting,
@@ -246,7 +246,7 @@ class Host:
             self._tasks.spawn,
             self._interrupted,
         )
-        self._control = Control(
+        self._control = OperatorControl(
             bus,
             self._mind,
             part.inject,
@@ -268,7 +268,7 @@ class Host:
             failed=part.failed,
         )
 
-    def _keep_in(self, memory: Memory | None) -> Keeping | None:
+    def _keep_in(self, memory: RestoredState | None) -> Checkpointer | None:
         """Take up the mail of a former life, and prepare to keep this one."""
         if memory is None or self._keeper is None:
             return None
@@ -276,7 +276,7 @@ class Host:
         self._roster.remember(memory.correspondents)
         if not memory.is_of(self.part.digest):
             log.warning("agent=%s its program has changed: beliefs and goals are those of the old one", self.part.name)
-        keeping = Keeping(
+        keeping = Checkpointer(
             self.part.name, memory, self._keeper, self._mind, self._mailing, self._bus.wire, self._wake.set
         )
         keeping.first = memory.first_saving(self._mailing, self.part.digest)
@@ -313,7 +313,7 @@ class Host:
         keeping.tell(Note("set_aside", text, what))
         self._mailing.signal("set_aside", what)
 
-    async def _compare(self, memory: Memory, stored: Stored, keeping: Keeping) -> None:
+    async def _compare(self, memory: RestoredState, stored: Stored, keeping: Checkpointer) -> None:
         """Tell if what is kept has gone back in time."""
         if told := await memory.went_back(stored, self._mailing):
             keeping.tell(Note("state_went_back", told))
@@ -499,7 +499,7 @@ class Host:
         self._control.withdraw()
         self._bus.withdraw(self._token)
 
-    def copy_from(self, other: Host) -> None:
+    def copy_from(self, other: AgentHost) -> None:
         """Take over what another agent believes and how it acts (``.clone``)."""
         self._mind.copy_from(other._mind)
         self._tracing.cloned(other.part.name)
@@ -638,7 +638,7 @@ class Host:
         return (*self._control.notes(), *by_hand, *kept)
 
 
-_busy: set[Host] = set()
+_busy: set[AgentHost] = set()
 """Agents of this process that reason, or whose last slice ended before they were done."""
 _BRIDGE_UP = Literal(signature("bridge", 1), (atom("up"),))
 _LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO, "debug": logging.DEBUG}

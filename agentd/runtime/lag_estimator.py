@@ -6,7 +6,7 @@ What waits now has been taken when so many cycles have gone by. That costs the c
 from __future__ import annotations
 
 
-class Backlog:
+class LagEstimator:
     """Follows what waited at one look until it has been taken, then what waits at that moment."""
 
     def __init__(self) -> None:

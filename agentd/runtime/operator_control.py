@@ -59,7 +59,7 @@ _BRACKETS: Final = re.compile(r"[][(){}]|\"(?:[^\"\\]|\\.)*\"")
 """Brackets, and strings, whose brackets do not count."""
 
 
-class Control:
+class OperatorControl:
     """The operator's hold on one mind."""
 
     def __init__(

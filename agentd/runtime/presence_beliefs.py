@@ -13,7 +13,7 @@ from collections.abc import Callable
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.data.inputs import Input, PerceptAdded, PerceptRemoved
-from agentd.runtime.agent_directory import Roster
+from agentd.runtime.agent_directory import AgentDirectory
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
@@ -25,10 +25,10 @@ DAEMONS = ("agentd", "client")
 """Whose tokens stand for agents."""
 
 
-class Company:
+class PresenceBeliefs:
     """The agents that are there, and those of this daemon that want to know."""
 
-    def __init__(self, bus: Bus, roster: Roster, clock: Clock) -> None:
+    def __init__(self, bus: Bus, roster: AgentDirectory, clock: Clock) -> None:
         self.online: dict[str, str] = {}
         """Those that are there, as they came, and their boards."""
         self._bus, self._roster, self._clock = bus, roster, clock

@@ -13,7 +13,7 @@ from agentd.conversion.introspection import EVERYTHING, BadParameter, Look
 from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, drops_of, events_of, intentions_of, questions_of
 from agentd.language.syntax_tree.nodes import Formula
 from agentd.mind import Mind
-from agentd.runtime.operator_control import Control
+from agentd.runtime.operator_control import OperatorControl
 from commd.bus.bus import Bus, Query
 from commd.common.clock import Clock
 from schemas.wire import keys
@@ -31,7 +31,7 @@ class Viewer:
         bus: Bus,
         mind: Mind,
         clock: Clock,
-        control: Control,
+        control: OperatorControl,
         *,
         life: str,
         prints: Iterable[str],

@@ -13,7 +13,7 @@ EARLY: Final = 0.0001
 """Wall seconds by which a timer may come too early."""
 
 
-class Wake:
+class WakeupTimer:
     """What one task sleeps on."""
 
     def __init__(self) -> None:

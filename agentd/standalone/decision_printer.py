@@ -43,12 +43,12 @@ def add_why_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def narrator_of(args: argparse.Namespace) -> Narrator | None:
+def narrator_of(args: argparse.Namespace) -> DecisionPrinter | None:
     """The narrator that the arguments ask for, if they do."""
-    return Narrator(args.why_about) if args.why or args.why_about else None
+    return DecisionPrinter(args.why_about) if args.why or args.why_about else None
 
 
-class Narrator:
+class DecisionPrinter:
     """Tells decisions to ``write``, one line each call; ``about`` are the names that are asked for (none: all)."""
 
     def __init__(self, about: Iterable[str] = (), write: Callable[[str], object] | None = None) -> None:

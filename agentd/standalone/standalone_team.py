@@ -39,7 +39,7 @@ from schemas.files.terminal import escape_line, escape_lines
 if TYPE_CHECKING:
     from agentd.environment import Environment
     from agentd.environment.environment_host import World
-    from agentd.standalone.decision_printer import Narrator
+    from agentd.standalone.decision_printer import DecisionPrinter
 
 CYCLES_A_TURN = 2000
 """A mind with nothing to hand out gives way to the others after so many cycles."""
@@ -69,7 +69,7 @@ class Team:
         environment_arguments: Sequence[str] = (),
         verbosity: Mapping[str, int] | None = None,
         decisions: int = 0,
-        narrator: Narrator | None = None,
+        narrator: DecisionPrinter | None = None,
         folders: Sequence[Path] | None = None,
     ) -> None:
         """`folders` are those that the files which programs name at run time must be in; None: any."""

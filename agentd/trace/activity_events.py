@@ -31,7 +31,7 @@ _DETAIL: Final = signature("detail", 1)
 """The annotation of a notice that says more than its code."""
 
 
-class Deeds:
+class ActivityEvents:
     """The deeds of one agent since somebody asked last."""
 
     def __init__(

@@ -40,7 +40,7 @@ class Names(dict[Any, str]):
         return text
 
 
-class Acts:
+class DecisionDigest:
     """What a mind decides and does in a stretch of its life, noted for a digest.
 
     A busy mind decides many thousand times a second: what tells its decisions apart is put into one list of texts and

@@ -21,7 +21,7 @@ MOST_MEMORY: Final = 2_000_000
 
 
 @dataclass(slots=True)
-class Birth:
+class InitialState:
     """What one mind was made of."""
 
     sources: Sources | None

@@ -26,7 +26,7 @@ from agentd.mind.data.inputs import (
     TimeRead,
     TooDeep,
 )
-from agentd.trace.decision_digest import Acts, deed_line
+from agentd.trace.decision_digest import DecisionDigest, deed_line
 from agentd.trace.environment_reads import CameBack, Given, MailRefused, NamesRead
 from agentd.trace.input_records import Included, written
 from schemas.wire.mind_records import MindBirth, MindInputs, MindStep
@@ -49,7 +49,7 @@ STEP_CYCLES: Final = 20
 """So many cycles tell one that is not idle from one that only wakes now and then."""
 
 
-class Stretch:
+class InputBatch:
     """A stretch of a life: one batch."""
 
     __slots__ = ("decided", "digest", "final", "firsts", "inputs", "last", "number", "times", "told", "weight")
@@ -70,7 +70,7 @@ class Stretch:
         """Whether the life ends with it."""
 
 
-class Course:
+class InputLog:
     """What goes into one mind, batch by batch."""
 
     def __init__(
@@ -92,22 +92,22 @@ class Course:
         """Inputs that are in no batch: those of the beginning when they were dropped, and all while nobody listened."""
         self.listened = False
         self._mind, self._birth, self._timers = mind, birth, mind.timers
-        self._kept: list[Stretch] | None = []
+        self._kept: list[InputBatch] | None = []
         """The batches since birth."""
         self._kept_inputs = self._kept_bytes = 0
         self._room, self._forgotten = room, forgotten
         self._names: tuple[str, ...] | None = None
         """Who could be sent to when the mind asked last."""
-        self._acts = Acts()
+        self._acts = DecisionDigest()
         """What was decided and done since the present batch began, while somebody listens."""
         self._looks = -1
         self._step_at, self._step_from = -1.0, 0
-        self._open = Stretch(0, False)
+        self._open = InputBatch(0, False)
         self._begun = mind.cycle
         """The cycle after which the present batch began."""
         self.on = True
         """Whether inputs are noted now: from birth until that is too much, and while somebody listens."""
-        self._put: Callable[[Stretch], None] = lambda stretch: None
+        self._put: Callable[[InputBatch], None] = lambda stretch: None
         for cycle, item in early:
             self.given(cycle, item)
 
@@ -155,7 +155,7 @@ class Course:
 
     # --- batches ---
 
-    def listen(self, put: Callable[[Stretch], None] | None) -> None:
+    def listen(self, put: Callable[[InputBatch], None] | None) -> None:
         """From now on somebody listens: `put` takes each batch as it is closed. None: nobody does."""
         if self.on and (self._mind.cycle > self._begun or self._open.inputs):
             self.close()  # a batch is listened to as a whole or not at all
@@ -163,7 +163,7 @@ class Course:
         self._put = put if put is not None else lambda stretch: None
         if self.listened and not self.on:
             self.on = True  # the number that is left out says that something is missing
-            self._open = Stretch(self._open.number + 1, True)
+            self._open = InputBatch(self._open.number + 1, True)
             self._looks, self._step_at = -1, -1.0
         self._open.told = self.listened
         if not self.listened and self._kept is None:
@@ -171,7 +171,7 @@ class Course:
 
     def close(self) -> None:
         """End the present batch and begin the next."""
-        stretch, self._open = self._open, Stretch(self._open.number + 1, self.listened)
+        stretch, self._open = self._open, InputBatch(self._open.number + 1, self.listened)
         stretch.last = self._begun = self._mind.cycle
         if self.listened:
             stretch.decided, stretch.digest = self._acts.take()
@@ -204,7 +204,7 @@ class Course:
             self.on = False
         self._forgotten()
 
-    def untold(self) -> list[Stretch]:
+    def untold(self) -> list[InputBatch]:
         """Return the batches since birth that were not told as they ended, each once."""
         found = [stretch for stretch in self._kept or () if not stretch.told]
         for stretch in found:
@@ -218,7 +218,7 @@ class Course:
         self.flush()
         return None if self._kept is None else map(self.record, list(self._kept))
 
-    def record(self, stretch: Stretch) -> MindInputs:
+    def record(self, stretch: InputBatch) -> MindInputs:
         """Return a batch as a record, without its header."""
         return MindInputs(
             agent=self._mind.name,

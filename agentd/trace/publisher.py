@@ -16,10 +16,10 @@ from agentd.mind import Mind
 from agentd.mind.data.effects import Effect, SendMail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
-from agentd.trace.activity_events import Deeds
+from agentd.trace.activity_events import ActivityEvents
 from agentd.trace.environment_reads import CameBack, Given, Interrupted, MailRefused
-from agentd.trace.initial_state import Birth
-from agentd.trace.input_log import MOST_BYTES, Course, Stretch
+from agentd.trace.initial_state import InitialState
+from agentd.trace.input_log import MOST_BYTES, InputBatch, InputLog
 from agentd.trace.input_records import Included
 from commd.bus.bus import Bus, Query
 from commd.common.clock import Clock
@@ -61,7 +61,7 @@ class Tracing:
         bus: Bus,
         clock: Clock,
         mind: Mind,
-        birth: Birth,
+        birth: InitialState,
         early: Iterable[tuple[int, Given]],
         names: Callable[[], Collection[str]],
         life: str,
@@ -72,14 +72,16 @@ class Tracing:
         """
         agent = mind.name
         self.birth = birth
-        self.course = Course(
+        self.course = InputLog(
             mind,
             birth.record,
             early,
             room=lambda: min(MOST_BYTES, MOST_TOGETHER // max(1, len(_all))),
             forgotten=self._hook,
         )
-        self.deeds = Deeds(agent, lambda number: f"{agent}:{bus.boot}:{number}", lambda one: f"{one}.{life}", clock.now)
+        self.deeds = ActivityEvents(
+            agent, lambda number: f"{agent}:{bus.boot}:{number}", lambda one: f"{one}.{life}", clock.now
+        )
         self.ran: Ran | None = None
         """To be called after each run of the mind; None: that is not needed."""
         self._bus, self._clock, self._mind, self._spawn = bus, clock, mind, spawn
@@ -241,7 +243,7 @@ class Tracing:
             withdraw()
         self._withdraw.clear()
 
-    def _put(self, stretch: Stretch) -> None:
+    def _put(self, stretch: InputBatch) -> None:
         record = self.course.record(stretch)
         self._bus.put(self._keys["inputs"], msgspec.structs.replace(record, header=self._header("inputs")))
 

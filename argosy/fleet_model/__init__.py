@@ -3,7 +3,7 @@
 from argosy.fleet_model.activity import Activity, activity
 from argosy.fleet_model.frozen_model import still
 from argosy.fleet_model.members import Member, TeamAgent, TeamBoard, TeamRobot
-from argosy.fleet_model.message_log import Letter, Letters
+from argosy.fleet_model.message_log import LoggedMessage, MessageLog
 from argosy.fleet_model.mission_clock import MissionClock
 from argosy.fleet_model.model import TeamModel
 from argosy.fleet_model.observer import TeamWatcher, steady_clock
@@ -13,9 +13,9 @@ from argosy.fleet_model.timeline import Entry, Timeline
 __all__ = [
     "Activity",
     "Entry",
-    "Letter",
-    "Letters",
+    "LoggedMessage",
     "Member",
+    "MessageLog",
     "MissionClock",
     "Place",
     "Places",

@@ -77,7 +77,7 @@ class Row:
         return None if self.standing == "missing" else self.health
 
 
-class Roll:
+class FleetStatus:
     """Takes tokens and health records of one fleet or of several; `now` is in wall seconds."""
 
     def __init__(self, mission: Mission | None, now: Callable[[], float], *, several: bool = False) -> None:

@@ -13,7 +13,7 @@ MOST = 2_000
 
 
 @dataclass
-class Letter:
+class LoggedMessage:
     """A message on its way from one agent to another. Times are Unix seconds; None = nobody told."""
 
     id: str
@@ -35,19 +35,19 @@ class Letter:
         return "received" if self.received is not None else "undelivered" if self.undelivered else "in_flight"
 
 
-class Letters:
+class MessageLog:
     """Keeps the last letters by id, sender and receiver, in the order of their last changes."""
 
     def __init__(self, most: int = MOST) -> None:
         self.number = 0
         """Of the last change."""
         self._most = most
-        self._letters: dict[tuple[str, str, str], Letter] = {}
+        self._letters: dict[tuple[str, str, str], LoggedMessage] = {}
 
     def __len__(self) -> int:
         return len(self._letters)
 
-    def deed(self, agent: str, deed: Deed, at: float) -> Letter | None:
+    def deed(self, agent: str, deed: Deed, at: float) -> LoggedMessage | None:
         """Take a deed of an agent. Returns its letter, or None if it has to do with none."""
         match deed.kind:
             case "sent" | "undelivered":
@@ -63,9 +63,9 @@ class Letters:
                 return None
         return letter
 
-    def since(self, number: int) -> list[Letter]:
+    def since(self, number: int) -> list[LoggedMessage]:
         """Return the letters that came or changed after that number, in the order of their changes."""
-        found: list[Letter] = []
+        found: list[LoggedMessage] = []
         for letter in reversed(self._letters.values()):
             if letter.number <= number:
                 break
@@ -80,10 +80,10 @@ class Letters:
                 letter.number, letter.undelivered = self.number, why
                 self._letters[key] = self._letters.pop(key)
 
-    def _letter(self, deed: Deed, sender: str, receiver: str) -> Letter:
+    def _letter(self, deed: Deed, sender: str, receiver: str) -> LoggedMessage:
         self.number += 1
         key = (shortened(deed.id) or f"#{self.number}", shortened(sender), shortened(receiver))
-        letter = self._letters.pop(key, None) or Letter(*key, shortened(deed.performative), "")
+        letter = self._letters.pop(key, None) or LoggedMessage(*key, shortened(deed.performative), "")
         letter.number = self.number
         letter.content = letter.content or shortened(deed.text)
         letter.in_reply_to = letter.in_reply_to or shortened(deed.in_reply_to)

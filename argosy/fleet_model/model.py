@@ -16,10 +16,10 @@ from msgspec.structs import replace
 
 from argosy.cli.journal import Level
 from argosy.cli.remedies import level_of
-from argosy.fleet_model.fleet_status import Roll, Row, expected_of
+from argosy.fleet_model.fleet_status import FleetStatus, Row, expected_of
 from argosy.fleet_model.lost_actions import Lives, why_unknown
 from argosy.fleet_model.members import Member, TeamAgent, TeamRobot
-from argosy.fleet_model.message_log import Letters
+from argosy.fleet_model.message_log import MessageLog
 from argosy.fleet_model.mission_clock import MissionClock
 from argosy.fleet_model.naming import named
 from argosy.fleet_model.places import Places
@@ -77,7 +77,7 @@ class TeamModel:
             roster.clients,
         )
         """Clients are programs that act as agents, and what else holds a name on the bus."""
-        self.timeline, self.letters, self.places, self._actions = Timeline(), Letters(), Places(), ActionsSeen()
+        self.timeline, self.letters, self.places, self._actions = Timeline(), MessageLog(), Places(), ActionsSeen()
         self.clock = MissionClock(mission)
         self.mission_problem = ""
         """Why the mission of the fleet is not known here, although a board has served it; empty: it is."""
@@ -94,7 +94,7 @@ class TeamModel:
         """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
         self.defect = ""
         """What went wrong in here when it was last looked at who is there; empty: nothing."""
-        self._roll = Roll(mission, now)
+        self._roll = FleetStatus(mission, now)
         self._tell = Teller(self.timeline, self.letters, now)
         self._lives, self._runs = Lives(), Runs()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from argosy.cli.journal import Level
-from argosy.fleet_model.message_log import Letters
+from argosy.fleet_model.message_log import MessageLog
 from argosy.fleet_model.timeline import Timeline, What
 from schemas.humanize import shortened
 from schemas.wire.mind_records import Deed, MindDeeds
@@ -21,7 +21,7 @@ LEVELS: dict[str, Level] = {"error": "error", "warning": "warning"}
 class Teller:
     """Takes changes and deeds; as a function it is what robots tell their changes to."""
 
-    def __init__(self, timeline: Timeline, letters: Letters, now: Callable[[], float]) -> None:
+    def __init__(self, timeline: Timeline, letters: MessageLog, now: Callable[[], float]) -> None:
         self._timeline, self._letters, self._now = timeline, letters, now
         self._told: dict[tuple[What, str], None] = {}
 

@@ -20,7 +20,7 @@ from schemas.files.yaml_positions import did_you_mean
 from schemas.mission.model import DEFAULT_PORT, Mission, load_mission
 
 if TYPE_CHECKING:
-    from argosy.keys.key_store import KeyFolder  # and with it cryptography, for who makes keys
+    from argosy.keys.key_store import KeyStore  # and with it cryptography, for who makes keys
 
 DAYS = 400
 """For which certificates are made: a year, and a month to think of it."""
@@ -178,10 +178,10 @@ def hosts_of(mission: Mission, name: str) -> tuple[str, ...]:
 
 
 @contextmanager
-def _opened(args: Namespace, mission: Mission) -> Iterator[KeyFolder]:
+def _opened(args: Namespace, mission: Mission) -> Iterator[KeyStore]:
     """Open the fleet's keys for a change, alone. Raises Findings in words."""
     from argosy.keys.certificate_authority import Authority
-    from argosy.keys.key_store import KeyFolder, alone, read_secret
+    from argosy.keys.key_store import KeyStore, alone, read_secret
 
     path = key_directory(args, mission)
     read_record(path, mission.fleet)
@@ -192,7 +192,7 @@ def _opened(args: Namespace, mission: Mission) -> Iterator[KeyFolder]:
         except (ValueError, TypeError):
             text = "is no such key, or is locked by another password"
             raise wrong(path / SECRET, f"the fleet's secret cannot be used: it {text}") from None
-        folder = KeyFolder(path, read_record(path, mission.fleet), authority)
+        folder = KeyStore(path, read_record(path, mission.fleet), authority)
         if behind := folder.record.out_of_step(path):
             folder.spread()
             _tell_anchors(folder, behind, "an earlier command was interrupted; finished now, and to be copied:")
@@ -206,15 +206,15 @@ def _check_names(mission: Mission, names: Sequence[str], known: Sequence[str], w
             raise wrong(mission.path, f"there is no {what} `{name}`{there}")
 
 
-def _boards(folder: KeyFolder) -> list[str]:
+def _boards(folder: KeyStore) -> list[str]:
     return [name for name, member in folder.record.believed.items() if member.kind == "board"]
 
 
-def _people(folder: KeyFolder) -> list[str]:
+def _people(folder: KeyStore) -> list[str]:
     return [name for name, member in folder.record.believed.items() if member.kind != "board"]
 
 
-def _tell_members(folder: KeyFolder, names: Sequence[str]) -> None:
+def _tell_members(folder: KeyStore, names: Sequence[str]) -> None:
     for name in names:
         print(f"{name}: {described(folder.record.members[name])}: {folder.machine(name)}")
 
@@ -226,7 +226,7 @@ def described(member: Member) -> str:
     return f"{member.kind}{which} until {member.ends:%Y-%m-%d}{hosts}"
 
 
-def _tell_anchors(folder: KeyFolder, names: Sequence[str], words: str) -> None:
+def _tell_anchors(folder: KeyStore, names: Sequence[str], words: str) -> None:
     if names:
         print(words)
     for name in names:

@@ -22,7 +22,7 @@ from argosy.keys.key_index import RECORD, SECRET, Kind, Member, Record, machine_
 from commd.bus.tls import CERTIFICATE, KEY, ROOT
 
 
-class KeyFolder:
+class KeyStore:
     """A fleet's keys on the operator's machine."""
 
     def __init__(self, path: Path, record: Record, authority: Authority) -> None:
@@ -92,7 +92,7 @@ class KeyFolder:
         _write(self.path / RECORD, msgspec.json.format(msgspec.json.encode(self.record)) + b"\n")
 
 
-def create(path: Path, fleet: str, days: int, password: bytes | None) -> KeyFolder:
+def create(path: Path, fleet: str, days: int, password: bytes | None) -> KeyStore:
     """Make the fleet's secret in a folder that is ours `alone`.
 
     Raises Findings if there is one already: it is never overwritten. The record is written before it, so that one
@@ -102,7 +102,7 @@ def create(path: Path, fleet: str, days: int, password: bytes | None) -> KeyFold
         text = "a fleet's keys are here already, and whoever has certificates of them would be lost: nothing was done"
         raise wrong(path, f"{text}; `argosy keys show` says whether any are missing")
     authority = Authority.new()
-    folder = KeyFolder(path, Record(fleet=fleet, days=days), authority)
+    folder = KeyStore(path, Record(fleet=fleet, days=days), authority)
     _write(path / RECORD, msgspec.json.format(msgspec.json.encode(folder.record)) + b"\n")
     _write(path / SECRET, authority.secret(password))
     return folder

@@ -28,7 +28,7 @@ from argosy.processes.resource_usage import Meter
 from argosy.processes.simulators import only_real, vehicle_of
 from argosy.recording.record.run_recorder import NoRecording, RunRecording, recording_of
 from argosy.run.end_conditions import Ending
-from argosy.run.mission_runner import Flight
+from argosy.run.mission_runner import MissionRunner
 from argosy.run.report import FIGURE, write_report
 from argosy.run.run_status import Status
 from argosy.run.summary import summary
@@ -239,14 +239,14 @@ def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str, bou
     picture = Picture(setup.mission, journal, clock.now)
     status = Status(setup, picture, journal, Meter(), [], clock.now, recorded=unrecorded)
     _bus_log_to(journal)
-    flight = Flight(status, bound)
+    flight = MissionRunner(status, bound)
     with _view(status, args.plain) as view:
         journal.shown = view.show
         ending = asyncio.run(flight.fly(view.refresh))
     return _tell(flight, ending, args.report)
 
 
-def _tell(flight: Flight, ending: Ending, report: Path | None) -> int:
+def _tell(flight: MissionRunner, ending: Ending, report: Path | None) -> int:
     text = summary(flight.status, ending, flight.phases())
     with suppress(OSError):
         print(f"\n{text}", end="", flush=True)

@@ -42,7 +42,7 @@ class Ending:
         return "" if self.code == EXIT_DONE else self.text.removeprefix("failed: ")
 
 
-class Endings:
+class EndConditions:
     """Looks, a few times a second, whether something has ended the run."""
 
     def __init__(self, status: Status, supervisor: Supervisor, now: Callable[[], float] = time.monotonic) -> None:

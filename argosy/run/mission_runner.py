@@ -17,7 +17,7 @@ from argosy.processes.restarts import Restarts
 from argosy.processes.supervisor import Child, Supervisor
 from argosy.recording.record.run_recorder import what_became_of_it
 from argosy.run.armed_warnings import age, last_line
-from argosy.run.end_conditions import Ending, Endings
+from argosy.run.end_conditions import EndConditions, Ending
 from argosy.run.process_output import ProcessOutput
 from argosy.run.recovery import Recovery
 from argosy.run.run_status import Status
@@ -50,7 +50,7 @@ class StartupFailed(Exception):
     """Something did not come up in time; says what."""
 
 
-class Flight:
+class MissionRunner:
     """One run of a mission."""
 
     def __init__(self, status: Status, bound: Callable[[], None] = lambda: None) -> None:
@@ -60,7 +60,7 @@ class Flight:
         self._output = ProcessOutput(status)
         self._supervisor = Supervisor(self._output.wrote, self._ended)
         status.children = self._supervisor.children
-        self._endings = Endings(status, self._supervisor)
+        self._endings = EndConditions(status, self._supervisor)
         self._watchdog = Watchdog(status)
         self._restarts = Restarts(self._supervisor, self._journal, status.restarts, status.setup.restart)
         self._recovery = Recovery(status, self._supervisor, self._endings, self._watchdog, self._restarts)

@@ -10,7 +10,7 @@ from argosy.fleet_model.robots import RobotSeen
 from argosy.processes.restarts import Restarts
 from argosy.processes.supervisor import Child, Supervisor
 from argosy.run.armed_warnings import left_alone
-from argosy.run.end_conditions import Ending, Endings
+from argosy.run.end_conditions import EndConditions, Ending
 from argosy.run.run_status import Status
 from argosy.run.watchdog import Watchdog
 from commd.common.tasks import wait_at_most
@@ -29,7 +29,7 @@ class Recovery:
     """Keeps what brings vehicles home alive, and waits for them."""
 
     def __init__(
-        self, status: Status, supervisor: Supervisor, endings: Endings, watchdog: Watchdog, restarts: Restarts
+        self, status: Status, supervisor: Supervisor, endings: EndConditions, watchdog: Watchdog, restarts: Restarts
     ) -> None:
         self.hurry = asyncio.Event()
         """Set when the user wants to leave, whatever is in the air."""

@@ -9,7 +9,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 
 from argosy.cli.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
-from argosy.fleet_model.fleet_status import Roll, Row
+from argosy.fleet_model.fleet_status import FleetStatus, Row
 from argosy.status.lines import ANY_FLEET, line, summary, to_json
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
@@ -71,15 +71,15 @@ def run(args: Namespace) -> int:
     return on_the_bus(args, ask)
 
 
-def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> Roll:
+def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> FleetStatus:
     """Begin to hear who is there and how they are."""
-    roll = Roll(mission, asyncio.get_running_loop().time, several=fleet == ANY)
+    roll = FleetStatus(mission, asyncio.get_running_loop().time, several=fleet == ANY)
     bus.watch(keys.alive(fleet, "*", "*", "*"), roll.token)
     bus.subscribe(keys.health(fleet, "*", "*"), Health, roll.heard)
     return roll
 
 
-async def settled(roll: Roll, wait: float) -> None:
+async def settled(roll: FleetStatus, wait: float) -> None:
     """Wait until everybody has told how he is, at most so many wall seconds."""
     until = asyncio.get_running_loop().time() + wait
     while not roll.settled and asyncio.get_running_loop().time() < until:  # noqa: ASYNC110 - time alone changes it, too
@@ -110,7 +110,7 @@ def _print_lines(fleet: str, rows: list[Row]) -> None:
     print(summary(fleet, rows))
 
 
-async def _watch(roll: Roll, bus: Bus, fleet: str, args: Namespace) -> int:
+async def _watch(roll: FleetStatus, bus: Bus, fleet: str, args: Namespace) -> int:
     """Show the roll until ctrl-C, which ends the command."""
     if args.json or args.plain or not sys.stdout.isatty():
         return await _tell_changes(roll, fleet, args)
@@ -125,7 +125,7 @@ async def _watch(roll: Roll, bus: Bus, fleet: str, args: Namespace) -> int:
             await asyncio.sleep(WATCH_EVERY)
 
 
-async def _tell_changes(roll: Roll, fleet: str, args: Namespace) -> int:
+async def _tell_changes(roll: FleetStatus, fleet: str, args: Namespace) -> int:
     """Print what changes, with the time: standings and warnings as lines, or everything as one line of JSON."""
     known: dict[tuple[str, str], object] = {}
     while True:

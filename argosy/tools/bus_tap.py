@@ -93,7 +93,7 @@ def what_is_told(fleet: str, name: str = "*") -> list[str]:
     return [f"{keys.ROOT}/{fleet}/{name}/{kind}{further}" for kind, further in kinds.items()]
 
 
-class Ears:
+class BusTap:
     """Hears what is put on some keys, in the order in which it comes."""
 
     def __init__(self, bus: Bus, expressions: Sequence[str]) -> None:

@@ -16,7 +16,7 @@ from argosy.cli.operator_bus import Where, add_fleet_arguments, on_the_bus
 from argosy.tools.bus_tap import (
     QUIET,
     ROOM,
-    Ears,
+    BusTap,
     Heard,
     add_key_argument,
     key_expressions,
@@ -46,7 +46,7 @@ def run(args: Namespace) -> int:
     """Print what is said until ctrl-C, or until nobody reads any more."""
 
     async def echo(bus: Bus, where: Where) -> int:
-        ears = Ears(bus, key_expressions(args.key, where.fleet))
+        ears = BusTap(bus, key_expressions(args.key, where.fleet))
         raw = _raw_on_a_terminal if sys.stdout.isatty() else _raw
         show = raw if args.raw else _json if args.json else _line
         noticing = asyncio.create_task(_notice(bus, where, args.key))
@@ -67,7 +67,7 @@ def run(args: Namespace) -> int:
     return on_the_bus(args, echo)
 
 
-async def _echo(ears: Ears, show: Callable[[Heard], str], count: int | None, noticing: asyncio.Task[None]) -> None:
+async def _echo(ears: BusTap, show: Callable[[Heard], str], count: int | None, noticing: asyncio.Task[None]) -> None:
     shown, changed = 0, set[str]()
     async for heard in ears.samples():
         noticing.cancel()

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from argosy.cli.arguments import duration
 from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus
-from argosy.tools.bus_tap import Ears, names_there, tell_unreached, what_is_told
+from argosy.tools.bus_tap import BusTap, names_there, tell_unreached, what_is_told
 from argosy.tools.decoding import candidates
 from argosy.tools.output import complain, note, put_out
 from commd.bus.bus import Bus
@@ -78,7 +78,7 @@ def run(args: Namespace) -> int:
 async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[str, str], Name], int]:
     """Listen for so many wall seconds, and ask who is there. Returns the names, and how many records were left out."""
     names: dict[tuple[str, str], Name] = {}
-    ears, known, left_out = Ears(bus, what_is_told(fleet)), 0, 0
+    ears, known, left_out = BusTap(bus, what_is_told(fleet)), 0, 0
     until = asyncio.get_running_loop().time() + seconds
 
     async def listen() -> None:

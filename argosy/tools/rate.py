@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from argosy.cli.arguments import duration
 from argosy.cli.operator_bus import Where, add_fleet_arguments, on_the_bus, unreached
-from argosy.tools.bus_tap import QUIET, Ears, add_key_argument, key_expressions, tell_who_is_there
+from argosy.tools.bus_tap import QUIET, BusTap, add_key_argument, key_expressions, tell_who_is_there
 from argosy.tools.output import note, put_out
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
@@ -111,7 +111,7 @@ def run(args: Namespace) -> int:
     """Print figures until ctrl-C; with `--once` returns 1 if nothing was heard."""
 
     async def measure(bus: Bus, where: Where) -> int:
-        ears, rates = Ears(bus, key_expressions(args.key, where.fleet)), Rates(args.window)
+        ears, rates = BusTap(bus, key_expressions(args.key, where.fleet)), Rates(args.window)
         loop = asyncio.get_running_loop()
         missing = asyncio.create_task(unreached(bus))
         redraw = sys.stdout.isatty() and not args.once

@@ -39,7 +39,7 @@ MISNAMED = "refused: `argosy ui` does not answer to the name {host}\n"
 
 
 @dataclass(frozen=True)
-class Doors:
+class AuthGuard:
     """What one run of the server lets in."""
 
     listen: str

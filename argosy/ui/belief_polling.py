@@ -19,7 +19,7 @@ EACH = 2.0
 ANSWER_TIMEOUT = 2.0
 
 
-class Believing:
+class BeliefPolling:
     """Keeps the beliefs of all agents, some seconds old."""
 
     def __init__(self) -> None:

@@ -20,8 +20,8 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from argosy.cli.operator_bus import add_fleet_arguments, where
-from argosy.ui.auth import Doors, is_loopback
-from argosy.ui.fleet_session import Following
+from argosy.ui.auth import AuthGuard, is_loopback
+from argosy.ui.fleet_session import FleetSession
 from argosy.ui.server import application
 from commd.bus.tls import identity_of
 from commd.process.log_handler import one_line
@@ -64,7 +64,7 @@ def run(args: Namespace) -> int:
     try:
         place, mission = where(args), load_mission(args.mission) if args.mission else None
         identity = identity_of(place.tls, time.time()).name if place.tls is not None else ""
-        return asyncio.run(_serve(args, Following(place, mission, identity, tiles=args.tiles is not None)))
+        return asyncio.run(_serve(args, FleetSession(place, mission, identity, tiles=args.tiles is not None)))
     except Findings as findings:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -100,7 +100,7 @@ def _left_over(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         print(f"argosy ui: defect: {one_line(what)}", file=sys.stderr, flush=True)
 
 
-async def _serve(args: Namespace, following: Following) -> int:
+async def _serve(args: Namespace, following: FleetSession) -> int:
     try:
         listening = await asyncio.to_thread(_socket, args.listen, args.port)
     except OSError as error:
@@ -108,7 +108,7 @@ async def _serve(args: Namespace, following: Following) -> int:
         what = f"cannot listen at {args.listen} port {args.port}: {error.strerror or error}{hint}"
         print(f"error: {what}", file=sys.stderr)
         return EXIT_FAILED
-    doors = Doors(args.listen, listening.getsockname()[1])
+    doors = AuthGuard(args.listen, listening.getsockname()[1])
     app = application(doors, following, args.tiles)
     runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE)
     stop = asyncio.Event()
@@ -150,7 +150,7 @@ def _socket(host: str, port: int) -> socket.socket:
     return listening
 
 
-def _tell(args: Namespace, doors: Doors) -> None:
+def _tell(args: Namespace, doors: AuthGuard) -> None:
     print(f"open {doors.url}", flush=True)
     if not is_loopback(args.listen):
         text = "other machines reach this page, without TLS: whoever reads the address on its way has all its buttons"

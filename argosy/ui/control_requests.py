@@ -58,7 +58,7 @@ class ControlWish(msgspec.Struct, forbid_unknown_fields=True):
     text: str = ""
 
 
-class Orders:
+class ControlRequests:
     """The orders of this run."""
 
     def __init__(self, known: Callable[[], list[str]], rights: Callable[[], str]) -> None:

@@ -12,9 +12,9 @@ from msgspec.structs import replace
 
 from argosy.cli.operator_bus import ANY, Where
 from argosy.cli.remedies import level_of
-from argosy.fleet_model import Entry, Letter, MissionClock, TeamModel, TeamWatcher, steady_clock
-from argosy.ui.belief_polling import Believing
-from argosy.ui.control_requests import ControlWish, Orders, StopWish
+from argosy.fleet_model import Entry, LoggedMessage, MissionClock, TeamModel, TeamWatcher, steady_clock
+from argosy.ui.belief_polling import BeliefPolling
+from argosy.ui.control_requests import ControlRequests, ControlWish, StopWish
 from argosy.ui.fleet_link import Link
 from argosy.ui.map_markers import marks
 from argosy.ui.view_builders import agent_view, board_view, note_view, notes_of_all, robot_view
@@ -38,7 +38,7 @@ TRACK = 500
 """Points of each track that a new page gets."""
 
 
-class Following:
+class FleetSession:
     """What the server shows and does. Nothing is made while no page is open."""
 
     def __init__(self, place: Where, mission: Mission | None, identity: str = "", tiles: bool = False) -> None:
@@ -49,10 +49,10 @@ class Following:
         self._run = self.model.run
         self.pages: set[Page] = set()
         self.link = Link(place, self._follow)
-        self.orders = Orders(self._robots, self._rights)
+        self.orders = ControlRequests(self._robots, self._rights)
         self._tiles = tiles
         self._watcher: TeamWatcher | None = None
-        self._believing = Believing()
+        self._believing = BeliefPolling()
         self._looked: frozenset[str] = frozenset()
         self._made = self._marked = 0.0
         self._marks = marks(self.model, {})
@@ -245,7 +245,7 @@ def _formulas(model: TeamModel, endings: Iterable[Ending], what: str) -> dict[st
     return held
 
 
-def _letter(letter: Letter, number: int) -> LetterView:
+def _letter(letter: LoggedMessage, number: int) -> LetterView:
     return LetterView(
         number=number,
         id=letter.id,

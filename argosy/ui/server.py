@@ -9,9 +9,9 @@ from typing import TypeVar
 import msgspec
 from aiohttp import web
 
-from argosy.ui.auth import Doors
+from argosy.ui.auth import AuthGuard
 from argosy.ui.control_requests import ControlWish, StopWish
-from argosy.ui.fleet_session import Following
+from argosy.ui.fleet_session import FleetSession
 from argosy.ui.view_structs import encoded
 from argosy.ui.websocket import Page
 from argosy.ui.why_requests import FleetWish, WhyWish
@@ -25,7 +25,7 @@ FULL = f"{PAGES} pages are open already: close one, and this one comes by itself
 W = TypeVar("W")
 
 
-def application(doors: Doors, following: Following, tiles: Path | None = None) -> web.Application:
+def application(doors: AuthGuard, following: FleetSession, tiles: Path | None = None) -> web.Application:
     """Return the server's application."""
     app = web.Application(middlewares=[doors.guard], client_max_size=REQUEST)
     pages = following.pages

@@ -16,7 +16,7 @@ from textual.widgets import Input, Static
 from argosy.fleet_model import TeamModel
 from argosy.watch.banner import banner
 from argosy.watch.row_text import BAD, joined, safe, said
-from argosy.watch.scroll_pane import Lines
+from argosy.watch.scroll_pane import ScrollPane
 
 if TYPE_CHECKING:
     from argosy.watch.app import WatchApp
@@ -30,7 +30,7 @@ class Pane(Vertical):
     Pane > .heading { height: 1; }
     """
 
-    def __init__(self, title: str, lines: Lines, *, id: str) -> None:
+    def __init__(self, title: str, lines: ScrollPane, *, id: str) -> None:
         super().__init__(id=id)
         self.title, self.lines = title, lines
         self._heading = Static(classes="heading")
@@ -79,7 +79,7 @@ class Page(Screen[None]):
 
     def __init__(self) -> None:
         super().__init__()
-        self._filtered: Lines | None = None
+        self._filtered: ScrollPane | None = None
         """The pane whose filter is being written."""
         self._banner, self._title = Text(), Text()
 
@@ -145,9 +145,9 @@ class Page(Screen[None]):
         keys = self.LONG_KEYS if self.size.width >= 100 else self.KEYS
         self.query_one("#keys", Static).update(Text(keys))
 
-    def focused_lines(self) -> Lines | None:
+    def focused_lines(self) -> ScrollPane | None:
         """Return the pane that has the keys."""
-        return self.focused if isinstance(self.focused, Lines) else None
+        return self.focused if isinstance(self.focused, ScrollPane) else None
 
     def action_filter(self) -> None:
         """Let a filter be written for the pane that has the keys."""

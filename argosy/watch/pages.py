@@ -17,8 +17,8 @@ from argosy.watch.glyphs import Glyphs
 from argosy.watch.overview_page import overview
 from argosy.watch.page import Page, Pane
 from argosy.watch.row_text import Row, head
-from argosy.watch.scroll_pane import Choice, Lines
-from argosy.watch.timeline_rows import Happenings
+from argosy.watch.scroll_pane import Choice, ScrollPane
+from argosy.watch.timeline_rows import TimelineRows
 
 WIDE, HIGH = 120, 30
 """Columns and lines of a terminal from which on all panes of an agent are seen at once."""
@@ -51,9 +51,9 @@ class Overview(Page):
     def panes(self) -> Iterable[Widget]:
         """Return the fleet and its timeline."""
         self._team = Choice(self.watch_app.glyphs, id="members")
-        self._events = Lines(self.watch_app.glyphs, id="events", follow=True)
+        self._events = ScrollPane(self.watch_app.glyphs, id="events", follow=True)
         self._events.filter = self.watch_app.filter
-        self._happenings = Happenings()
+        self._happenings = TimelineRows()
         yield Pane("fleet", self._team, id="team")
         yield Pane("timeline", self._events, id="timeline")
 
@@ -109,20 +109,20 @@ class AgentPage(Page):
         """Return mind, beliefs, decisions and timeline."""
         glyphs = self.watch_app.glyphs
         self._mind, self._beliefs = (
-            Lines(glyphs, id="rows-mind", wrap=True),
-            Lines(glyphs, id="rows-beliefs", wrap=True),
+            ScrollPane(glyphs, id="rows-mind", wrap=True),
+            ScrollPane(glyphs, id="rows-beliefs", wrap=True),
         )
         self._decisions = Choice(glyphs, id="rows-decisions", wrap=True)
-        self._events = Lines(glyphs, id="rows-happened", wrap=True, follow=True)
+        self._events = ScrollPane(glyphs, id="rows-happened", wrap=True, follow=True)
         self._happenings = self._of_agent()
         yield Pane("1 mind", self._mind, id="mind")
         yield Pane("2 beliefs", self._beliefs, id="beliefs")
         yield Pane("3 decisions (enter: why)", self._decisions, id="decisions")
         yield Pane("4 timeline", self._events, id="happened")
 
-    def _of_agent(self) -> Happenings:
+    def _of_agent(self) -> TimelineRows:
         agent = self.watch_app.link.model.agents.get(self.agent)
-        return Happenings(self.agent, *filter(None, (agent.robot if agent is not None else "",)))
+        return TimelineRows(self.agent, *filter(None, (agent.robot if agent is not None else "",)))
 
     def on_mount(self) -> None:
         """Ask for the mind with its details from now on."""
@@ -141,7 +141,7 @@ class AgentPage(Page):
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         """Show the pane that has the keys now."""
-        if isinstance(event.widget, Lines) and isinstance(event.widget.parent, Pane):
+        if isinstance(event.widget, ScrollPane) and isinstance(event.widget.parent, Pane):
             self._shown = str(event.widget.parent.id)
             self._arrange()
         self.redraw()
@@ -206,7 +206,7 @@ class Help(Page):
 
     def panes(self) -> Iterable[Widget]:
         """Return the text."""
-        self._text = Lines(self.watch_app.glyphs, id="text", wrap=True)
+        self._text = ScrollPane(self.watch_app.glyphs, id="text", wrap=True)
         yield Pane("help", self._text, id="help")
 
     def on_mount(self) -> None:

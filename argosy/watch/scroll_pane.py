@@ -19,7 +19,7 @@ from argosy.watch.glyphs import Glyphs
 from argosy.watch.row_text import Row
 
 
-class Lines(ScrollView, can_focus=True):
+class ScrollPane(ScrollView, can_focus=True):
     """Rows that are scrolled through."""
 
     DEFAULT_CSS = """
@@ -136,7 +136,7 @@ class Lines(ScrollView, can_focus=True):
         return [first, *(Text(" " * row.indent).append_text(one) for one in more)]
 
 
-class Choice(Lines):
+class Choice(ScrollPane):
     """Rows of which one is chosen; those without a key cannot be."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "open", show=False)]

@@ -12,7 +12,7 @@ MOST = 2_000
 """Rows that are shown."""
 
 
-class Happenings:
+class TimelineRows:
     """The rows of a timeline; of one agent and its robot, if they are named."""
 
     def __init__(self, *names: str) -> None:

@@ -9,8 +9,7 @@ from pathlib import Path
 from agentd.conversion.introspection import MOST_BELIEFS, Look
 from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, drops_of, events_of, intentions_of, questions_of
 from agentd.extensions.plugins import discover
-from agentd.replay.replayed_mind import CannotReplay
-from agentd.replay.replayed_mind import Life as Lived
+from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.recording.file.mind_inputs import Life, in_words
 from argosy.recording.file.reader import Recording, open_recording
 from schemas.files.yaml_positions import did_you_mean
@@ -42,7 +41,7 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
         notes.append(f"batches {in_words(life.missing)} of its inputs are missing: it is told up to there")
     discover()
     try:
-        lived = Lived(batches[0])
+        lived = ReplayedMind(batches[0])
         for batch in batches:
             if not _live(lived, batch, at):
                 break
@@ -70,7 +69,7 @@ def _begin(life: Life) -> float:
     return 0.0 if birth is None else birth.start
 
 
-def _live(lived: Lived, batch: MindInputs, at: float | None) -> bool:
+def _live(lived: ReplayedMind, batch: MindInputs, at: float | None) -> bool:
     """Live a batch, up to a mission second. Returns whether there is more to live."""
     later = [] if at is None else [step.first for step in batch.steps if step.now > at]
     last = min([batch.last, *(first - 1 for first in later[:1])])
@@ -89,7 +88,7 @@ def _actions(recording: Recording, life: Life, at: float | None) -> Iterable[Dee
     return [deed for deed in deeds if at is None or deed.time <= at][-MOST_ACTIONS:]
 
 
-def _view(lived: Lived, at: float | None, actions: Iterable[Deed]) -> MindView:
+def _view(lived: ReplayedMind, at: float | None, actions: Iterable[Deed]) -> MindView:
     mind, now = lived.mind, lived.now if at is None else max(lived.now, at)
     believed, beliefs_left_out = Beliefs(mind).shown(LOOK, now)
     intentions, intentions_left_out = intentions_of(mind)

@@ -102,14 +102,14 @@ def _stamp_session() -> None:
 
 
 def _stamp_the_bridge() -> None:
-    from bridged.bridge.action_server import ActionDesk
-    from bridged.bridge.composite_driver import Body
+    from bridged.bridge.action_server import ActionServer
+    from bridged.bridge.composite_driver import CompositeDriver
     from bridged.drivers.zenoh.subscriptions import Sources
     from commd.bus.bus import Bus
 
     before(Sources, "_take", "ping taken", lambda _, name, sample: name == "ping")
-    before(ActionDesk, "ask", "action taken", lambda _, agent, name, *more: name == "pong")
-    before(Body, "perform", "driver called", lambda _, name, *more: name == "pong")
+    before(ActionServer, "ask", "action taken", lambda _, agent, name, *more: name == "pong")
+    before(CompositeDriver, "perform", "driver called", lambda _, name, *more: name == "pong")
     reply = Bus._reply
 
     def replied(self: Any, query: Any, key: str, record: Any) -> None:
@@ -122,18 +122,18 @@ def _stamp_the_bridge() -> None:
 
 def _stamp_the_agent() -> None:
     from agentd.mind.data.effects import PerformAction
-    from agentd.persistence.checkpointer import Keeping
-    from agentd.runtime.agent_host import Host
-    from commd.client.percept_sync import Perceiving
+    from agentd.persistence.checkpointer import Checkpointer
+    from agentd.runtime.agent_host import AgentHost
+    from commd.client.percept_sync import PerceptSync
 
     def performs(name: str) -> Callable[[Any, Any], bool]:
         return lambda _, effect: isinstance(effect, PerformAction) and effect.name == name
 
-    before(Perceiving, "_heard", "percept taken", lambda _, key, perception: perception.name == "ping")
-    before(Host, "_carry_out", "action chosen", performs("pong"))
-    before(Keeping, "_written", "action kept", lambda *_, **__: True)
-    before(Host, "_done", "end told", lambda *_: True)
-    before(Host, "_carry_out", "plan goes on", performs("seen"))
+    before(PerceptSync, "_heard", "percept taken", lambda _, key, perception: perception.name == "ping")
+    before(AgentHost, "_carry_out", "action chosen", performs("pong"))
+    before(Checkpointer, "_written", "action kept", lambda *_, **__: True)
+    before(AgentHost, "_done", "end told", lambda *_: True)
+    before(AgentHost, "_carry_out", "plan goes on", performs("seen"))
 
 
 def main(file: str, daemon: str, arguments: list[str]) -> None:

@@ -82,7 +82,7 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
 _NOBODY = Entry(_STANDING, 0.0)
 
 
-class Ledger:
+class ActionLog:
     """Append-only file of ids; a line that was cut off by a power loss is left out when it is read.
 
     What is written outlives the process at once. The disk is told to keep it through a power loss by a thread, of which

@@ -13,15 +13,15 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
-from bridged.bridge.action_log import Ledger
+from bridged.bridge.action_log import ActionLog
 from bridged.bridge.action_status import MAX_ID, MAX_REASON, Statuses, legible
-from bridged.bridge.composite_driver import Body
-from bridged.bridge.error_boundary import Guarded
+from bridged.bridge.composite_driver import CompositeDriver
+from bridged.bridge.error_boundary import ErrorBoundary
 from bridged.bridge.feedback import Progress
 from bridged.bridge.lease import Lease
 from bridged.bridge.pause import Pause
-from bridged.bridge.percepts import PerceptBoard
-from bridged.bridge.running_action import Follower, Job
+from bridged.bridge.percepts import PerceptPublisher
+from bridged.bridge.running_action import Follower, RunningAction
 from bridged.drivers import OURS
 from bridged.drivers.api import Execution, Order, Outcome, defers
 from bridged.drivers.argument_check import BadArgument, read_arguments
@@ -37,15 +37,15 @@ MAX_RUNNING = 8
 log = logging.getLogger("actions")
 
 
-class ActionDesk:
+class ActionServer:
     """Takes the agents' requests and the operator's orders for one robot."""
 
     def __init__(
         self,
         manifest: Manifest,
-        driver: Body,
-        board: PerceptBoard,
-        ledger: Ledger,
+        driver: CompositeDriver,
+        board: PerceptPublisher,
+        ledger: ActionLog,
         publish: Callable[[str, ActionStatus], None],
         lease: Lease,
         *,
@@ -64,7 +64,7 @@ class ActionDesk:
         self.by_hand = False
         """Whether the last such action was asked for by hand: somebody flies the robot in the name of an agent."""
         self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
-        self._calls = Guarded(driver)
+        self._calls = ErrorBoundary(driver)
         self._statuses = Statuses(robot, boot, stamp, board)
         self._publish = publish
         self.robot, self._boot, self._now = robot, boot, now
@@ -72,7 +72,7 @@ class ActionDesk:
         self._holding: Execution | None = None
         """What holds the robot while it is paused."""
         self._feedback_every = STATUS_EVERY * speed
-        self._jobs: dict[str, Job] = {}
+        self._jobs: dict[str, RunningAction] = {}
         self._by_hand = 0
 
     @property
@@ -332,7 +332,7 @@ class ActionDesk:
         self._publish(action.agent, accepted)
         progress, until = Progress(self._board, action.agent, action.name, entry), self._pause.elapsed + deadline
         held = _held(action.name)
-        job = Job(action, entry, held, until, deadline, accepted, now, progress, arguments, held=True)
+        job = RunningAction(action, entry, held, until, deadline, accepted, now, progress, arguments, held=True)
         job.followers.append((action.header.source, follower))
         self._jobs[action.id] = job
         if not self.paused:
@@ -346,7 +346,7 @@ class ActionDesk:
         except OSError as error:
             log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, action.id, error.strerror)
 
-    def _perform(self, job: Job) -> None:
+    def _perform(self, job: RunningAction) -> None:
         """Let the driver carry an action out: now that it is asked for, or when a pause is over."""
         action, entry, job.held = job.action, job.entry, False
         if self._manifest.driver_of(entry) not in OURS:
@@ -388,7 +388,7 @@ class ActionDesk:
         self._publish(action.agent, status)
         self._record(action, status)
 
-    def _take(self, action: Action, entry: ActionEntry) -> list[Job]:
+    def _take(self, action: Action, entry: ActionEntry) -> list[RunningAction]:
         """Take the robot from an agent of lower rank: what runs for it fails. Returns what moved the robot."""
         taken = list(self._jobs.values())
         for job in taken:
@@ -399,7 +399,7 @@ class ActionDesk:
             return []
         return moving
 
-    def _hold_for(self, taken: list[Job]) -> None:
+    def _hold_for(self, taken: list[RunningAction]) -> None:
         """Let the robot stay where it is: whoever has taken it does not move it."""
         for job in taken:
             self._calls.hold(job.execution, Outcome("failed", job.status.reason, "lease"))
@@ -417,7 +417,7 @@ class ActionDesk:
             return None
         return Outcome("refused", f"busy: {MAX_RUNNING} actions are running", "busy")
 
-    def _superseded(self, entry: ActionEntry) -> list[Job]:
+    def _superseded(self, entry: ActionEntry) -> list[RunningAction]:
         return [job for job in self._jobs.values() if job.entry.motion] if entry.supersedes else []
 
     def _refuse(self, action: Action, refusal: Outcome, follower: Follower) -> None:
@@ -431,11 +431,11 @@ class ActionDesk:
         self._publish(action.agent, status)
         return status
 
-    def _end(self, job: Job, outcome: Outcome, *, hold: bool) -> ActionStatus:
+    def _end(self, job: RunningAction, outcome: Outcome, *, hold: bool) -> ActionStatus:
         self._calls.stop(job.execution, outcome, hold=hold and not job.held)
         return self._finish(job, job.execution.outcome or outcome)
 
-    def _finish(self, job: Job, outcome: Outcome) -> ActionStatus:
+    def _finish(self, job: RunningAction, outcome: Outcome) -> ActionStatus:
         if job.action.id not in self._jobs:
             return job.status
         del self._jobs[job.action.id]
@@ -448,14 +448,14 @@ class ActionDesk:
         log.info("robot=%s action %s %s %s %s", self.robot, job.action.id, job.action.name, status.state, status.reason)
         return status
 
-    def _log_cause(self, job: Job, elapsed: float) -> None:
+    def _log_cause(self, job: RunningAction, elapsed: float) -> None:
         """Write into the log what hinders an action, and each change of it; what is over in a moment is left out."""
         begun = job.deadline_at - job.deadline
         if job.cause and job.cause != job.logged_cause and elapsed - begun >= CAUSE_AFTER * self._feedback_every:
             job.logged_cause = job.cause
             log.warning("robot=%s action %s %s waits: %s", self.robot, job.action.id, job.action.name, job.cause)
 
-    def _note(self, job: Job) -> None:
+    def _note(self, job: RunningAction) -> None:
         """Write into the log that an action has begun; of one that is over at once, after its agent was told."""
         if not job.noted:
             job.noted = True
@@ -464,7 +464,7 @@ class ActionDesk:
     def _say_begun(self, action: Action, arguments: dict[str, Argument]) -> None:
         log.info("robot=%s action %s %s%s", self.robot, action.id, action.name, list(arguments.values()))
 
-    def _tell(self, job: Job, status: ActionStatus) -> None:
+    def _tell(self, job: RunningAction, status: ActionStatus) -> None:
         job.tell(status)
         self._publish(job.action.agent, status)
 

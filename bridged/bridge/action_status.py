@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
-from bridged.bridge.percepts import PerceptBoard
+from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Outcome
 from schemas.wire.records import Action, ActionStatus, Header, State
 
@@ -27,7 +27,7 @@ NO_FIGURES: Mapping[str, float] = MappingProxyType({})
 class Statuses:
     """Makes the statuses of one robot's actions."""
 
-    def __init__(self, robot: str, boot: str, stamp: Callable[[], int], board: PerceptBoard) -> None:
+    def __init__(self, robot: str, boot: str, stamp: Callable[[], int], board: PerceptPublisher) -> None:
         self._robot, self._boot, self._stamp, self._board = robot, boot, stamp, board
         self._seq = 0
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.idle_monitor import Idleness
-from bridged.bridge.robot_setup import Part
+from bridged.bridge.robot_setup import RobotSetup
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
@@ -22,7 +22,7 @@ WATCH_EVERY = 0.5
 log = logging.getLogger("bridged")
 
 
-async def watch_agents(bus: Bus, part: Part, boards: Mapping[str, str], bridge: Bridge, clock: Clock) -> None:
+async def watch_agents(bus: Bus, part: RobotSetup, boards: Mapping[str, str], bridge: Bridge, clock: Clock) -> None:
     """Do what the mission says when the agent that acted last is gone, or none intends anything with a flying robot.
 
     `boards` says where each agent lives. One that says nothing for the robot's `agent_silence` is as good as gone.

@@ -8,14 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bridged.bridge.action_log import Ledger
-from bridged.bridge.action_server import ActionDesk
-from bridged.bridge.composite_driver import Body
+from bridged.bridge.action_log import ActionLog
+from bridged.bridge.action_server import ActionServer
+from bridged.bridge.composite_driver import CompositeDriver
 from bridged.bridge.lease import Lease
 from bridged.bridge.live_manifest import RunningManifest
-from bridged.bridge.percepts import PerceptBoard, Publish
+from bridged.bridge.percepts import PerceptPublisher, Publish
 from bridged.bridge.robot_setup import order_findings
-from bridged.bridge.safety_orders import Orders
+from bridged.bridge.safety_orders import SafetyOrders
 from bridged.drivers.api import Setup
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
@@ -58,10 +58,10 @@ class Bridge:
         self._clock = clock
         agents = mission.agents_of(robot)
         speed = clock.speed
-        self.board = PerceptBoard(
+        self.board = PerceptPublisher(
             manifest, agents, publish_percept, robot=robot, boot=boot, stamp=clock.stamp, speed=speed
         )
-        self.driver = Body(
+        self.driver = CompositeDriver(
             Setup(
                 name=robot,
                 manifest=manifest,
@@ -77,9 +77,9 @@ class Bridge:
             ),
             loop or Loop.unwatched(),
         )
-        self.ledger = Ledger(ledger)
+        self.ledger = ActionLog(ledger)
         self.lease = Lease(agents, mission.robots[robot].lease.priority, self._lease_changed, arms=self.driver.arms)
-        self.desk = ActionDesk(
+        self.desk = ActionServer(
             manifest,
             self.driver,
             self.board,
@@ -93,7 +93,7 @@ class Bridge:
             speed=speed,
         )
         self.live = RunningManifest(manifest, self._adopt, partial(order_findings, mission, robot))
-        self.orders = Orders(self.desk, self.driver, clock, mission.robots[robot].idle_after)
+        self.orders = SafetyOrders(self.desk, self.driver, clock, mission.robots[robot].idle_after)
         self.lease.restore(*self.ledger.held())  # whoever had the robot in our last life is still answered for
         if self.lease.answers:
             self.driver.may_be_moving()

@@ -11,10 +11,10 @@ from functools import partial
 import zenoh
 from msgspec.structs import replace
 
-from bridged.bridge.action_server import ActionDesk
+from bridged.bridge.action_server import ActionServer
 from bridged.bridge.live_manifest import RunningManifest
-from bridged.bridge.percepts import PerceptBoard
-from bridged.bridge.safety_orders import Orders, by_operator
+from bridged.bridge.percepts import PerceptPublisher
+from bridged.bridge.safety_orders import SafetyOrders, by_operator
 from bridged.drivers.api import Order
 from bridged.drivers.api import Outcome as OfOrder
 from bridged.drivers.argument_check import signature
@@ -63,7 +63,7 @@ class Service:
         key = keys.status(self._bus.fleet, agent, status.name)
         asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
-    def open(self, board: PerceptBoard, desk: ActionDesk, orders: Orders, live: RunningManifest) -> None:
+    def open(self, board: PerceptPublisher, desk: ActionServer, orders: SafetyOrders, live: RunningManifest) -> None:
         """Begin to serve. What changes what an action meets is served `at_once` as actions are: in the order in which
         it comes, an action behind a stop is refused."""
         bus, fleet = self._bus, self._bus.fleet
@@ -91,7 +91,9 @@ class Service:
             if asked.intersects(zenoh.KeyExpr(key)):
                 query.reply(perception, key)
 
-    def _act(self, agent: str, desk: ActionDesk, live: RunningManifest, query: Query[Action]) -> Awaitable[None] | None:
+    def _act(
+        self, agent: str, desk: ActionServer, live: RunningManifest, query: Query[Action]
+    ) -> Awaitable[None] | None:
         """Carry out an action asked for on a concrete key with a valid payload; describe it to anybody else."""
         if not query.concrete or query.record is None:
             self._describe(agent, live.manifest, query)
@@ -118,7 +120,7 @@ class Service:
                 )
                 query.reply(description, key)
 
-    def _cancel(self, agent: str, desk: ActionDesk, query: Query[Cancel]) -> None:
+    def _cancel(self, agent: str, desk: ActionServer, query: Query[Cancel]) -> None:
         if query.record is None or not query.concrete:
             query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
             return
@@ -145,7 +147,7 @@ class Service:
     def _told(self, live: RunningManifest, problems: Iterable[str] = ()) -> LiveManifest:
         return replace(live.told(self._robot, problems), header=self._bus.header("manifest", self._robot))
 
-    def _stop(self, desk: ActionDesk, orders: Orders, query: Query[StopOrder]) -> Awaitable[None] | None:
+    def _stop(self, desk: ActionServer, orders: SafetyOrders, query: Query[StopOrder]) -> Awaitable[None] | None:
         """Let no action begin from now on, and carry the order out; or let them begin again; or pause and continue."""
         if query.record is None or not query.concrete:
             query.reply_error(
@@ -166,13 +168,13 @@ class Service:
         self._stops += 1
         return self._carry_out(orders, order, query)
 
-    async def _release(self, orders: Orders, query: Query[StopOrder]) -> None:
+    async def _release(self, orders: SafetyOrders, query: Query[StopOrder]) -> None:
         _tell_outcome(query, orders.release())
 
     async def _answer(self, outcome: Awaitable[OfOrder], query: Query[StopOrder]) -> None:
         _tell_outcome(query, await outcome)
 
-    async def _carry_out(self, orders: Orders, order: Order, query: Query[StopOrder]) -> None:
+    async def _carry_out(self, orders: SafetyOrders, order: Order, query: Query[StopOrder]) -> None:
         self._stops -= 1
         _tell_outcome(query, await orders.operator(order))
 

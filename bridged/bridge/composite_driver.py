@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from weakref import WeakKeyDictionary
 
-from bridged.bridge.driver_supervisor import Upkeep, may_come
+from bridged.bridge.driver_supervisor import DriverSupervisor, may_come
 from bridged.drivers import find_driver
 from bridged.drivers.api import Driver, Execution, Order, Outcome, Pausable, Reading, Setup, Value, defers
 from bridged.drivers.argument_check import read_call
@@ -34,7 +34,7 @@ class _Begun:
     motion: bool
 
 
-class Body:
+class CompositeDriver:
     """A `bridged.drivers.api.Driver`: state and orders are the robot's own driver's, actions each one's own.
 
     A robot whose driver knows no order (a turtle has no mode to hold in) has actions of its manifest instead.
@@ -48,7 +48,7 @@ class Body:
         self._setup, self._loop = setup, loop or Loop.unwatched()
         self._manifest = setup.manifest
         self._drivers: dict[str, Driver] = {}
-        self._upkeep: dict[str, Upkeep] = {}
+        self._upkeep: dict[str, DriverSupervisor] = {}
         self._of: WeakKeyDictionary[Execution, _Begun] = WeakKeyDictionary()
         self._moving = False
         """Whether a motion was begun, for a robot that cannot tell itself."""
@@ -242,7 +242,7 @@ class Body:
         except Exception as error:  # drivers may be anybody's
             raise ValueError(f"driver `{name}` cannot be made: {type(error).__name__}: {error}") from error
         loop = self._loop if own else Loop.unwatched()
-        self._upkeep[name] = Upkeep(self._setup.name, name, driver, partial(self._failed, name), loop)
+        self._upkeep[name] = DriverSupervisor(self._setup.name, name, driver, partial(self._failed, name), loop)
 
     def _failed(self, name: str, why: str) -> None:
         """A driver does not run: what it carries out has failed, and what an auxiliary one told holds no longer."""

@@ -20,7 +20,7 @@ MAY_COME = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO})
 log = logging.getLogger("drivers")
 
 
-class Upkeep:
+class DriverSupervisor:
     """Runs a driver for as long as the bridge does."""
 
     def __init__(

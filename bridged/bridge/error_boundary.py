@@ -5,17 +5,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Mapping
 
-from bridged.bridge.composite_driver import Body
+from bridged.bridge.composite_driver import CompositeDriver
 from bridged.drivers.api import Execution, Order, Outcome, Value
 from schemas.manifest.loader import ActionEntry
 
 log = logging.getLogger("actions")
 
 
-class Guarded:
+class ErrorBoundary:
     """The calls by which a robot is moved and stopped; none of them raises."""
 
-    def __init__(self, driver: Body) -> None:
+    def __init__(self, driver: CompositeDriver) -> None:
         self._driver = driver
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bridged.bridge.percepts import PerceptBoard
+from bridged.bridge.percepts import PerceptPublisher
 from schemas.manifest.loader import ActionEntry
 from schemas.manifest.rules import FUNCTOR
 from schemas.wire.terms import Atom, Term, number
@@ -21,7 +21,7 @@ KEY = (0, 1)
 class Progress:
     """The figures of one action that runs."""
 
-    def __init__(self, board: PerceptBoard, agent: str, action: str, entry: ActionEntry) -> None:
+    def __init__(self, board: PerceptPublisher, agent: str, action: str, entry: ActionEntry) -> None:
         """`entry` says which figures are wanted; none named = all that the driver tells."""
         self._board, self._agent, self._action, self._wanted = board, agent, Atom(action), entry.feedback
         self._shown: frozenset[str] = frozenset()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from bridged.bridge.action_log import Ledger
-from bridged.bridge.percepts import PerceptBoard
+from bridged.bridge.action_log import ActionLog
+from bridged.bridge.percepts import PerceptPublisher
 from schemas.wire.terms import Atom
 
 PERCEPT = "paused"
@@ -16,7 +16,7 @@ log = logging.getLogger("actions")
 class Pause:
     """Begins and ends; one that a former life of the bridge has begun goes on."""
 
-    def __init__(self, ledger: Ledger, board: PerceptBoard, robot: str, now: Callable[[], float]) -> None:
+    def __init__(self, ledger: ActionLog, board: PerceptPublisher, robot: str, now: Callable[[], float]) -> None:
         self._ledger, self._board, self._robot, self._now = ledger, board, robot, now
         self._since: float | None = None
         self._over = 0.0

@@ -47,7 +47,7 @@ class _Slot:
     """The newest value, held back by the rate."""
 
 
-class PerceptBoard:
+class PerceptPublisher:
     """The present percepts of one robot, and one numbered stream of changes for each of its agents."""
 
     def __init__(

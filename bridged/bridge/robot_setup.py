@@ -19,7 +19,7 @@ from schemas.mission.model import NO_STEPS, Mission, Robot
 
 
 @dataclass(frozen=True)
-class Part:
+class RobotSetup:
     """One robot of a bridge: what was read of it."""
 
     name: str
@@ -55,9 +55,9 @@ def _said(mission: Mission, text: str) -> Finding:
     return Finding(str(mission.path), 0, 0, text)
 
 
-def prepare_all(mission: Mission, names: list[str], link: str | None, speed: float) -> tuple[Mission, list[Part]]:
+def prepare_all(mission: Mission, names: list[str], link: str | None, speed: float) -> tuple[Mission, list[RobotSetup]]:
     """Prepare several robots of one bridge. Raises Findings with what is wrong with any of them."""
-    parts: list[Part] = []
+    parts: list[RobotSetup] = []
     findings: list[Finding] = []
     for name in dict.fromkeys(names):
         try:
@@ -68,7 +68,7 @@ def prepare_all(mission: Mission, names: list[str], link: str | None, speed: flo
         robot = mission.robots[name]
         idle, agents = read_steps(mission, name, "on_idle"), mission.agents_of(name)
         where = _where(robot, manifest)
-        parts.append(Part(name, manifest, steps, idle, robot.idle_after, agents, robot.agent_silence, where))
+        parts.append(RobotSetup(name, manifest, steps, idle, robot.idle_after, agents, robot.agent_silence, where))
     if findings:
         raise Findings(findings)
     return mission, parts

@@ -18,7 +18,7 @@ Follower = Callable[[ActionStatus | None], None]
 
 
 @dataclass(eq=False)
-class Job:
+class RunningAction:
     """An action that runs."""
 
     action: Action

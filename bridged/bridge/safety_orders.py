@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, cast, get_args
 
-from bridged.bridge.action_server import ActionDesk
-from bridged.bridge.composite_driver import Body
-from bridged.bridge.error_boundary import Guarded
+from bridged.bridge.action_server import ActionServer
+from bridged.bridge.composite_driver import CompositeDriver
+from bridged.bridge.error_boundary import ErrorBoundary
 from bridged.drivers.api import Execution, Order, Outcome
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
@@ -78,16 +78,16 @@ def _stops(more: str = "", order: Order | None = None) -> Outcome:
     return Outcome("failed", f"the bridge stops{more}", "shutdown", order)
 
 
-class Orders:
+class SafetyOrders:
     """Carry out orders, one at a time: a later one takes over from a sequence that is under way.
 
     Only the operator's replace a safer motion: see `bridged.drivers.api.defers`.
     """
 
-    def __init__(self, desk: ActionDesk, driver: Body, clock: Clock, patience: float = 10.0) -> None:
+    def __init__(self, desk: ActionServer, driver: CompositeDriver, clock: Clock, patience: float = 10.0) -> None:
         """`patience`: mission seconds that an agent which is back has to take control (`idle_after`)."""
         self._desk, self._driver, self._clock, self._patience = desk, driver, clock, patience
-        self._calls = Guarded(driver)
+        self._calls = ErrorBoundary(driver)
         self._sequence: asyncio.Task[None] | None = None
         self._answer: Callable[[], Coroutine[Any, Any, None]] | None = None
         """What the sequence carries out: after a pause it begins again."""

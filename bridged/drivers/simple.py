@@ -10,7 +10,7 @@ from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
 
 
-class PlainDriver:
+class SimpleDriver:
     """A `bridged.drivers.api.Driver` but for `run` and `perform`; the manifest's `orders` are actions."""
 
     orders: frozenset[Order] = frozenset()

@@ -23,14 +23,14 @@ import zenoh
 from commd.bus import access_probe
 from commd.bus.connect_diagnosis import why_not
 from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFailed, QueryTimeout
-from commd.bus.key_cache import KnownKeys
-from commd.bus.loop_dispatch import Handover
+from commd.bus.key_cache import KeyCache
+from commd.bus.loop_dispatch import LoopDispatch
 from commd.bus.raw import RawBus, matching
 from commd.bus.router_endpoints import addresses_to_come
 from commd.bus.session import LEAVING, OPENING, session_config, set_id
 from commd.bus.tls import Tls
 from commd.bus.version_check import Strangers
-from commd.common.repeated_log import Reminder
+from commd.common.repeated_log import RepeatedLog
 from commd.common.tasks import Tasks
 from schemas.wire import keys
 from schemas.wire.codec import MAX_BYTES, BadRecord, OtherVersion, Wire, codec
@@ -168,10 +168,10 @@ class Bus:
         self.counters: Counter[str] = Counter()
         """dropped, bad_input, unknown_fields, unsendable, replies_lost, puts_lost: what did not get through so far."""
         self._session = session
-        self._known = KnownKeys(session)
+        self._known = KeyCache(session)
         self._stamp = stamp
         self._loop = asyncio.get_running_loop()
-        self._handover = Handover(self._loop, self.counters)
+        self._handover = LoopDispatch(self._loop, self.counters)
         self._seq: Counter[tuple[str, str]] = Counter()
         self._tasks = Tasks("serving a query")
         self._aside = Tasks("answering who looks on")
@@ -197,7 +197,7 @@ class Bus:
         """Since then queries end when it is lost or back; its first sight ends none."""
         self._routers: set[str] = set()
         self._on_router: list[Callable[[bool], None]] = []
-        self._away = Reminder(lambda seconds: log.warning("router lost for=%.0fs: is commd running?", seconds))
+        self._away = RepeatedLog(lambda seconds: log.warning("router lost for=%.0fs: is commd running?", seconds))
         self._watching = self._loop.create_task(self.access.run()) if self.guarded else None
         if mode == "client":
             self._watch_router()
@@ -907,7 +907,7 @@ async def open_bus(
     def remind(seconds: float) -> None:
         log.warning("waiting for the router at %s for=%.0fs: %s", endpoint, seconds, why)
 
-    waiting = Reminder(remind)
+    waiting = RepeatedLog(remind)
     try:
         while True:
             try:

@@ -16,7 +16,7 @@ MOST: Final = 10_000
 log = logging.getLogger("bus")
 
 
-class KnownKeys:
+class KeyCache:
     """The keys of one session. A key is declared when it is used a second time."""
 
     def __init__(self, session: zenoh.Session) -> None:

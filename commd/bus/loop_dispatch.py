@@ -19,7 +19,7 @@ TURN: Final = 0.02
 """Wall seconds for which more is handed over: a pass of the loop may be long, and what waits must not pile up."""
 
 
-class Handover:
+class LoopDispatch:
     """Hands over to one event loop, while that runs; what comes later is counted as dropped."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, counters: Counter[str]) -> None:

@@ -10,8 +10,8 @@ from contextlib import aclosing, suppress
 
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
-from commd.client.percept_sync import Perceiving
-from commd.liveness.bridge_presence import BridgeWatch
+from commd.client.percept_sync import PerceptSync
+from commd.liveness.bridge_presence import BridgePresence
 from schemas.liveness import ACTION_ASKED_AGAIN, BUS_GRACE
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
@@ -33,15 +33,15 @@ RETRY = 0.2
 _HANGS = "bridge_lost: the bridge is there and says nothing: it hangs"
 
 
-class Acting:
+class ActionRequests:
     """The actions of one agent on the bus."""
 
     def __init__(
         self,
         bus: Bus,
         agent: str,
-        perceiving: Perceiving,
-        bridge: BridgeWatch,
+        perceiving: PerceptSync,
+        bridge: BridgePresence,
         to_wall: Callable[[float], float] = float,
     ) -> None:
         """`to_wall` gives the wall seconds of a time in mission seconds."""

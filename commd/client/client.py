@@ -19,7 +19,7 @@ from typing import Any
 
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, BusError
-from commd.client.actions import Acting
+from commd.client.actions import ActionRequests
 from commd.client.percept_stream import Percepts
 from commd.client.receive_mail import QUESTION, Messages, ProgramInbox
 from commd.client.send_mail import MailboxFull, NotSent, Sending, SendTimeout, TooLarge, UnknownReceiver
@@ -85,7 +85,7 @@ class Client:
         self._sending = Sending(bus, name)
         self._inbox = ProgramInbox(bus, name, numbers)
         self._percepts: dict[str, Percepts] = {}
-        self._acting: Acting | None = None
+        self._acting: ActionRequests | None = None
         self._actions = self._questions = 0
 
     @property
@@ -180,7 +180,9 @@ class Client:
         """
         percepts = self.percepts()
         if self._acting is None:
-            self._acting = Acting(self._bus, self.name, percepts.perceiving, percepts.bridge, self._clock.to_wall)
+            self._acting = ActionRequests(
+                self._bus, self.name, percepts.perceiving, percepts.bridge, self._clock.to_wall
+            )
         self._actions += 1
         identity = f"{self.name}:{self._bus.boot}:{self._actions}"
         try:

@@ -7,9 +7,9 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable
 
 from commd.bus.bus import Bus
-from commd.client.percept_sync import Perceiving
+from commd.client.percept_sync import PerceptSync
 from commd.common.tasks import Tasks
-from commd.liveness.bridge_presence import BridgeWatch
+from commd.liveness.bridge_presence import BridgePresence
 from schemas.wire.records import Perception
 from schemas.wire.terms import Term
 
@@ -27,8 +27,8 @@ class Percepts:
         self._loops: list[deque[Perception]] = []
         """What each loop has still to read."""
         self._changed = asyncio.Event()
-        self.perceiving = Perceiving(bus, agent, robot, self._take, inject)
-        self.bridge = BridgeWatch(bus, robot, self.perceiving.doubt, self.perceiving.forget)
+        self.perceiving = PerceptSync(bus, agent, robot, self._take, inject)
+        self.bridge = BridgePresence(bus, robot, self.perceiving.doubt, self.perceiving.forget)
         self._tasks = Tasks(f"perceiving for {agent}")
         for work in (self.perceiving.run(), self.bridge.run()):
             self._tasks.spawn(work)

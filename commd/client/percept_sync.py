@@ -30,7 +30,7 @@ RETRY = 0.2
 """Wall seconds between two attempts to get the present set."""
 
 
-class Perceiving:
+class PerceptSync:
     """The percepts of one agent. Each change is told once, to `on_change`."""
 
     def __init__(

@@ -9,7 +9,7 @@ AGAIN = (10.0, 60.0, 600.0)
 """Wall seconds after which it is said again; the last is then the interval."""
 
 
-class Reminder:
+class RepeatedLog:
     """Calls `say(seconds)` again and again from `begin` to `end`, with how long it has gone on."""
 
     def __init__(self, say: Callable[[float], None]) -> None:

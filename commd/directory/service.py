@@ -23,8 +23,8 @@ from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.directory.registry import Notice, Own, Problem, Services, checked
 from commd.mail import kv_table
-from commd.mail.rollback_witness import MailWitness
-from commd.mail.service import Mailroom
+from commd.mail.rollback_witness import RollbackWitness
+from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
 from schemas.liveness import FORGOTTEN_AFTER
 from schemas.mission.access_rules import made_on
@@ -61,7 +61,7 @@ class Directory:
     """What a board knows of the agents of its fleet. Make it with `open_directory`."""
 
     def __init__(
-        self, bus: Bus, board: str, mission: Mission, mailroom: Mailroom, clock: Clock, secured: bool = False
+        self, bus: Bus, board: str, mission: Mission, mailroom: MailService, clock: Clock, secured: bool = False
     ) -> None:
         """`secured`: routers control who asks on which key, so that only that says for whom a request is."""
         boards = tuple(mission.boards) or (THIS_MACHINE,)
@@ -72,7 +72,7 @@ class Directory:
         """`notices` and `notices_refused`, `board_changes`, `left`: agents that were gone for good."""
         self._bus, self._board, self._store, self._mailroom, self._clock = bus, board, mailroom.store, mailroom, clock
         self._secured = secured
-        self._witness = MailWitness(board, bus.boot, mailroom.clock)
+        self._witness = RollbackWitness(board, bus.boot, mailroom.clock)
         self._homes = self.services.homes()
         self._one_at_a_time = asyncio.Lock()
         self._alive: dict[str, set[str]] = {}
@@ -431,7 +431,7 @@ class Directory:
 
 @asynccontextmanager
 async def open_directory(
-    bus: Bus, board: str, mission: Mission, mailroom: Mailroom, clock: Clock, secured: bool = False
+    bus: Bus, board: str, mission: Mission, mailroom: MailService, clock: Clock, secured: bool = False
 ) -> AsyncIterator[Directory]:
     """Read the directory of a board, or go on trying while its disk does not let it; keep it up to date until the end.
 

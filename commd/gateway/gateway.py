@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from commd.gateway.paper_node import RATE, Allowance, Node
 from commd.mail.message import undelivered
-from commd.mail.service import Mailroom
+from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
 from schemas.files.endpoints import host_and_port
 from schemas.files.findings import Findings
@@ -78,7 +78,7 @@ class Gateway(asyncio.DatagramProtocol):
         )
 
     @asynccontextmanager
-    async def serving(self, mailroom: Mailroom) -> AsyncIterator[None]:
+    async def serving(self, mailroom: MailService) -> AsyncIterator[None]:
         """Carry mail between the nodes and `mailroom` while the block runs."""
         detach = [mailroom.attach(name, self.deliver) for name in self.nodes]
         running = self.work = [asyncio.create_task(self._take(mailroom)), asyncio.create_task(self._seek())]
@@ -142,7 +142,7 @@ class Gateway(asyncio.DatagramProtocol):
             await asyncio.sleep(SEEK_EVERY)
             await self._find_nodes()
 
-    async def _take(self, mailroom: Mailroom) -> None:
+    async def _take(self, mailroom: MailService) -> None:
         """Take what the nodes said into the mail, for ever."""
         while True:
             said = [await self._waiting.get()]
@@ -154,7 +154,7 @@ class Gateway(asyncio.DatagramProtocol):
                 self.counters["gateway_refused"] += 1
                 self._tell_undelivered(batch[place], reason)
 
-    async def _hand_over(self, batch: list[Message], mailroom: Mailroom) -> Receipt:
+    async def _hand_over(self, batch: list[Message], mailroom: MailService) -> Receipt:
         """Give a batch to the mail, again and again while its disk takes nothing: what comes meanwhile waits."""
         while True:
             try:

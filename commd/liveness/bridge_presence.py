@@ -19,7 +19,7 @@ POLL = 0.5
 """Wall seconds between two checks of its health."""
 
 
-class BridgeWatch:
+class BridgePresence:
     """Follows the liveliness tokens of one robot's bridge; tells `on_up` and `on_gone` once for each change.
 
     While `run` runs, a bridge whose token is there and that says nothing for `SILENT_AFTER` counts as gone: it hangs.

@@ -10,7 +10,7 @@ from functools import partial
 
 from commd.mail import queries
 from commd.mail.age_clock import SAVE_EVERY, MailClock
-from commd.mail.delivery import Lanes
+from commd.mail.delivery import DeliveryQueues
 from commd.mail.message import OFFICE
 from commd.mail.queries import Tally
 from commd.mail.store import Store, StoreFailed
@@ -53,7 +53,7 @@ class Undelivered:
         log.warning("mail_given_up count=%d senders=%s why=%s", len(reasons), *told)
         return noticed
 
-    async def give_up_all(self, receiver: str, reason: Refusal, lanes: Lanes) -> None:
+    async def give_up_all(self, receiver: str, reason: Refusal, lanes: DeliveryQueues) -> None:
         """Give up all that waits for a receiver."""
         while self._tally.messages[receiver] and (
             found := await self._store.read(partial(queries.places_for, receiver=receiver, most=SWEEP))
@@ -62,7 +62,7 @@ class Undelivered:
             for line in await self.give_up(reasons, {sender for _, sender in found}):
                 lanes.more(line)
 
-    async def sweep(self, lanes: Lanes) -> None:
+    async def sweep(self, lanes: DeliveryQueues) -> None:
         """Give up what has waited longer than it may, and write down the time meanwhile, for ever."""
         saved, place, rounds = self._clock.now(), self._tally.next, 0
         while True:
@@ -83,7 +83,7 @@ class Undelivered:
             except StoreFailed:
                 self.counters["sweeps_failed"] += 1
 
-    async def _give_up_strangers(self, lanes: Lanes) -> None:
+    async def _give_up_strangers(self, lanes: DeliveryQueues) -> None:
         """Give up what waits for somebody whom nobody has known for a while: one that left just as the mail came, or
         that the mission does not name any more."""
         now = asyncio.get_running_loop().time()
@@ -93,7 +93,7 @@ class Undelivered:
             if now - since >= STRANGER:
                 await self.give_up_all(one, Refusal(code="receiver_left"), lanes)
 
-    async def _give_up_late(self, lanes: Lanes) -> None:
+    async def _give_up_late(self, lanes: DeliveryQueues) -> None:
         late = await self._store.read(partial(queries.expired, now=self._clock.now(), most=LATE))
         now = self._clock.now()
         reasons: dict[int, Refusal] = {}

@@ -49,7 +49,7 @@ class NotTaken:
 
 
 @dataclass(eq=False, slots=True)
-class Lane:
+class DeliveryQueue:
     """One line that is not empty."""
 
     line: str
@@ -77,7 +77,7 @@ class Lane:
 class Away:
     """A peer that is not there, and the lanes that wait for it: only one of them tries, now and then."""
 
-    lanes: dict[str, Lane] = field(default_factory=dict)
+    lanes: dict[str, DeliveryQueue] = field(default_factory=dict)
     pause: float = RETRY_FIRST
     timer: asyncio.TimerHandle | None = None
 
@@ -89,20 +89,20 @@ class _WorkerPool:
         """At most `of_one` of the `workers` serve one group at the same time."""
         self.workers = workers
         self._of_one = of_one
-        self._ready: deque[Lane] = deque()
+        self._ready: deque[DeliveryQueue] = deque()
         self._wanted = asyncio.Semaphore(0)
         """Counts `_ready`."""
         self._busy: Counter[str] = Counter()
         """Workers by the group that they serve."""
-        self._held: dict[str, deque[Lane]] = {}
+        self._held: dict[str, deque[DeliveryQueue]] = {}
         """Lanes whose group has as many workers as it may, by group."""
 
-    def add(self, lane: Lane) -> None:
+    def add(self, lane: DeliveryQueue) -> None:
         """Let a lane wait for a worker."""
         self._ready.append(lane)
         self._wanted.release()
 
-    async def next(self, group_of: Callable[[str], str]) -> tuple[Lane, str]:
+    async def next(self, group_of: Callable[[str], str]) -> tuple[DeliveryQueue, str]:
         """Wait for a lane whose group may have another worker. Returns it and the group, for `free`."""
         while True:
             await self._wanted.acquire()
@@ -125,7 +125,7 @@ class _WorkerPool:
             del self._busy[group]
 
 
-class Lanes:
+class DeliveryQueues:
     """All lines that are not empty, and the workers that empty them."""
 
     def __init__(
@@ -147,7 +147,7 @@ class Lanes:
         self._store, self._tally, self._clock = store, tally, clock
         self._carry, self._give_up, self._peer_of = carry, give_up, peer_of
         self._group_of = group_of
-        self._lanes: dict[str, Lane] = {}
+        self._lanes: dict[str, DeliveryQueue] = {}
         self._away: dict[str, Away] = {}
         self._pools = {
             (remote, probing): _WorkerPool(PROBES, PROBES_OF_ONE) if probing else _WorkerPool(WORKERS, OF_ONE)
@@ -176,7 +176,7 @@ class Lanes:
         if (lane := self._lanes.get(line)) is not None:
             lane.more = True
         else:
-            self._lanes[line] = Lane(line)
+            self._lanes[line] = DeliveryQueue(line)
             self._queue(self._lanes[line])
 
     def arrived(self, peer: str) -> None:
@@ -195,7 +195,7 @@ class Lanes:
             for lane in away.lanes.values():
                 self._at_once(lane)
 
-    def _at_once(self, lane: Lane) -> None:
+    def _at_once(self, lane: DeliveryQueue) -> None:
         lane.timer, lane.pause, lane.hung, lane.alone = None, RETRY_FIRST, False, False
         self._queue(lane)
 
@@ -213,7 +213,7 @@ class Lanes:
             return f"{lane.state}, next attempt in {max(0.0, lane.due - self._loop.time()):.1f} s"
         return lane.state
 
-    def _queue(self, lane: Lane) -> None:
+    def _queue(self, lane: DeliveryQueue) -> None:
         if not lane.queued:
             lane.queued = True
             self._pools[">" in lane.line, lane.hung].add(lane)
@@ -233,12 +233,12 @@ class Lanes:
             finally:
                 pool.free(group)
 
-    def _again(self, lane: Lane, known: float, why: NotTaken) -> None:
+    def _again(self, lane: DeliveryQueue, known: float, why: NotTaken) -> None:
         """Begin a line anew at its front: what was taken and is in the file still is sent again, and known there."""
         lane.sent, lane.after, lane.removal = max(known, lane.after), 0, None
         self._later(lane, why)
 
-    async def _advance(self, lane: Lane, known: float) -> None:
+    async def _advance(self, lane: DeliveryQueue, known: float) -> None:
         """Take one batch of a line to its peer and settle what became of it."""
         lane.more = False
         most = 1 if lane.alone else queries.BATCH
@@ -278,7 +278,7 @@ class Lanes:
         else:
             await self._finish(lane, lane.sent)
 
-    async def _settle(self, lane: Lane, known: float, batch: Sequence[QueuedMessage], answer: Receipt) -> None:
+    async def _settle(self, lane: DeliveryQueue, known: float, batch: Sequence[QueuedMessage], answer: Receipt) -> None:
         """Take out of the file what the peer has taken, and give up what it has refused."""
         refused = {one.place: answer.refused[i] for i, one in enumerate(batch) if i in answer.refused}
         taken = [one.place for i, one in enumerate(batch) if i not in answer.refused and i not in answer.later]
@@ -296,7 +296,7 @@ class Lanes:
         if answer.later:
             await self._removed(lane)
 
-    async def _removed(self, lane: Lane) -> None:
+    async def _removed(self, lane: DeliveryQueue) -> None:
         if (removal := lane.removal) is not None:
             lane.removal = None
             await removal
@@ -304,7 +304,7 @@ class Lanes:
     async def _remove(self, places: list[int]) -> None:
         await self._store.write(lambda db: queries.remove(db, self._tally, places))
 
-    async def _finish(self, lane: Lane, known: float) -> None:
+    async def _finish(self, lane: DeliveryQueue, known: float) -> None:
         """Forget a line that is empty, unless something came while we looked."""
         await self._removed(lane)
         lane.sent = known
@@ -313,7 +313,7 @@ class Lanes:
         else:
             del self._lanes[lane.line]
 
-    def _later(self, lane: Lane, answer: NotTaken) -> None:
+    def _later(self, lane: DeliveryQueue, answer: NotTaken) -> None:
         """Try again when the peer is there, or after a pause that doubles."""
         lane.state, lane.hung, lane.alone = answer.why, True, answer.unreadable
         if answer.away:
@@ -325,7 +325,7 @@ class Lanes:
             return
         self._pause(lane, RETRY_MOST)
 
-    def _pause(self, lane: Lane, most: float) -> None:
+    def _pause(self, lane: DeliveryQueue, most: float) -> None:
         """Try a line again after a pause that doubles, up to `most`."""
         pause = min(lane.pause, most)
         lane.pause = pause * 2

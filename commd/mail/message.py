@@ -52,7 +52,7 @@ class Mail(Record, frozen=True, kw_only=True):
     messages: tuple[Message, ...] = ()
 
 
-class Letter(msgspec.Struct, kw_only=True, gc=False):
+class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
     """A message on its way into the file."""
 
     line: str
@@ -96,7 +96,7 @@ class QueuedMessage(msgspec.Struct, kw_only=True, gc=False):
         return msgspec.structs.replace(message, header=header)
 
 
-def letter(message: ReadMessage, line: str, expires: float | None) -> Letter:
+def letter(message: ReadMessage, line: str, expires: float | None) -> StoredMessage:
     """Return a message as it is kept. Raises ValueError for one that cannot be kept, BadRecord among them."""
     header = message.header
     numbered = header.seq > 0 and bool(header.boot)
@@ -104,7 +104,7 @@ def letter(message: ReadMessage, line: str, expires: float | None) -> Letter:
         raise ValueError(f"its number is above {LARGEST_NUMBER}, or its numbering longer than {LONGEST_NUMBERING}")
     if too_deep(message.content, DEEPEST + WRAPPED if message.sender == OFFICE else DEEPEST):
         raise ValueError(f"nested too deeply: more than {DEEPEST} terms within terms")
-    return Letter(
+    return StoredMessage(
         line=line,
         sender=message.sender,
         receiver=message.receiver,

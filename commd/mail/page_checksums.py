@@ -1,8 +1,9 @@
 """Tells whether a database file is as it was written: a checksum of each page, in a file beside it.
 
 SQLite finds damage that breaks its structure, not a flipped bit in a row. The pages of a database in WAL mode change
-only when its log is carried over, so that is done here (`PageSums.carry_over`), and costs as much as what has changed.
-The log has checksums of its own, by which SQLite leaves out what follows a damaged frame: `log_damage` says so.
+only when its log is carried over, so that is done here (`PageChecksums.carry_over`), and costs as much as what has
+changed. The log has checksums of its own, by which SQLite leaves out what follows a damaged frame: `log_damage` says
+so.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _LITTLE: Final = 0x377F0682
 """The magic number of a log whose checksums are of little-endian words; of big-endian ones it is one more."""
 
 
-class PageSums:
+class PageChecksums:
     """The checksums of one database, for the connection that writes it. It needs `PRAGMA wal_autocheckpoint=0`."""
 
     def __init__(self, path: Path) -> None:

@@ -10,7 +10,7 @@ from sqlite3 import Connection
 
 import msgspec
 
-from commd.mail.message import Letter, QueuedMessage, letter, undelivered
+from commd.mail.message import QueuedMessage, StoredMessage, letter, undelivered
 from schemas.mission.model import RESERVED
 from schemas.wire.codec import codec
 from schemas.wire.records import Message, Refusal
@@ -75,7 +75,7 @@ class Tally:
                 del counter[key]
 
 
-def put(db: Connection, tally: Tally, letters: Iterable[Letter], now: float, bound: int | None) -> list[str]:
+def put(db: Connection, tally: Tally, letters: Iterable[StoredMessage], now: float, bound: int | None) -> list[str]:
     """Write messages at the ends of their lines. Returns what becomes of each.
 
     A number that is not above the last one of its numbering was taken before. One that is too late is taken too: it is
@@ -220,7 +220,7 @@ def bury(
     `reasons` by place; `lines` says where notices to each sender wait, whoever has none gets none. Returns the lines
     that notices were written to.
     """
-    notices: list[Letter] = []
+    notices: list[StoredMessage] = []
     for place, sender, message in remove(db, tally, list(reasons)):
         reason = reasons[place]
         db.execute(

@@ -26,7 +26,7 @@ _KIND = "mail_seen"
 log = logging.getLogger("mail")
 
 
-class MailWitness:
+class RollbackWitness:
     """What a board has seen of the mail files of others, and what they have seen of its own."""
 
     def __init__(self, board: str, boot: str, clock: MailClock) -> None:

@@ -21,9 +21,9 @@ from commd.bus.bus import Bus, Query
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
 from commd.mail.dead_letters import Undelivered
-from commd.mail.delivery import RETRY_MOST, Lanes
+from commd.mail.delivery import RETRY_MOST, DeliveryQueues
 from commd.mail.inspection import list_mailboxes
-from commd.mail.message import LARGEST, SLACK, Letter, letter
+from commd.mail.message import LARGEST, SLACK, StoredMessage, letter
 from commd.mail.queries import Tally
 from commd.mail.store import Store, StoreFailed, open_store
 from commd.mail.transport import Air, Deliver, Directory, Peers
@@ -36,7 +36,7 @@ from schemas.wire.records import Health, Mail, Mailboxes, Message, Note, Receipt
 log = logging.getLogger("mail")
 
 
-class Mailroom:
+class MailService:
     """Takes mail, keeps it and carries it on."""
 
     def __init__(
@@ -57,7 +57,9 @@ class Mailroom:
         self._peers = Peers(bus, clock, directory, air)
         self._undelivered = Undelivered(store, tally, clock, self._line)
         peers = self._peers
-        self._lanes = Lanes(store, tally, clock, peers.carry, self._undelivered.give_up, peers.of, peers.group_of)
+        self._lanes = DeliveryQueues(
+            store, tally, clock, peers.carry, self._undelivered.give_up, peers.of, peers.group_of
+        )
         self.ask_around: Callable[[], Awaitable[None]] | None = None
         """Lets the directory hear who has joined other boards just now; asked before a receiver is refused."""
         self.everybody_known = True
@@ -220,7 +222,7 @@ class Mailroom:
         ]
         await self._answer(query, letters, now)
 
-    async def _answer(self, query: Query[Mail], letters: Sequence[Letter | Refusal], now: float) -> None:
+    async def _answer(self, query: Query[Mail], letters: Sequence[StoredMessage | Refusal], now: float) -> None:
         try:
             query.reply(await self._write(letters, now, self._rules.mailbox))
         except StoreFailed as failed:  # nothing is taken: it will come again
@@ -228,7 +230,7 @@ class Mailroom:
 
     def _kept(
         self, message: Message, line: str | None, now: float, ttl: float | None, slack: int = 0
-    ) -> Letter | Refusal:
+    ) -> StoredMessage | Refusal:
         """Return a message as it is kept, or why it is refused for good. `ttl` is for one that brings none."""
         if line is None:
             return Refusal(code="receiver_not_found")
@@ -248,13 +250,13 @@ class Mailroom:
 
     async def _write(
         self,
-        letters: Sequence[Letter | Refusal],
+        letters: Sequence[StoredMessage | Refusal],
         now: float,
         bound: int | None,
         also: Callable[[Connection], None] | None = None,
     ) -> Receipt:
         """Put a batch on disk, and let it go on from there. Reasons stand where messages are refused."""
-        good = [one for one in letters if isinstance(one, Letter)]
+        good = [one for one in letters if isinstance(one, StoredMessage)]
 
         def write(db: Connection) -> list[str]:
             if also is not None:
@@ -317,7 +319,7 @@ async def open_mailroom(
     air: Air | None = None,
     clock: MailClock | None = None,
     everybody_known: bool = True,
-) -> AsyncIterator[Mailroom]:
+) -> AsyncIterator[MailService]:
     """Open the mail of the board `bus.name`, kept in `folder`, and carry it on until the end.
 
     Without `everybody_known` it refuses no receiver as unknown until it has another directory. Raises Findings if its
@@ -332,7 +334,7 @@ async def open_mailroom(
     async with open_store(folder / f"{bus.name}.mail", rules.synchronous, count) as store:
         with suppress(StoreFailed):  # what is told of a message's age may be less than the truth then
             clock.saved = await store.write(clock.save)
-        mailroom = Mailroom(bus, store, tally, clock, directory, rules, air)
+        mailroom = MailService(bus, store, tally, clock, directory, rules, air)
         mailroom.everybody_known = everybody_known
         for name in directory.names():
             if directory.board_of(name) == bus.name:

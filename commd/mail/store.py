@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Literal, TypeAlias, TypeVar
 
-from commd.mail.page_checksums import PageSums, log_damage
+from commd.mail.page_checksums import PageChecksums, log_damage
 from commd.mail.schema import TooNew, migrate
 from commd.mail.sqlite_file import (
     CORRUPT,
@@ -66,7 +66,7 @@ class Store:
         """Names of the corrupt files that were set aside, since the start."""
         self.damaged: list[str] = []
         """What is missing of the file that was found at the start, in words."""
-        self._sums = PageSums(path)
+        self._sums = PageChecksums(path)
         self._count = count
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[tuple[Transaction[Any], asyncio.Future[Any]]] = deque()

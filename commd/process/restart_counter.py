@@ -18,7 +18,7 @@ log = logging.getLogger("lives")
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 MUTE = "its former life ended without a word: killed, or out of memory"
-_open: list[Life] = []
+_open: list[RestartCounter] = []
 
 
 class _Note(msgspec.Struct, omit_defaults=True):
@@ -30,7 +30,7 @@ class _Note(msgspec.Struct, omit_defaults=True):
     """By what it failed."""
 
 
-class Life:
+class RestartCounter:
     """A life of a daemon; `restarts` of None: how many were before it is not known."""
 
     def __init__(self, path: Path, machine: str | None = None) -> None:
@@ -84,7 +84,7 @@ def begin_life(folder: Path, daemon: str, name: str) -> tuple[int | None, str]:
     Returns how often it was restarted after a failure since the machine started (None: not known), and how the process
     before it failed, if it did.
     """
-    life = Life(folder / f"{name}.{daemon}.life")
+    life = RestartCounter(folder / f"{name}.{daemon}.life")
     if life.before:
         log.warning("restarts=%s %s", life.restarts, life.before)
     _open.append(life)

@@ -30,7 +30,7 @@ AT_MOST = 65_536
 """Bytes of a question that are read."""
 
 
-class Checkups:
+class SelfCheck:
     """Answers `{board}/checkup`."""
 
     def __init__(self, bus: Bus, board: str, others: Sequence[str], folder: Path) -> None:

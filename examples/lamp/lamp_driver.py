@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 
 from bridged.drivers.api import Driver, Execution, Outcome, Setup, Value
-from bridged.drivers.simple import PlainDriver
+from bridged.drivers.simple import SimpleDriver
 from schemas.files.findings import Finding
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.mission.model import Robot
@@ -37,7 +37,7 @@ def make_driver(setup: Setup) -> Driver:
     return LampDriver(setup)
 
 
-class LampDriver(PlainDriver):
+class LampDriver(SimpleDriver):
     def __init__(self, setup: Setup) -> None:
         super().__init__(setup)
         self._writer: asyncio.StreamWriter | None = None

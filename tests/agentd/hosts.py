@@ -14,9 +14,9 @@ from agentd.language.parse import parse_program
 from agentd.mind.data.effects import TeamRequest
 from agentd.mind.data.inputs import Mail, TeamReply
 from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
-from agentd.persistence.restore import Memory, open_memory
-from agentd.runtime.agent_directory import Roster
-from agentd.runtime.agent_host import Host, Part
+from agentd.persistence.restore import RestoredState, open_memory
+from agentd.runtime.agent_directory import AgentDirectory
+from agentd.runtime.agent_host import AgentHost, Part
 from agentd.trace.program_sources import Sources
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
@@ -55,7 +55,7 @@ class Disk:
 class Hosted:
     """One life of an agent."""
 
-    def __init__(self, host: Host, memory: Memory) -> None:
+    def __init__(self, host: AgentHost, memory: RestoredState) -> None:
         self.host = host
         self.disk = cast(Disk, memory.checkpoint)
         self._writer = memory.writer
@@ -103,7 +103,7 @@ async def host_on(
     memory.checkpoint = cast(Checkpoint, Disk(memory.checkpoint))
     program = compile_program(parse_program(source, f"{name}.asl"))
     roster = cast(
-        Roster,
+        AgentDirectory,
         SimpleNamespace(
             names=dict.fromkeys((name, *others), "board"), met=lambda name: None, remember=lambda names: None
         ),
@@ -111,9 +111,9 @@ async def host_on(
     sources = Sources(main=f"{name}.asl")
     sources.keep(sources.main, source)
     made = Part(name=name, program=program, **{"robot": None, "done": {}, "failed": {}, "sources": sources, **part})
-    host = Host(bus, Clock(), made, roster, _no_team, bus.token(f"test/{name}/{bus.boot}"), memory)
+    host = AgentHost(bus, Clock(), made, roster, _no_team, bus.token(f"test/{name}/{bus.boot}"), memory)
     return Hosted(host, memory)
 
 
-async def _no_team(host: Host, request: TeamRequest) -> TeamReply:
+async def _no_team(host: AgentHost, request: TeamRequest) -> TeamReply:
     return TeamReply(request.id, None, "unknown", "there is no team")

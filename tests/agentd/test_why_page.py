@@ -9,7 +9,7 @@ import pytest
 
 from agentd.runtime.program_paths import SourcePaths
 from agentd.standalone.clocks import VirtualClock
-from agentd.standalone.decision_printer import Narrator
+from agentd.standalone.decision_printer import DecisionPrinter
 from agentd.standalone.standalone_team import Team
 
 PAGE = (Path(__file__).parents[2] / "docs/guides/why.md").read_text(encoding="utf-8")
@@ -28,6 +28,6 @@ def test_a_program_of_the_page_says_what_stands_below_it(
     monkeypatch.chdir(tmp_path)
     Path("fly.asl").write_text(program, encoding="utf-8")
     programs = [("bob", SourcePaths().compiled("fly.asl"))]
-    narrator = Narrator() if "why:" in output else None
+    narrator = DecisionPrinter() if "why:" in output else None
     Team(programs, clock=VirtualClock(), narrator=narrator).run(60, True)
     assert capsys.readouterr().err == output

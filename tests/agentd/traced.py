@@ -11,8 +11,8 @@ from agentd.language.parse import parse_program
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.mind.data.inputs import Input
-from agentd.trace.initial_state import Birth
-from agentd.trace.input_log import Course, Stretch
+from agentd.trace.initial_state import InitialState
+from agentd.trace.input_log import InputBatch, InputLog
 from agentd.trace.program_sources import Sources
 from schemas.wire.codec import codec
 from schemas.wire.mind_records import MindInputs
@@ -52,11 +52,11 @@ class Traced:
             on_input=lambda cycle, item: early.append((cycle, item)),
             **arguments,
         )
-        self.birth = Birth(sources, seed, start, epoch, UTC, False, None, decisions, False, None)
-        self.course = Course(mind, self.birth.record, early)
+        self.birth = InitialState(sources, seed, start, epoch, UTC, False, None, decisions, False, None)
+        self.course = InputLog(mind, self.birth.record, early)
         mind.on_input = self.course.given
         mind.agents = self.course.reading(agents)
-        self._stretches: list[Stretch] = []
+        self._stretches: list[InputBatch] = []
         if listened:
             self.course.listen(self._stretches.append)
             if mind.recorder is not None:

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bridged.bridge.action_log import Ledger
-from bridged.bridge.action_server import ActionDesk
+from bridged.bridge.action_log import ActionLog
+from bridged.bridge.action_server import ActionServer
 from bridged.bridge.lease import Lease
-from bridged.bridge.percepts import PerceptBoard
+from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Execution, Order, Outcome, Value
 from schemas.manifest.loader import ActionEntry, Manifest, RobotEntry
 from schemas.wire.records import Action, ActionStatus
@@ -50,9 +50,11 @@ class Desk:
         )
         self.now, self.robot = 0.0, Patient()
         self.told: list[ActionStatus] = []
-        self.ledger = Ledger(state / "r.actions")
-        self.board = PerceptBoard(manifest, ["uav", "other"], lambda *one: None, robot="r", boot="b", stamp=lambda: 0)
-        self.desk = ActionDesk(
+        self.ledger = ActionLog(state / "r.actions")
+        self.board = PerceptPublisher(
+            manifest, ["uav", "other"], lambda *one: None, robot="r", boot="b", stamp=lambda: 0
+        )
+        self.desk = ActionServer(
             manifest,
             self.robot,  # type: ignore[arg-type]
             self.board,

@@ -10,7 +10,7 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.bridge import Bridge
-from bridged.bridge.composite_driver import Body
+from bridged.bridge.composite_driver import CompositeDriver
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.simulation.copter.fault_injection import Air, Faults
@@ -113,7 +113,7 @@ class Sky:
             lambda agent, status: self.statuses.append(status),
             boot=f"b{id(self):x}",
         )
-        assert isinstance(self.bridge.driver, Body)
+        assert isinstance(self.bridge.driver, CompositeDriver)
         assert isinstance(self.bridge.driver.own, MavlinkDriver)
         self.driver = self.bridge.driver.own
         self.ours = Encoder(self.driver.identity.system, self.driver.identity.component)

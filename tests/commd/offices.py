@@ -11,7 +11,7 @@ from typing import Any
 from commd.bus.bus import Bus, Query
 from commd.bus.errors import QueryFailed
 from commd.mail.age_clock import MailClock
-from commd.mail.service import Mailroom, open_mailroom
+from commd.mail.service import MailService, open_mailroom
 from commd.mail.transport import Air, FixedDirectory
 from schemas.mission.model import MailRules
 from schemas.wire import keys
@@ -42,7 +42,7 @@ async def board(
     rules: MailRules = MailRules(),  # noqa: B008 (it cannot be changed)
     air: Air | None = None,
     now: Callable[[], float] | None = None,
-) -> AsyncIterator[Mailroom]:
+) -> AsyncIterator[MailService]:
     """Open a board's mail, with a session of its own and the token by which other boards know that it is there."""
     bus = await connect(name, "commd")
     clock = MailClock(now, "this boot") if now is not None else None

@@ -12,7 +12,7 @@ from agentd.conversion.mind_view import decisions_of
 from agentd.runtime.program_paths import SourcePaths
 from agentd.standalone.clocks import VirtualClock
 from agentd.standalone.command import DEEPEST_CALLS
-from agentd.standalone.decision_printer import Narrator
+from agentd.standalone.decision_printer import DecisionPrinter
 from agentd.standalone.standalone_team import Team
 from tests.conformance.test_conformance import CASES, _arguments, _comparable
 
@@ -36,7 +36,7 @@ def test_a_program_prints_the_same_while_its_decisions_are_told(
             paths=paths,
             clock=VirtualClock(),
             decisions=50,
-            narrator=Narrator(write=told.append),
+            narrator=DecisionPrinter(write=told.append),
         )
         assert team.run(60, True) == 0
     finally:

@@ -12,7 +12,7 @@ from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.mind.data.inputs import Input, Mail
 from agentd.replay import replayed_mind
-from agentd.replay.replayed_mind import Life, digest_of
+from agentd.replay.replayed_mind import ReplayedMind, digest_of
 from agentd.runtime.program_paths import SourcePaths
 from agentd.standalone import standalone_team
 from agentd.standalone.clocks import VirtualClock
@@ -80,7 +80,7 @@ def test_a_mind_that_lives_again_does_the_same(
                 continue
             program = traced.mind.program
             monkeypatch.setattr(replayed_mind, "program_of", lambda birth, texts, program=program: (program, None))
-            life = Life(batches[0])
+            life = ReplayedMind(batches[0])
             life.mind.post_office = None
             for batch in batches:
                 done = life.feed(batch)

@@ -37,7 +37,7 @@ def steady_clock() -> Callable[[], int]:
     return lambda: time.monotonic_ns() + ahead
 
 
-class Intake:
+class WriteQueue:
     """Takes in from any thread, hands out to one."""
 
     def __init__(self, most: int = MOST, most_bytes: int = MOST_BYTES) -> None:

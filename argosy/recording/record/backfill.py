@@ -16,7 +16,7 @@ import zenoh
 
 from argosy.recording.file.mind_inputs import in_words, stretches
 from argosy.recording.file.records import PREFIX, TokenSeen
-from argosy.recording.file.write_queue import Heard, Intake
+from argosy.recording.file.write_queue import Heard, WriteQueue
 from argosy.recording.record.minds import Minds, Whose
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
@@ -43,10 +43,10 @@ REPLIES = 100_000
 log = logging.getLogger("recorder")
 
 
-class Asker:
+class Backfill:
     """Follows the tokens of a fleet and asks each daemon that comes."""
 
-    def __init__(self, bus: Bus, fleet: str, intake: Intake, minds: Minds, only: Iterable[str] = ()) -> None:
+    def __init__(self, bus: Bus, fleet: str, intake: WriteQueue, minds: Minds, only: Iterable[str] = ()) -> None:
         """`fleet` may be `*`. With `only`, key expressions, nothing else is asked for."""
         self.tokens = 0
         """Daemons that are there now."""

@@ -19,9 +19,9 @@ from argosy.cli.arguments import duration
 from argosy.cli.fleet_bus import FleetBus
 from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
 from argosy.recording.file.metadata import Facts
-from argosy.recording.file.write_queue import Intake
+from argosy.recording.file.write_queue import WriteQueue
 from argosy.recording.file.writer import COMPRESSIONS
-from argosy.recording.record.backfill import Asker
+from argosy.recording.record.backfill import Backfill
 from argosy.recording.record.recorder import Limits, Recorder
 from argosy.recording.record.recorder_output import StatusLine, content, warnings
 from argosy.recording.record.subscriptions import hear, wanted_keys
@@ -107,7 +107,7 @@ def run(args: Namespace) -> int:
         return EXIT_BAD_INPUT
 
     async def record(bus: Bus, where: Where) -> int:
-        intake = Intake()
+        intake = WriteQueue()
         facts = _facts(intake.now(), fleet, mission, only, notes, args.speed)
         limits = Limits(args.max_size, args.max_time, args.split)
         several = isinstance(bus, FleetBus)
@@ -118,7 +118,7 @@ def run(args: Namespace) -> int:
         except OSError as error:
             print(f"error: {path}: {error.strerror}", file=sys.stderr)
             return EXIT_BAD_INPUT
-        return await _Recording(bus, recorder, Asker(bus, fleet, intake, recorder.minds, only)).run(fleet, only)
+        return await _Recording(bus, recorder, Backfill(bus, fleet, intake, recorder.minds, only)).run(fleet, only)
 
     code = on_the_bus(args, record)
     flush()
@@ -149,7 +149,7 @@ def _facts(
 class _Recording:
     """One recording under way."""
 
-    def __init__(self, bus: Bus, recorder: Recorder, asker: Asker) -> None:
+    def __init__(self, bus: Bus, recorder: Recorder, asker: Backfill) -> None:
         self._bus, self._recorder, self._asker = bus, recorder, asker
         self._ended, self._told, self._again = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self._why = ""

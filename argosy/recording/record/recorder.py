@@ -14,7 +14,7 @@ import msgspec
 
 from argosy.recording.file.metadata import SECOND, End, Facts
 from argosy.recording.file.records import PREFIX, RecorderNote
-from argosy.recording.file.write_queue import Heard, Intake
+from argosy.recording.file.write_queue import Heard, WriteQueue
 from argosy.recording.file.writer import Compression, RecordingWriter
 from argosy.recording.record.filter import NOTES, Sieve
 from argosy.recording.record.minds import Minds
@@ -47,7 +47,7 @@ class Recorder:
         path: Path,
         facts: Facts,
         limits: Limits,
-        intake: Intake,
+        intake: WriteQueue,
         *,
         compression: Compression = "lz4",
         overwrite: bool = False,

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import zenoh
 
 from argosy.cli.fleet_bus import FleetBus
-from argosy.recording.file.write_queue import Intake
+from argosy.recording.file.write_queue import WriteQueue
 from commd.bus.bus import Bus
 from schemas.files.findings import Finding, Findings
 from schemas.wire import keys
@@ -29,7 +29,7 @@ def wanted_keys(fleet: str, only: Iterable[str]) -> list[str]:
     return found
 
 
-def hear(bus: Bus, fleet: str, only: Sequence[str], intake: Intake) -> None:
+def hear(bus: Bus, fleet: str, only: Sequence[str], intake: WriteQueue) -> None:
     """Let all that is put be taken in, at each board where there are several sessions."""
     everything = f"{keys.ROOT}/**" if fleet == "*" else f"{keys.ROOT}/{fleet}/**"
     for key in only or (everything,):

@@ -18,7 +18,7 @@ from argosy.recording.file import mind_inputs
 from argosy.recording.file.reader import BadRecording, Recording, open_recording
 from argosy.recording.file.records import TokenSeen
 from argosy.recording.replay.mind_report import SHOWN
-from argosy.recording.replay.mind_verification import OTHER_VERSION, LifeAgain
+from argosy.recording.replay.mind_verification import OTHER_VERSION, ReplayCheck
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.text_files import read_bounded
 from schemas.wire import keys
@@ -134,14 +134,14 @@ def _fleet(recording: Recording, args: Namespace) -> str:
     return fleets[0]
 
 
-def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path, str]) -> list[LifeAgain]:
+def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path, str]) -> list[ReplayCheck]:
     """Return the lives that were asked for. Raises ReplayRefused."""
     lived = [life for life in recording.lives(args.mind) if life.fleet == fleet]
     if not lived:
         raise ReplayRefused(f"error: {args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
     last, there = len(lived), _lives_on(recording, lived[-1])
     found = [
-        LifeAgain(number, life, args, edited, followed=number < last, lives_on=there and number == last)
+        ReplayCheck(number, life, args, edited, followed=number < last, lives_on=there and number == last)
         for number, life in enumerate(lived, 1)
     ]
     if args.life is None:

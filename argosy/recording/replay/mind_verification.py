@@ -27,7 +27,7 @@ NO_END = "its end is not in the recording"
 
 
 @dataclass
-class LifeAgain:
+class ReplayCheck:
     """A life that is to be lived again."""
 
     number: int

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from bridged.drivers.api import Outcome, Reading
-from bridged.drivers.mavlink.actions.context import TEXT_WINDOW, Flight, Task
+from bridged.drivers.mavlink.actions.context import TEXT_WINDOW, ProcedureContext, Task
 
 RESTARTS_WITHIN = 1.8
 """Wall seconds without a HEARTBEAT in which a vehicle may have restarted; they come once a second."""
@@ -27,10 +27,10 @@ class _Override:
     until: float
 
 
-class Control:
+class ControlAuthority:
     """Judges each change of the mode. `tasks` are those under way; `end` ends one of them."""
 
-    def __init__(self, flight: Flight, tasks: Iterable[Task], end: Callable[[Task, Outcome], None]) -> None:
+    def __init__(self, flight: ProcedureContext, tasks: Iterable[Task], end: Callable[[Task, Outcome], None]) -> None:
         self.overridden = False
         """Whether others set the mode that the vehicle is in, not we or an agent."""
         self.override = ""

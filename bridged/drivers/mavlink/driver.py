@@ -15,11 +15,11 @@ from bridged.drivers.mavlink.actions.context import Task
 from bridged.drivers.mavlink.manifest.action_binding import call_of
 from bridged.drivers.mavlink.manifest.capabilities import offer_of
 from bridged.drivers.mavlink.manifest.message_fields import unread
-from bridged.drivers.mavlink.session import Conversation
+from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
 from bridged.drivers.mavlink.transport.link import Ids
 from bridged.drivers.mavlink.transport.link_state import LinkState
-from bridged.drivers.mavlink.transport.shared_links import Links, Rider, SharedLink
+from bridged.drivers.mavlink.transport.shared_links import LinkClient, Links, SharedLink
 from bridged.drivers.mavlink.transport.signing import read_key
 from bridged.drivers.mavlink.vehicle.descent_actions import leads_down, may_lead_down
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
@@ -62,7 +62,7 @@ class MavlinkDriver:
         self._carrier: Carrier | None = None
         self.identity = our_ids(robot.failsafe, robot.sysid, robot.ids)
         """Under which ids we speak, and to whom."""
-        self._rider = Rider(
+        self._rider = LinkClient(
             setup.name,
             robot.sysid,
             Ids(self.identity.system, self.identity.component),
@@ -78,7 +78,7 @@ class MavlinkDriver:
         """Messages so far that could not be packed."""
         self.stalls = 0
         """How often so far the event loop was away for longer than `STALL`."""
-        self._conversation = Conversation(
+        self._conversation = VehicleSession(
             setup.manifest,
             self.identity,
             self._send,

@@ -14,11 +14,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import OnReading, Order, Outcome, Reading
 from bridged.drivers.mavlink.actions.confirmation import PRE_ARM
-from bridged.drivers.mavlink.actions.context import NOBODYS_FAILSAFE, Call, Flight, Procedure, Steps, Task
+from bridged.drivers.mavlink.actions.context import NOBODYS_FAILSAFE, Call, Procedure, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.actions.flight import arm, hold_by_mode, leave_hold, mode_call, secure, stay
 from bridged.drivers.mavlink.actions.limit_monitor import LimitWatch
 from bridged.drivers.mavlink.actions.parameters import spellings
-from bridged.drivers.mavlink.control_authority import Control
+from bridged.drivers.mavlink.control_authority import ControlAuthority
 from bridged.drivers.mavlink.manifest.capabilities import Offer
 from bridged.drivers.mavlink.manifest.message_fields import MessageFields
 from bridged.drivers.mavlink.vehicle.commands import Command, Commands, Identity
@@ -53,7 +53,7 @@ NO_LIMITS = Limits()
 log = logging.getLogger("mavlink")
 
 
-class Conversation:
+class VehicleSession:
     """Everything said between us and one vehicle."""
 
     def __init__(
@@ -73,7 +73,7 @@ class Conversation:
         self.texts, self.warnings = Texts(), Warnings()
         self.commands = Commands(identity, speed, self._send_known)
         self.streams = Streams(manifest, self.commands, speed)
-        self.flight = Flight(
+        self.flight = ProcedureContext(
             self.vehicle, self.commands, self.texts, self._send_known, speed, limits, on_reading, failsafe
         )
         self.failsafe = FailsafeCheck(failsafe, identity, self._send_known, speed)
@@ -93,7 +93,7 @@ class Conversation:
         self._commanded = False
         """Whether something was asked of the vehicle since the last pause: the mode `hold` is not that pause's."""
         self._rebooted_until = -math.inf
-        self.control = Control(self.flight, self._tasks, self.end)
+        self.control = ControlAuthority(self.flight, self._tasks, self.end)
 
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
         """Take in one message from the link, whoever sent it."""
@@ -205,7 +205,7 @@ class Conversation:
             self.end(task, Outcome("cancelled", "the operator continues", "operator"))
         return self.begin(Task("continue", moves=False, sets_mode=True), self._leave_hold, mode_call(mode))
 
-    def _leave_hold(self, flight: Flight, task: Task, call: Call) -> Steps:
+    def _leave_hold(self, flight: ProcedureContext, task: Task, call: Call) -> Steps:
         outcome = yield from leave_hold(flight, task, call)
         self._commanded = outcome.state == "succeeded"
         return outcome

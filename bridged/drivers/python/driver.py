@@ -16,7 +16,7 @@ from bridged.drivers.python.actions import Call, outcome_of
 from bridged.drivers.python.manifest_validation import arguments_of, fields_in, misfits, names
 from bridged.drivers.python.plugins import Function, Plugins
 from bridged.drivers.python.worker_threads import Raised, Result, Returned, Worker
-from bridged.drivers.simple import PlainDriver
+from bridged.drivers.simple import SimpleDriver
 from schemas.files.findings import Findings
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
@@ -37,7 +37,7 @@ Readings = Generator[Any, None, Any]
 log = logging.getLogger("python")
 
 
-class PythonDriver(PlainDriver):
+class PythonDriver(SimpleDriver):
     """A `bridged.drivers.api.Driver`. It knows no orders itself: the manifest's `orders` are actions."""
 
     def __init__(self, setup: Setup) -> None:

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from bridged.drivers.api import Execution, Outcome, Setup, Value
-from bridged.drivers.simple import PlainDriver
+from bridged.drivers.simple import SimpleDriver
 from bridged.drivers.zenoh.manifest_validation import payload_of
 from bridged.drivers.zenoh.payload_codecs import CODECS, DEFAULT
 from bridged.drivers.zenoh.publications import Topic
@@ -33,7 +33,7 @@ class _Closable(Protocol):
     def close(self) -> None: ...
 
 
-class ZenohDriver(PlainDriver):
+class ZenohDriver(SimpleDriver):
     """A robot on Zenoh. It knows no orders itself: the manifest's `orders` are actions."""
 
     def __init__(self, setup: Setup) -> None:

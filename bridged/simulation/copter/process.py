@@ -14,7 +14,7 @@ from bridged.drivers.mavlink.transport.link import Ids, LinkAddress, Peer
 from bridged.simulation.copter.fault_injection import Faults
 from bridged.simulation.copter.protocol.faulty_link import FaultyLink
 from bridged.simulation.copter.protocol.mavlink_interface import COMPONENT, Vehicle
-from bridged.simulation.copter.realtime_monitor import Pace
+from bridged.simulation.copter.realtime_monitor import RealtimeMonitor
 
 TICK_S = 0.02
 """Shortest pause between two rounds, in wall seconds: at most 50 rounds a second at any speed."""
@@ -41,7 +41,9 @@ class Simulation:
         self._wake = asyncio.Event()
         self._links: list[FaultyLink] = []
         self._seen = 0.0
-        self.pace = Pace(lambda words: print(f"simulated copter {vehicle.system} {words}", file=sys.stderr, flush=True))
+        self.pace = RealtimeMonitor(
+            lambda words: print(f"simulated copter {vehicle.system} {words}", file=sys.stderr, flush=True)
+        )
 
     async def run(self, stop: asyncio.Event, started: Callable[[], None]) -> None:
         """Flies until `stop` is set; `started` is called once. Raises LinkError if a link cannot be opened."""

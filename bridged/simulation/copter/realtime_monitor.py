@@ -14,7 +14,7 @@ TELL_EVERY_S = 5.0
 
 
 @dataclass
-class Pace:
+class RealtimeMonitor:
     """Counts the rounds that came late, and the time that never happened. It says so now and then, if it has grown."""
 
     tell: Callable[[str], None]

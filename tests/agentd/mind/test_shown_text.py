@@ -7,7 +7,7 @@ import logging
 import pytest
 
 from agentd.mind.data.effects import Print
-from agentd.runtime.agent_host import Host
+from agentd.runtime.agent_host import AgentHost
 from commd.process.log_handler import LineFormatter
 from schemas.files.findings import Finding
 from schemas.files.terminal import escape_line, escape_lines
@@ -36,7 +36,7 @@ def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.M
         def did(self, effect: object) -> None:
             pass
 
-    host = Host.__new__(Host)
+    host = AgentHost.__new__(AgentHost)
     host._tracing, host.part, host._prints = Told(), Told(), []  # type: ignore[assignment]
     monkeypatch.setattr("agentd.runtime.agent_host.stdout", Out)
     for plain in (False, True):

@@ -13,7 +13,7 @@ import pytest
 from agentd.language.terms.terms import atom
 from agentd.mind.data.inputs import Mail as Told
 from agentd.persistence.checkpoint import CheckpointError, Saving
-from agentd.persistence.checkpointer import Keeping
+from agentd.persistence.checkpointer import Checkpointer
 from agentd.persistence.restore import open_memory
 from commd.bus.bus import Bus, Query
 from schemas.wire import keys
@@ -211,13 +211,13 @@ def test_an_atomic_plan_is_kept_whole(endpoint: str, tmp_path: Path, monkeypatch
 
     async def body(connect: Connect) -> None:
         seen: list[set[str]] = []
-        begin = Keeping._begin
+        begin = Checkpointer._begin
 
-        def look(keeping: Keeping) -> None:
+        def look(keeping: Checkpointer) -> None:
             seen.append({belief.partition("(")[2] for belief in agent.beliefs if belief[:2] in ("n(", "m(")})
             begin(keeping)
 
-        monkeypatch.setattr(Keeping, "_begin", look)
+        monkeypatch.setattr(Checkpointer, "_begin", look)
         agent = await host_on(await connect("b"), "b", program, tmp_path)
         await until(lambda: len(seen) > 5, "it is kept several times while it runs")
         await agent.end()

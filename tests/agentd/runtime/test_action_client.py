@@ -14,9 +14,9 @@ from agentd.conversion.term_conversion import BadTerm, to_wire
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, Mail
-from agentd.runtime.action_client import NoJournal, Performing
+from agentd.runtime.action_client import ActionClient, NoJournal
 from commd.bus.bus import Bus, Query
-from commd.client.actions import Acting
+from commd.client.actions import ActionRequests
 from schemas.wire import keys
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cancel, State
 from tests.agentd.hosts import Hosted, host_on
@@ -304,8 +304,8 @@ class Alone:
     def __init__(self, hands: Hands) -> None:
         self.told: list[object] = []
         self.tasks: list[asyncio.Task[None]] = []
-        acting, tell = cast(Acting, hands), self.told.append
-        self.performing = Performing("a", "2", acting, NoJournal(), tell, self._spawn, tell)
+        acting, tell = cast(ActionRequests, hands), self.told.append
+        self.performing = ActionClient("a", "2", acting, NoJournal(), tell, self._spawn, tell)
 
     def _spawn(self, work: Any) -> None:
         self.tasks.append(asyncio.get_running_loop().create_task(work))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentd.runtime.agent_directory import Roster
+from agentd.runtime.agent_directory import AgentDirectory
 from commd.bus.bus import Query
 from schemas.wire import keys
 from schemas.wire.records import BoardServices
@@ -12,7 +12,7 @@ from tests.support.buses import FLEET, Connect, on_a_bus, served
 def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answers(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         bus = await connect("a")
-        roster = Roster(bus, {"a": "pi1"})
+        roster = AgentDirectory(bus, {"a": "pi1"})
         roster.remember({"planner", "gone", "mail", "df", "a"})
         assert sorted(roster.names) == ["a", "gone", "planner"]
         directory = await connect("pi1", "commd")

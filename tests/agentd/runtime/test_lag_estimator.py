@@ -6,13 +6,13 @@ import asyncio
 from pathlib import Path
 
 from agentd.mind.data.inputs import SignalRaised
-from agentd.runtime.lag_estimator import Backlog
+from agentd.runtime.lag_estimator import LagEstimator
 from tests.agentd.hosts import host_on
 from tests.support.buses import Connect, on_a_bus, until
 
 
 def test_a_mind_that_takes_what_waits_between_two_looks_is_not_behind() -> None:
-    backlog = Backlog()
+    backlog = LagEstimator()
     assert backlog.lag(100, 0, 1.0) == 0
     assert backlog.lag(150, 20, 2.0) == 0
     assert backlog.lag(170, 30, 3.0) == 0
@@ -20,7 +20,7 @@ def test_a_mind_that_takes_what_waits_between_two_looks_is_not_behind() -> None:
 
 
 def test_a_mind_is_behind_for_as_long_as_what_waited_has_not_been_taken() -> None:
-    backlog = Backlog()
+    backlog = LagEstimator()
     backlog.lag(0, 1000, 10.0)
     assert [backlog.lag(200 * second, 1000, 10.0 + second) for second in (1, 2, 3, 4)] == [1, 2, 3, 4]
     assert backlog.lag(1000, 1000, 15.0) == 0, "what waits now has not waited since then"
@@ -28,7 +28,7 @@ def test_a_mind_is_behind_for_as_long_as_what_waited_has_not_been_taken() -> Non
 
 
 def test_what_is_dropped_is_not_waited_for() -> None:
-    backlog = Backlog()
+    backlog = LagEstimator()
     backlog.lag(0, 1000, 0.0)
     assert backlog.lag(1, 0, 1.0) == 0
     assert backlog.lag(2, 5, 9.0) == 0

@@ -13,7 +13,7 @@ import pytest
 
 from agentd.daemon import prepare
 from agentd.mind.data.inputs import SignalRaised
-from agentd.runtime.agent_group import Crew
+from agentd.runtime.agent_group import AgentGroup
 from commd.common.clock import Clock
 from commd.daemon import serve as serve_commd
 from schemas.liveness import ROUTER_GRACE
@@ -71,10 +71,10 @@ class Boards:
             await ended(task, f"commd of {board}")
 
     @asynccontextmanager
-    async def agents(self, board: str, *names: str) -> AsyncIterator[Crew]:
+    async def agents(self, board: str, *names: str) -> AsyncIterator[AgentGroup]:
         """A daemon of agents, in this process."""
         async with session(self.endpoints[board], names[0]) as bus:
-            crew = Crew(bus, Clock(), self.mission, self.folder / "agents", 0)
+            crew = AgentGroup(bus, Clock(), self.mission, self.folder / "agents", 0)
             for name in names:
                 await crew.add(prepare(self.mission, name, 0))
             stop = asyncio.Event()
@@ -95,12 +95,12 @@ def run(body: Coroutine[Any, Any, None], seconds: float = 120) -> None:
     asyncio.run(asyncio.wait_for(body, seconds))
 
 
-def beliefs(crew: Crew, agent: str) -> list[str]:
+def beliefs(crew: AgentGroup, agent: str) -> list[str]:
     """What an agent believes of who is there, and has noted of it."""
     return [belief for belief in crew.hosts[agent].view().beliefs if not belief.startswith("kqml")]
 
 
-async def believes(crew: Crew, agent: str, *expected: str) -> None:
+async def believes(crew: AgentGroup, agent: str, *expected: str) -> None:
     await until(lambda: set(beliefs(crew, agent)) >= set(expected), f"{agent} believes {expected}")
 
 

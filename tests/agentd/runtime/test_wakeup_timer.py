@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from agentd.runtime.wakeup_timer import Wake
+from agentd.runtime.wakeup_timer import WakeupTimer
 
 
 def in_time(main: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
@@ -15,7 +15,7 @@ def in_time(main: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
 
 def test_it_wakes_when_something_comes() -> None:
     async def main() -> None:
-        wake = Wake()
+        wake = WakeupTimer()
         sleeping = asyncio.create_task(wake.wait(None))
         await asyncio.sleep(0)
         assert wake.asleep
@@ -28,7 +28,7 @@ def test_it_wakes_when_something_comes() -> None:
 
 def test_what_came_before_it_sleeps_is_not_slept_through() -> None:
     async def main() -> None:
-        wake = Wake()
+        wake = WakeupTimer()
         wake.set()
         await wake.wait(None)
         wake.clear()
@@ -39,7 +39,7 @@ def test_what_came_before_it_sleeps_is_not_slept_through() -> None:
 
 def test_it_wakes_at_its_time_and_not_before() -> None:
     async def main() -> None:
-        wake, loop = Wake(), asyncio.get_running_loop()
+        wake, loop = WakeupTimer(), asyncio.get_running_loop()
         begun = loop.time()
         await wake.wait(0.05)
         assert loop.time() - begun >= 0.049
@@ -49,7 +49,7 @@ def test_it_wakes_at_its_time_and_not_before() -> None:
 
 def test_a_timer_that_is_due_earlier_stays_and_wakes_nobody() -> None:
     async def main() -> None:
-        wake, loop = Wake(), asyncio.get_running_loop()
+        wake, loop = WakeupTimer(), asyncio.get_running_loop()
         begun = loop.time()
         sleeping = asyncio.create_task(wake.wait(0.02))
         await asyncio.sleep(0)
@@ -64,7 +64,7 @@ def test_a_timer_that_is_due_earlier_stays_and_wakes_nobody() -> None:
 
 def test_a_timer_that_would_be_too_late_is_set_anew() -> None:
     async def main() -> None:
-        wake = Wake()
+        wake = WakeupTimer()
         sleeping = asyncio.create_task(wake.wait(1000))
         await asyncio.sleep(0)
         wake.within(0.02)
@@ -75,7 +75,7 @@ def test_a_timer_that_would_be_too_late_is_set_anew() -> None:
 
 def test_without_a_time_only_what_comes_wakes_it() -> None:
     async def main() -> None:
-        wake = Wake()
+        wake = WakeupTimer()
         sleeping = asyncio.create_task(wake.wait(0.02))
         await asyncio.sleep(0)
         wake.within(None)
@@ -89,7 +89,7 @@ def test_without_a_time_only_what_comes_wakes_it() -> None:
 
 def test_closed_it_leaves_no_timer() -> None:
     async def main() -> None:
-        wake = Wake()
+        wake = WakeupTimer()
         sleeping = asyncio.create_task(wake.wait(0.02))
         await asyncio.sleep(0)
         wake.close()

@@ -17,7 +17,7 @@ import pytest
 
 from argosy.recording.file.metadata import End
 from argosy.recording.file.reader import open_recording
-from argosy.recording.file.write_queue import Heard, Intake
+from argosy.recording.file.write_queue import Heard, WriteQueue
 from argosy.recording.file.writer import RecordingWriter
 from argosy.recording.record.recorder import Limits, Recorder
 from argosy.recording.record.recorder_output import content, warnings
@@ -64,7 +64,7 @@ def blob(number: int, size: int = 4000) -> Heard:
 
 def recorder_of(path: Path, limits: Limits | None = None) -> Recorder:
     """A recorder that has not begun."""
-    intake = Intake()
+    intake = WriteQueue()
     return Recorder(path, replace(FACTS, started=intake.now()), limits or Limits(), intake, compression="none")
 
 

@@ -13,7 +13,7 @@ from argosy.recording.file import metadata, writer
 from argosy.recording.file.metadata import End
 from argosy.recording.file.reader import BadRecording, open_recording
 from argosy.recording.file.records import RecorderNote, Unread
-from argosy.recording.file.write_queue import Heard, Intake
+from argosy.recording.file.write_queue import Heard, WriteQueue
 from argosy.recording.record.command import _size
 from argosy.recording.record.filter import NOTES
 from argosy.recording.record.recorder import Limits, Recorder
@@ -168,9 +168,9 @@ def test_of_minds_it_tells_which_stretches_are_missing(tmp_path: Path) -> None:
     assert open_recording(path).lives("other") == []
 
 
-def recorded(path: Path, limits: Limits, messages: list[Heard], intake: Intake | None = None) -> Recorder:
+def recorded(path: Path, limits: Limits, messages: list[Heard], intake: WriteQueue | None = None) -> Recorder:
     """Record messages until a limit or the end."""
-    taken = intake or Intake()
+    taken = intake or WriteQueue()
     recorder = Recorder(path, replace(FACTS, started=taken.now()), limits, taken)
     for message in messages:
         taken.put(message)
@@ -213,7 +213,7 @@ def test_a_recording_that_is_split_is_read_as_one(tmp_path: Path) -> None:
 
 
 def test_what_does_not_fit_in_the_queue_is_counted_told_and_noted_in_the_file(tmp_path: Path) -> None:
-    intake = Intake(most=10)
+    intake = WriteQueue(most=10)
     messages = [altitude(n, n) for n in range(25)]
     recorder = recorded(tmp_path / "a.mcap", Limits(), messages, intake)
     assert (recorder.messages, recorder.dropped) == (10 + 1, 15)

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from argosy.processes.supervisor import Supervisor
-from argosy.run.end_conditions import ANSWERED, NOTHING_LEFT, Ending, Endings
+from argosy.run.end_conditions import ANSWERED, NOTHING_LEFT, EndConditions, Ending
 from argosy.run.summary import summary
 from schemas.mission.model import NO_STEPS
 from schemas.wire import keys
@@ -24,7 +24,9 @@ from tests.argosy.run.test_screen import in_flight, screen
 def look(recording: Recording) -> Ending | None:
     """Return whether the run of a recording has ended, an operator's order having had the time to be answered."""
     times = [1.0]
-    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1])
+    endings = EndConditions(
+        recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1]
+    )
     first = endings.look()
     times.append(1.0 + ANSWERED)
     return first or endings.look()
@@ -60,7 +62,7 @@ def test_hold_keeps_the_run_going_and_says_how_to_give_the_robot_back() -> None:
 def test_a_pause_is_shown_and_the_timeout_waits_for_its_end() -> None:
     recording = in_flight()
     recording.at, recording.status.timeout_at = 50.0, 60.0
-    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    endings = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
     recording.percept("paused", Atom("operator"))
     assert recording.lines[-1] == "uav1: paused by the operator; `argosy stop continue uav1` lets it go on"
     assert "paused (uav1)" in screen(recording)[0]
@@ -88,7 +90,9 @@ def test_a_run_is_there_until_an_order_on_the_ground_is_answered_and_ends_with_t
     recording.percept("state", "STABILIZE", True, False)
     recording.fail('mission_failed("operator: hold")[source(self)]')
     times = [1.0]
-    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1])
+    endings = EndConditions(
+        recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1]
+    )
     assert endings.look() is None
     times.append(1.0 + ANSWERED)
     assert endings.look() == Ending(1, "stopped by the operator: hold")
@@ -115,7 +119,7 @@ def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(preve
             recording.status.setup.mission.robots["uav1"] = msgspec.structs.replace(
                 recording.status.setup.mission.robots["uav1"], on_idle=NO_STEPS
             )
-    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: now[-1])
+    endings = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: now[-1])
     assert endings.look() is None
     now.append(1.0 + NOTHING_LEFT)
     said = "uav1 was in the air with nobody in charge and was brought home (on_idle)"
@@ -167,7 +171,7 @@ def ending_of(observer: Silent, restart: bool) -> Ending | None:
     """Return how a run ends in which an observer hears this."""
     recording = in_flight()
     recording.status.setup = replace(recording.status.setup, restart=restart)
-    endings = Endings(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    endings = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
     endings.observer = observer  # type: ignore[assignment]
     return endings.look()
 

@@ -12,7 +12,7 @@ from argosy.processes.process_table import plan
 from argosy.processes.restarts import Restarts
 from argosy.processes.supervisor import Child, Supervisor
 from argosy.run import recovery as module
-from argosy.run.end_conditions import Ending, Endings
+from argosy.run.end_conditions import EndConditions, Ending
 from argosy.run.recovery import Recovery
 from argosy.run.watchdog import Watchdog
 from schemas.wire.terms import Atom
@@ -31,7 +31,7 @@ def outcome(
     process = next(one for one in plan(status.setup) if one.kind.name == "bridged")
     bridge = Child(process, SimpleNamespace(pid=1, returncode=None))  # type: ignore[arg-type]
     supervisor.children.append(bridge)
-    endings, watchdog = Endings(status, supervisor), Watchdog(status)
+    endings, watchdog = EndConditions(status, supervisor), Watchdog(status)
     restarts = Restarts(supervisor, status.journal, status.restarts, on=False)
 
     async def sleep(seconds: float) -> None:
@@ -92,4 +92,4 @@ def test_a_mission_that_is_done_while_its_vehicle_is_paused_in_the_air_waits(mon
     assert outcome(recording, monkeypatch, {3: done}) == (None, 3.0)
     recording.percept_gone("paused")
     supervisor = Supervisor(lambda child, line: None, lambda child: None)
-    assert Endings(recording.status, supervisor).look() == Ending(0, "done")
+    assert EndConditions(recording.status, supervisor).look() == Ending(0, "done")

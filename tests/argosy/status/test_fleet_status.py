@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 
 from argosy.__main__ import main
-from argosy.fleet_model.fleet_status import MOST, Roll
+from argosy.fleet_model.fleet_status import MOST, FleetStatus
 from argosy.status.lines import line, summary, to_json
 from argosy.status.metrics_command import Fleet
 from argosy.status.table import table
@@ -51,7 +51,7 @@ class Trial:
 
     def __init__(self, mission: Mission | None) -> None:
         self.at = 100.0
-        self.roll = Roll(mission, lambda: self.at)
+        self.roll = FleetStatus(mission, lambda: self.at)
 
     def alive(self, name: str, daemon: str, boot: str = "x", *, there: bool = True) -> None:
         self.roll.token(keys.alive("trial", name, daemon, boot), there)
@@ -144,7 +144,7 @@ def test_names_that_come_and_go_without_end_are_forgotten_and_new_ones_followed(
 
 
 def test_of_several_fleets_one_name_is_not_taken_for_another() -> None:
-    roll = Roll(None, lambda: 100.0, several=True)
+    roll = FleetStatus(None, lambda: 100.0, several=True)
     for fleet in ("alpha", "beta"):
         roll.token(keys.alive(fleet, "uav1", "bridged", fleet), True)
         roll.heard(keys.health(fleet, "uav1", "bridged"), Health(daemon="bridged", drops=len(fleet)))

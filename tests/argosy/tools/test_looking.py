@@ -23,7 +23,7 @@ import zenoh
 
 from argosy.__main__ import main
 from argosy.tools import echo
-from argosy.tools.bus_tap import LATER, ROOM, Copies, Ears, Heard, key_expressions
+from argosy.tools.bus_tap import LATER, ROOM, BusTap, Copies, Heard, key_expressions
 from argosy.tools.rate import MOST_KEYS, Rates, figures
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
@@ -290,7 +290,7 @@ def test_a_value_that_was_asked_for_is_not_shown_after_a_newer_one(capsys: pytes
 
     async def body() -> None:
         noticing = asyncio.create_task(asyncio.sleep(0))
-        await echo._echo(cast(Ears, Said()), lambda heard: heard.payload.decode(), None, noticing)
+        await echo._echo(cast(BusTap, Said()), lambda heard: heard.payload.decode(), None, noticing)
 
     asyncio.run(body())
     assert capsys.readouterr().out.split("\n") == ["old", "new", "kept", "kept too", ""]
@@ -362,7 +362,7 @@ def test_a_name_or_a_key_expression_says_what_is_listened_to(text: str | None, e
 def test_a_record_is_heard_once_however_many_expressions_match_its_key(text: str | None, endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         speaker, listener = await connect("uav1"), await connect("x")
-        ears = Ears(listener, key_expressions(text, "test"))
+        ears = BusTap(listener, key_expressions(text, "test"))
         ours, theirs = keys.percept("test", "uav", "altitude"), "uav/percept/altitude"
         last = keys.health("test", "uav", "end") if text in ("argosy/**", "**", "uav", None) else theirs
         await subscribed(speaker, ours)
@@ -381,7 +381,7 @@ def test_a_record_is_heard_once_however_many_expressions_match_its_key(text: str
 def test_what_comes_faster_than_it_is_shown_is_counted(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         speaker, listener = await connect("uav1"), await connect("x")
-        ears = Ears(listener, ["argosy/test/**"])
+        ears = BusTap(listener, ["argosy/test/**"])
         key = keys.health("test", "uav1", "bridged")
         await subscribed(speaker, key)
         for _ in range(ROOM + 500):

@@ -15,8 +15,8 @@ from aiohttp import web
 
 from argosy.cli.operator_bus import Where
 from argosy.fleet_model import steady_clock
-from argosy.ui.auth import Doors
-from argosy.ui.fleet_session import Following
+from argosy.ui.auth import AuthGuard
+from argosy.ui.fleet_session import FleetSession
 from argosy.ui.server import application
 from commd.bus.session import sessions_under_way, still_there
 from schemas.mission.model import Mission
@@ -31,8 +31,8 @@ class Browser:
     """A client with a cookie jar, and what it is served by."""
 
     session: aiohttp.ClientSession
-    doors: Doors
-    following: Following
+    doors: AuthGuard
+    following: FleetSession
 
     @property
     def base(self) -> str:
@@ -110,8 +110,8 @@ async def served(
 ) -> AsyncIterator[Browser]:
     """Serve a fleet; without a place nobody looks for a router."""
     before = sessions_under_way()  # one that another test has left, and Zenoh does not end, is not the page's
-    doors = Doors(listen, free_port())
-    following = Following(place or Where("sar", NOWHERE), mission, identity, tiles=tiles is not None)
+    doors = AuthGuard(listen, free_port())
+    following = FleetSession(place or Where("sar", NOWHERE), mission, identity, tiles=tiles is not None)
     runner = web.AppRunner(application(doors, following, tiles), access_log=None, shutdown_timeout=1)
     link = asyncio.create_task(following.link.run()) if place is not None else None
     jar = aiohttp.CookieJar(unsafe=True)  # of an address

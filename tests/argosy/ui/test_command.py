@@ -19,7 +19,7 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.ui import command
-from argosy.ui.auth import Doors
+from argosy.ui.auth import AuthGuard
 from tests.support.processes import Daemon, running
 
 
@@ -120,7 +120,7 @@ def test_the_browser_gets_an_address_that_opens_once_and_not_the_token(
 ) -> None:
     opened_: list[str] = []
     monkeypatch.setattr(command.webbrowser, "open", opened_.append)
-    doors = Doors("127.0.0.1", 8080)
+    doors = AuthGuard("127.0.0.1", 8080)
     command._tell(Namespace(listen="127.0.0.1", browser=True), doors)
     assert doors.token in capsys.readouterr().out
     assert [one.startswith("http://127.0.0.1:8080/?token=") for one in opened_] == [True]

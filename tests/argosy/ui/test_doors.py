@@ -8,7 +8,7 @@ from pathlib import Path
 import aiohttp
 import pytest
 
-from argosy.ui.auth import Doors
+from argosy.ui.auth import AuthGuard
 from tests.argosy.ui.serving import served
 
 EVIL = "http://evil.example"
@@ -207,11 +207,11 @@ def test_own_tiles_are_served(tmp_path: Path) -> None:
     ],
 )
 def test_a_server_answers_to_addresses_and_to_its_own_names(listen: str, host: str, named: bool) -> None:
-    assert Doors(listen, 8080).names(host) is named
+    assert AuthGuard(listen, 8080).names(host) is named
 
 
 def test_each_run_has_another_token_and_does_not_show_it_in_errors() -> None:
-    one, other = Doors("127.0.0.1", 8080), Doors("127.0.0.1", 8080)
+    one, other = AuthGuard("127.0.0.1", 8080), AuthGuard("127.0.0.1", 8080)
     assert one.token != other.token
     assert len(one.token) >= 32
     assert one.token not in repr(one)

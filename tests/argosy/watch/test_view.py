@@ -11,7 +11,7 @@ from argosy.watch.app import WatchApp
 from argosy.watch.glyphs import ASCII, UNICODE, glyphs_of
 from argosy.watch.overview_page import overview
 from argosy.watch.row_text import BAD, WARN, Row
-from argosy.watch.scroll_pane import Lines
+from argosy.watch.scroll_pane import ScrollPane
 from schemas.wire import keys
 from schemas.wire.mind_records import (
     BeliefView,
@@ -201,13 +201,13 @@ def test_a_large_screen_shows_all_panes_of_an_agent_at_once() -> None:
 
 def test_no_line_of_an_agents_panes_is_made_before_they_have_their_width(monkeypatch: pytest.MonkeyPatch) -> None:
     widths: list[int] = []
-    folded = Lines._folded
+    folded = ScrollPane._folded
 
-    def noted(self: Lines, row: Row, width: int) -> list[Text]:
+    def noted(self: ScrollPane, row: Row, width: int) -> list[Text]:
         widths.append(width)
         return folded(self, row, width)
 
-    monkeypatch.setattr(Lines, "_folded", noted)
+    monkeypatch.setattr(ScrollPane, "_folded", noted)
 
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
         widths.clear()

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.running_action import MAX_FOLLOWERS
-from bridged.drivers.mavlink.actions.context import Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.context import Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.manifest.capabilities import GLOBAL_TARGET, MESSAGES, Offer
 from schemas.wire.records import Action, ActionStatus, Header
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
@@ -484,7 +484,7 @@ def test_streams_that_another_station_slows_down_are_asked_for_again(sky: Sky) -
 
 
 def test_a_defect_in_a_procedure_fails_its_action_and_nothing_else(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(flight: Flight, task: Task, call: Call) -> Steps:
+    def broken(flight: ProcedureContext, task: Task, call: Call) -> Steps:
         yield
         raise KeyError("target")
 

@@ -12,7 +12,7 @@ from unittest.mock import Mock
 import pytest
 
 from bridged.bridge import action_log as module
-from bridged.bridge.action_log import KEEP, Entry, Ledger
+from bridged.bridge.action_log import KEEP, ActionLog, Entry
 from schemas.wire.records import Action, ActionStatus
 
 
@@ -40,11 +40,11 @@ def begun(action: str) -> Action:
     return Action(id=action, agent=action.partition(":")[0], name="land")
 
 
-def known(ledger: Ledger, action: str) -> bool:
+def known(ledger: ActionLog, action: str) -> bool:
     return ledger.find(action) is not None
 
 
-def final(ledger: Ledger, action: str) -> ActionStatus | None:
+def final(ledger: ActionLog, action: str) -> ActionStatus | None:
     entry = ledger.find(action)
     assert entry is not None
     return entry.final
@@ -55,7 +55,7 @@ def ended(action: str) -> ActionStatus:
 
 
 def test_an_id_is_known_from_its_beginning_and_its_end_is_kept(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path / "deep" / "uav1.actions")
+    ledger = ActionLog(tmp_path / "deep" / "uav1.actions")
     assert not known(ledger, "a:1")
     ledger.begin(begun("a:1"))
     assert known(ledger, "a:1")
@@ -63,7 +63,7 @@ def test_an_id_is_known_from_its_beginning_and_its_end_is_kept(tmp_path: Path) -
     ledger.finish("a", ended("a:1"))
     ledger.begin(begun("a:2"))
     ledger.close()
-    again = Ledger(tmp_path / "deep" / "uav1.actions")
+    again = ActionLog(tmp_path / "deep" / "uav1.actions")
     assert final(again, "a:1") == ended("a:1")
     assert known(again, "a:2")
     assert final(again, "a:2") is None
@@ -71,12 +71,12 @@ def test_an_id_is_known_from_its_beginning_and_its_end_is_kept(tmp_path: Path) -
 
 
 def test_a_line_cut_off_by_a_power_loss_costs_only_itself(tmp_path: Path) -> None:
-    path, ledger = tmp_path / "uav1.actions", Ledger(tmp_path / "uav1.actions")
+    path, ledger = tmp_path / "uav1.actions", ActionLog(tmp_path / "uav1.actions")
     ledger.begin(begun("a:1"))
     ledger.begin(begun("a:2"))
     ledger.close()
     path.write_bytes(path.read_bytes()[:-7] + b"\xff\xfe\n{}")
-    again = Ledger(path)
+    again = ActionLog(path)
     assert known(again, "a:1")
     assert not known(again, "a:2")
     again.close()
@@ -84,7 +84,7 @@ def test_a_line_cut_off_by_a_power_loss_costs_only_itself(tmp_path: Path) -> Non
 
 def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(tmp_path: Path) -> None:
     wall, path = Wall(), tmp_path / "uav1.actions"
-    ledger = Ledger(path, wall)
+    ledger = ActionLog(path, wall)
     for number in range(100):
         ledger.begin(begun(f"a:{number}"))
         ledger.finish("a", ended(f"a:{number}"))
@@ -93,13 +93,13 @@ def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(tmp_path: Pat
     ledger.begin(begun("b:1"))
     assert not known(ledger, "a:99")
     ledger.close()
-    ledger = Ledger(path, wall)
+    ledger = ActionLog(path, wall)
     assert known(ledger, "b:1")
     assert path.stat().st_size < size / 100
     ledger.close()
 
 
-def rewritten(ledger: Ledger) -> bool:
+def rewritten(ledger: ActionLog) -> bool:
     """Whether what is written anew by a thread waits to be put in the place of the old file."""
     return ledger._rewriting is not None and ledger._rewriting.done()
 
@@ -108,7 +108,7 @@ def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
-    ledger = Ledger(tmp_path / "uav1.actions")
+    ledger = ActionLog(tmp_path / "uav1.actions")
     monkeypatch.setattr(
         "bridged.bridge.action_log.Path.replace", Mock(side_effect=OSError(28, "No space left on device"))
     )
@@ -119,7 +119,7 @@ def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
     monkeypatch.undo()
     ledger.close()
     assert "uav1.actions cannot be made smaller: No space left on device" in caplog.text
-    again = Ledger(tmp_path / "uav1.actions")
+    again = ActionLog(tmp_path / "uav1.actions")
     assert [known(again, f"a:{number}") for number in (1, 2, 3)] == [True] * 3
     again.close()
 
@@ -129,7 +129,7 @@ def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
     wall, path, written, write = Wall(), tmp_path / "uav1.actions", Event(), module._write
-    ledger = Ledger(path, wall)
+    ledger = ActionLog(path, wall)
 
     def slow(fresh: Path, entries: list[Entry]) -> None:
         write(fresh, entries)
@@ -147,7 +147,7 @@ def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
     ledger.begin(begun("a:4"))
     ledger.close()
     monkeypatch.undo()
-    again = Ledger(path, wall)
+    again = ActionLog(path, wall)
     assert [known(again, f"a:{number}") for number in range(1, 5)] == [True] * 4
     assert final(again, "a:1") == ended("a:1")
     again.close()
@@ -158,7 +158,7 @@ def test_a_file_whose_ids_are_all_of_the_last_hour_is_written_anew_only_when_it_
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1000)
     rewrites, write = list[int](), module._write
-    ledger = Ledger(tmp_path / "uav1.actions")
+    ledger = ActionLog(tmp_path / "uav1.actions")
 
     def counted(fresh: Path, entries: list[Entry]) -> None:
         rewrites.append(len(entries))
@@ -178,7 +178,7 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
 ) -> None:
     path, fsync, synced = tmp_path / "uav1.actions", os.fsync, list[int]()
     busy, disk = Event(), Event()
-    ledger = Ledger(path)
+    ledger = ActionLog(path)
 
     def slow(file: int) -> None:
         seen = os.fstat(file)
@@ -211,7 +211,7 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
 def test_a_sync_that_fails_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    ledger = Ledger(tmp_path / "uav1.actions")
+    ledger = ActionLog(tmp_path / "uav1.actions")
     monkeypatch.setattr("bridged.bridge.action_log.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
     ledger.begin(begun("a:1"))
     ledger.keep()
@@ -224,7 +224,7 @@ def test_no_more_ids_are_kept_than_fit_and_the_oldest_goes_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "MAX_ENTRIES", 10)
-    ledger = Ledger(tmp_path / "uav1.actions")
+    ledger = ActionLog(tmp_path / "uav1.actions")
     for number in range(12):
         ledger.begin(begun(f"a:{number}"))
     assert [known(ledger, f"a:{number}") for number in range(4)] == [False, False, True, True]
@@ -233,14 +233,14 @@ def test_no_more_ids_are_kept_than_fit_and_the_oldest_goes_first(
 
 def test_who_has_the_robot_is_kept_beside_the_ids(tmp_path: Path) -> None:
     path = tmp_path / "uav1.actions"
-    ledger = Ledger(path)
+    ledger = ActionLog(path)
     assert ledger.held() == ("", False)
     ledger.begin(begun("a:b:1"))
     assert ledger.held() == ("a", False), "no line says it: whose action was begun last"
     ledger.hold("c", free=True)
     ledger.begin(begun("a:b:2"))
     ledger.close()
-    again = Ledger(path)
+    again = ActionLog(path)
     assert again.held() == ("c", True)
     assert not known(again, "c")
     again.close()
@@ -251,19 +251,19 @@ def test_what_the_operator_has_said_is_kept_however_old_it_is_and_however_often_
 ) -> None:
     monkeypatch.setattr(module, "REWRITE_AT", 2_000)
     path, now = tmp_path / "uav1.actions", [1_000.0]
-    ledger = Ledger(path, lambda: now[0])
+    ledger = ActionLog(path, lambda: now[0])
     ledger.order("hold")
     ledger.pause(True)
     for number in range(100):
         now[0] += 100
         ledger.begin(begun(f"a:{number}"))
     ledger.close()
-    again = Ledger(path, lambda: now[0])
+    again = ActionLog(path, lambda: now[0])
     assert (again.ordered, again.paused, again.before_boot) == ("hold", True, False)
     again.order(None)
     again.pause(False)
     again.close()
-    last = Ledger(path, lambda: now[0])
+    last = ActionLog(path, lambda: now[0])
     assert (last.ordered, last.paused) == (None, False)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["uav1.actions"]
     assert path.stat().st_mode & 0o077 == 0
@@ -273,17 +273,17 @@ def test_what_the_operator_has_said_is_kept_however_old_it_is_and_however_often_
 @pytest.mark.parametrize("seed", range(15))
 def test_a_bit_of_the_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
     path, chance = tmp_path / "uav1.actions", random.Random(seed)
-    ledger = Ledger(path)
+    ledger = ActionLog(path)
     for number in range(20):
         ledger.begin(Action(id=f"a{number}", agent="uav1", name="goto"))
     ledger.close()
     data = bytearray(path.read_bytes())
     data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
     path.write_bytes(bytes(data))
-    again = Ledger(path)
+    again = ActionLog(path)
     assert again.note is not None
     assert (again.note.code, again.note.value) == ("ledger_damaged", 1)
     again.close()
-    well = Ledger(path)
+    well = ActionLog(path)
     assert well.note is None
     well.close()

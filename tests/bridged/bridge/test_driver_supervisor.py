@@ -345,7 +345,9 @@ def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_
         member = Unit(manager.environment(watchdog=8), lambda: at).member("bridged")
         opens, works = member.loop(), member.loop()
         driver: Any = Slow(opens)
-        running = asyncio.create_task(driver_supervisor.Upkeep("r", "slow", driver, print, opens).keep_apart())
+        running = asyncio.create_task(
+            driver_supervisor.DriverSupervisor("r", "slow", driver, print, opens).keep_apart()
+        )
         await asyncio.sleep(0.01)
         before = len(manager.fields("WATCHDOG"))
         for _ in range(10):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bridged.bridge.percepts import MAX_BELIEFS, PerceptBoard
+from bridged.bridge.percepts import MAX_BELIEFS, PerceptPublisher
 from bridged.drivers.api import Reading
 from schemas.manifest.loader import Manifest, read_manifest
 from schemas.wire.percept_set import PerceptSet
@@ -66,7 +66,7 @@ class Board:
     def __init__(self, manifest: Manifest | None = None, speed: float = 1.0) -> None:
         self.now = 0.0
         self.told: list[Perception] = []
-        self.board = PerceptBoard(
+        self.board = PerceptPublisher(
             manifest or read_manifest(MANIFEST, "m.toml"),
             ["uav", "ground"],
             lambda agent, one: self.told.append(one) if agent == "uav" else None,
@@ -426,7 +426,7 @@ def contents(percepts: PerceptSet) -> set[tuple[str, Any]]:
 def test_a_percept_that_is_new_or_another_belief_is_made_of_what_its_source_said_last() -> None:
     text = '[robot]\ndriver = "zenoh"\n[percepts.home]\nsource = "HOME"\nargs = ["lat"]\n'
     told: list[tuple[str, str, tuple[object, ...]]] = []
-    board = PerceptBoard(
+    board = PerceptPublisher(
         read_manifest(text, "m.toml"),
         ["uav"],
         lambda agent, one: told.append((one.update, one.name, one.parameters)),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.bridge.safety_orders import Orders, Step
+from bridged.bridge.safety_orders import SafetyOrders, Step
 from tests.bridged.sky import MISSION, Sky, is_command
 from tests.support.notes import identities
 
@@ -74,7 +74,7 @@ def test_a_dead_agents_vehicle_is_not_kept_from_its_own_failsafe(tmp_path: Path)
 def test_an_order_that_is_called_off_does_not_go_on_against_the_agent_that_is_back(tmp_path: Path) -> None:
     async def body() -> None:
         sky = Sky(tmp_path).flying()
-        orders = Orders(sky.bridge.desk, sky.bridge.driver, sky.clock)
+        orders = SafetyOrders(sky.bridge.desk, sky.bridge.driver, sky.clock)
         deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
         sky.hears_us = lambda message: not deaf(message)
         orders.agent_lost("uav", "its token is gone", [Step("rtl")])

@@ -24,7 +24,7 @@ def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_
 
     async def body(connect: Any) -> None:
         bus = await connect()
-        known = key_cache.KnownKeys(bus._session)
+        known = key_cache.KeyCache(bus._session)
         assert known.of(KEY) == KEY
         assert known.used(KEY) is not None
         assert str(known.of(KEY)) == KEY
@@ -47,7 +47,7 @@ def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_
 
 def test_what_is_no_key_is_not_declared(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        known = key_cache.KnownKeys((await connect())._session)
+        known = key_cache.KeyCache((await connect())._session)
         assert [known.of("//"), known.of("//"), known.of("//")] == ["//"] * 3
 
     on_a_bus(endpoint, body)

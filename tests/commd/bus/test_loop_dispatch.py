@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from commd.bus import loop_dispatch as module
-from commd.bus.loop_dispatch import AT_ONCE, TURN, Handover
+from commd.bus.loop_dispatch import AT_ONCE, TURN, LoopDispatch
 
 
 def test_things_from_several_threads_come_in_their_order_and_all_of_them() -> None:
     async def main() -> dict[int, list[int]]:
-        handover, heard = Handover(asyncio.get_running_loop(), Counter()), dict[int, list[int]]()
+        handover, heard = LoopDispatch(asyncio.get_running_loop(), Counter()), dict[int, list[int]]()
         told = asyncio.Event()
 
         def hear(item: tuple[int, int]) -> None:
@@ -45,7 +45,7 @@ def test_what_fits_into_a_turn_is_handed_over_and_others_have_theirs_in_between(
 
     async def main() -> list[Any]:
         loop, heard = asyncio.get_running_loop(), list[Any]()
-        handover = Handover(loop, Counter())
+        handover = LoopDispatch(loop, Counter())
 
         def hear(item: int) -> None:
             heard.append(item)
@@ -66,7 +66,7 @@ def test_what_fits_into_a_turn_is_handed_over_and_others_have_theirs_in_between(
 def test_who_is_told_of_something_has_a_turn_behind_the_rest_in_the_same_pass() -> None:
     async def main() -> list[Any]:
         loop, heard = asyncio.get_running_loop(), list[Any]()
-        handover = Handover(loop, Counter())
+        handover = LoopDispatch(loop, Counter())
 
         def hear(item: int) -> None:
             heard.append(item)
@@ -89,7 +89,7 @@ def test_a_defect_is_told_and_keeps_nobody_else_from_theirs() -> None:
     async def main() -> tuple[list[Any], list[str]]:
         loop, heard, told = asyncio.get_running_loop(), list[Any](), list[str]()
         loop.set_exception_handler(lambda _, context: told.append(repr(context["exception"])))
-        handover = Handover(loop, Counter())
+        handover = LoopDispatch(loop, Counter())
 
         def fails(item: Any) -> None:
             handover.afterwards(lambda: heard.append("turn"))
@@ -107,8 +107,8 @@ def test_a_defect_is_told_and_keeps_nobody_else_from_theirs() -> None:
 def test_what_comes_when_the_loop_has_ended_is_counted() -> None:
     counters = Counter[str]()
 
-    async def main() -> Handover:
-        return Handover(asyncio.get_running_loop(), counters)
+    async def main() -> LoopDispatch:
+        return LoopDispatch(asyncio.get_running_loop(), counters)
 
     handover = asyncio.run(main())
     handover.put(print, "lost")
@@ -118,7 +118,7 @@ def test_what_comes_when_the_loop_has_ended_is_counted() -> None:
 
 def test_what_comes_after_a_loop_that_was_called_and_has_ended_is_counted() -> None:
     counters, loop = Counter[str](), asyncio.new_event_loop()
-    handover = Handover(loop, counters)
+    handover = LoopDispatch(loop, counters)
     handover.put(print, "too late")
     loop.close()
     for _ in range(10):

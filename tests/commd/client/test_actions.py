@@ -8,10 +8,10 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from commd.bus.bus import Bus, Query
-from commd.client.actions import Acting
-from commd.client.percept_sync import Perceiving
+from commd.client.actions import ActionRequests
+from commd.client.percept_sync import PerceptSync
 from commd.common.clock import Clock
-from commd.liveness.bridge_presence import BridgeWatch
+from commd.liveness.bridge_presence import BridgePresence
 from commd.process.process import report_health
 from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
@@ -22,7 +22,7 @@ from tests.support.promises import in_time
 Served = Callable[[Query[Action]], Awaitable[None]]
 
 
-async def act(connect: Connect, serve: Served | None) -> tuple[Acting, Perceiving, Bus, BridgeWatch]:
+async def act(connect: Connect, serve: Served | None) -> tuple[ActionRequests, PerceptSync, Bus, BridgePresence]:
     """Return an agent's side of actions, with a bridge that serves them by `serve`."""
     bridge = await connect("uav1", "bridged")
     if serve is not None:
@@ -31,10 +31,10 @@ async def act(connect: Connect, serve: Served | None) -> tuple[Acting, Perceivin
     bus = await connect("uav")
     if serve is not None:
         await served(bus, keys.action(FLEET, "uav", "*"))
-    perceiving = Perceiving(bus, "uav", "uav1", lambda one: None)
-    watch = BridgeWatch(bus, "uav1", lambda: None, lambda: None)
+    perceiving = PerceptSync(bus, "uav", "uav1", lambda one: None)
+    watch = BridgePresence(bus, "uav1", lambda: None, lambda: None)
     await until(lambda: watch.up, "the bridge is seen")
-    return Acting(bus, "uav", perceiving, watch), perceiving, bridge, watch
+    return ActionRequests(bus, "uav", perceiving, watch), perceiving, bridge, watch
 
 
 def test_an_action_ends_with_the_bridges_own_final_status(endpoint: str) -> None:

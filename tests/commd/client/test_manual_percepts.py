@@ -12,7 +12,7 @@ import pytest
 
 from commd.bus.bus import Bus
 from commd.client.manual_percepts import LARGEST, MOST, HandPercepts, hear_by_hand
-from commd.client.percept_sync import Perceiving
+from commd.client.percept_sync import PerceptSync
 from schemas.wire import keys, percept_set
 from schemas.wire.records import Perception
 from schemas.wire.terms import Structure, Variable
@@ -26,7 +26,7 @@ class Believing:
     def __init__(self, bus: Bus, inject: bool = True) -> None:
         self.beliefs: dict[tuple[str, str], Perception] = {}
         self.changes: list[tuple[str, str, tuple[Any, ...]]] = []
-        self.perceiving = Perceiving(bus, "uav", "uav1", self.take, inject)
+        self.perceiving = PerceptSync(bus, "uav", "uav1", self.take, inject)
         self.repairing = asyncio.create_task(self.perceiving.run())
 
     def take(self, one: Perception) -> None:

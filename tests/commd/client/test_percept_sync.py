@@ -11,8 +11,8 @@ import pytest
 from msgspec.structs import replace
 
 from commd.bus.bus import Bus, Query, open_bus
-from commd.client.percept_sync import Perceiving
-from commd.liveness.bridge_presence import BridgeWatch
+from commd.client.percept_sync import PerceptSync
+from commd.liveness.bridge_presence import BridgePresence
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Health, Perception
@@ -53,14 +53,14 @@ class FakeBridge:
             query.reply(perception, keys.percept(FLEET, "uav", f"{perception.name}/{index}"))
 
 
-def perceive(bus: Bus) -> tuple[Perceiving, list[tuple[str, str, Any]]]:
+def perceive(bus: Bus) -> tuple[PerceptSync, list[tuple[str, str, Any]]]:
     """Return an agent's percepts and the list to which every change is added: came or gone, name, parameters."""
     heard: list[tuple[str, str, Any]] = []
 
     def hear(one: Perception) -> None:
         heard.append(("gone" if one.update == "remove" else "came", one.name, one.parameters))
 
-    perceiving = Perceiving(bus, "uav", "uav1", hear)
+    perceiving = PerceptSync(bus, "uav", "uav1", hear)
     asyncio.get_running_loop().create_task(perceiving.run())
     return perceiving, heard
 
@@ -259,7 +259,7 @@ def test_when_the_bridge_dies_its_percepts_go_and_a_new_life_brings_them_back(en
             changes.append("gone")
             perceiving.forget()
 
-        watch = BridgeWatch(bus, "uav1", lambda: (changes.append("up"), perceiving.doubt())[0], gone)
+        watch = BridgePresence(bus, "uav1", lambda: (changes.append("up"), perceiving.doubt())[0], gone)
         bridge.tell("altitude", 1)
         await until(lambda: len(heard) == 1 and watch.up, "the bridge is there and tells")
         await first_bus.close()
@@ -310,7 +310,7 @@ def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
             bridge.tell("altitude", 5)
             await ours.claim("uav1")
             perceiving, heard = perceive(agent)
-            watch = BridgeWatch(agent, "uav1", perceiving.doubt, perceiving.forget)
+            watch = BridgePresence(agent, "uav1", perceiving.doubt, perceiving.forget)
             health = asyncio.create_task(bridge.report_for_ever())
             await until(lambda: watch.up and len(heard) == 1, "the percept is there")
             await router.close()

@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from commd.common import repeated_log
-from commd.common.repeated_log import Reminder
+from commd.common.repeated_log import RepeatedLog
 from commd.process.loop_lag import KEPT, LOOK, LoopLag
 
 
@@ -54,7 +54,7 @@ def time(monkeypatch: pytest.MonkeyPatch) -> Time:
 
 def test_it_is_said_after_ten_seconds_a_minute_and_then_every_ten_minutes(time: Time) -> None:
     said: list[float] = []
-    reminder = Reminder(said.append)
+    reminder = RepeatedLog(said.append)
     time.until(100)
     reminder.begin()
     time.until(100 + 2500)
@@ -63,7 +63,7 @@ def test_it_is_said_after_ten_seconds_a_minute_and_then_every_ten_minutes(time: 
 
 def test_nothing_is_said_of_what_is_over_and_the_next_time_begins_anew(time: Time) -> None:
     said: list[float] = []
-    reminder = Reminder(said.append)
+    reminder = RepeatedLog(said.append)
     assert reminder.end() is None
     reminder.begin()
     time.until(30)

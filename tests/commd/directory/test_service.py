@@ -16,7 +16,7 @@ from commd.client import join
 from commd.common.clock import Clock
 from commd.directory import service as directory_module
 from commd.directory.service import Directory, open_directory
-from commd.mail.service import Mailroom, open_mailroom
+from commd.mail.service import MailService, open_mailroom
 from commd.mail.store import Store, StoreFailed
 from commd.mail.transport import FixedDirectory
 from schemas.mission.model import read_mission
@@ -342,14 +342,14 @@ def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
 def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_its_mail_up(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def unhost(mailroom: Mailroom, name: str) -> None:
+    async def unhost(mailroom: MailService, name: str) -> None:
         raise StoreFailed("the disk is full")
 
     async def body() -> None:
         async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi1") as kid:
             await kid.ask("join")
             await until(lambda: pi2.board_of("kid") == "pi1", "pi2 knows kid")
-            monkeypatch.setattr(Mailroom, "unhost", unhost)
+            monkeypatch.setattr(MailService, "unhost", unhost)
             assert (await kid.ask("leave")).problem == ""
             assert pi1.board_of("kid") is None
             await until(lambda: pi2.board_of("kid") is None, "pi2 hears that kid has left")

@@ -8,7 +8,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from commd.liveness.bridge_presence import BridgeWatch
+from commd.liveness.bridge_presence import BridgePresence
 from tests.support.buses import until
 
 
@@ -17,7 +17,7 @@ class Said:
 
     def __init__(self) -> None:
         self.bus = Mock(router_up=True, fleet="test")
-        self.watch = BridgeWatch(self.bus, "uav1", lambda: None, lambda: None)
+        self.watch = BridgePresence(self.bus, "uav1", lambda: None, lambda: None)
         self._token: Callable[[str, bool], None] = self.bus.watch.call_args.args[1]
         self._router: Callable[[bool], None] = self.bus.on_router.call_args.args[0]
 

@@ -13,7 +13,7 @@ import pytest
 from commd.client.receive_mail import ProgramInbox
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
-from commd.mail.delivery import OF_ONE, RETRY_FIRST, Lanes, NotTaken
+from commd.mail.delivery import OF_ONE, RETRY_FIRST, DeliveryQueues, NotTaken
 from commd.mail.message import QueuedMessage, letter
 from commd.mail.store import open_store
 from schemas.wire.records import Receipt, Refusal
@@ -26,7 +26,7 @@ Carry = Callable[[str, Sequence[QueuedMessage]], Awaitable[Receipt | NotTaken]]
 @asynccontextmanager
 async def lanes_of(
     folder: Path, lines: Sequence[str], carry: Carry, each: int = 1
-) -> AsyncIterator[tuple[Lanes, queries.Tally, dict[int, Refusal]]]:
+) -> AsyncIterator[tuple[DeliveryQueues, queries.Tally, dict[int, Refusal]]]:
     """Lines with so many messages each; a line belongs to the peer, and hangs with the group, that its name ends on."""
     tally, refused = queries.Tally(), dict[int, Refusal]()
 
@@ -45,7 +45,7 @@ async def lanes_of(
             for number in range(1, each + 1)
         ]
         await store.write(lambda db: queries.put(db, tally, letters, 0.0, None))
-        lanes = Lanes(store, tally, MailClock(), carry, give_up, group, group)
+        lanes = DeliveryQueues(store, tally, MailClock(), carry, give_up, group, group)
         lanes.begin()
         task = asyncio.create_task(lanes.run())
         try:

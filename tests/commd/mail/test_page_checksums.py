@@ -12,7 +12,7 @@ import pytest
 
 from agentd.mind.persistence.rows import MindChanges
 from agentd.persistence.checkpoint import Checkpoint, Saving
-from commd.mail.page_checksums import PageSums, log_damage
+from commd.mail.page_checksums import PageChecksums, log_damage
 from commd.mail.store import open_store
 
 HITS = 15
@@ -69,7 +69,7 @@ def test_a_bit_of_the_log_of_a_killed_checkpoint_that_is_hit_is_told(tmp_path: P
     made.close()
     killed = tmp_path / "killed" / "mind.sqlite"
     assert log_damage(killed) == ""
-    assert PageSums(killed).damage() == ""
+    assert PageChecksums(killed).damage() == ""
     _hit(killed.with_name("mind.sqlite-wal"), random.Random(seed))
     again = Checkpoint.open(killed, "a")
     assert again.notes

@@ -13,7 +13,7 @@ import pytest
 from agentd.extensions.file_access import AgentFiles
 from agentd.persistence.checkpoint import Checkpoint
 from argosy.recording.file.writer import _opened
-from bridged.bridge.action_log import Ledger
+from bridged.bridge.action_log import ActionLog
 from commd.mail.sqlite_file import alone, connect
 from commd.process.restart_counter import begin_life
 
@@ -36,7 +36,7 @@ def test_state_is_for_its_user_alone_whatever_the_umask(tmp_path: Path) -> None:
         connect(old, "full").close()
         checkpoint = Checkpoint.open(state / "fleet" / "bob" / "mind.sqlite", "bob")
         AgentFiles([], state / "fleet" / "bob").save("saved/new.asl", "a.")
-        ledger = Ledger(state / "fleet" / "uav1.actions")
+        ledger = ActionLog(state / "fleet" / "uav1.actions")
         begin_life(state / "fleet", "agentd", "bob")
         _opened(state / "fleet" / "rec.mcap", overwrite=False).close()
         modes = {path: stat.S_IMODE(path.stat().st_mode) for path in [state, *state.rglob("*")]}

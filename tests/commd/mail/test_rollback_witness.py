@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from commd.mail.age_clock import MailClock
-from commd.mail.rollback_witness import WENT_BACK, MailWitness
+from commd.mail.rollback_witness import WENT_BACK, RollbackWitness
 from commd.mail.schema import migrate
 from schemas.wire.records import BoardServices, Header, MailSeen
 
@@ -25,7 +25,7 @@ def _says(board: str, boot: str, mail_time: float, **seen: MailSeen) -> BoardSer
 
 def _seen_of_two_lives(first: float, second: float | None) -> MailSeen:
     """What pi2 has seen of pi1, whose file had come to `first` in life `one`, and says `second` in life `two`."""
-    witness = MailWitness("pi2", "x", _clock(0.0))
+    witness = RollbackWitness("pi2", "x", _clock(0.0))
     for boot, mail_time in (("one", first - 5), ("one", first), ("two", second)):
         if mail_time is not None and (seen := witness.news(_says("pi1", boot, mail_time))) is not None:
             witness.seen = {"pi1": seen}
@@ -34,7 +34,7 @@ def _seen_of_two_lives(first: float, second: float | None) -> MailSeen:
 
 @pytest.mark.parametrize("second", [None, 40.0, 500.0], ids=["before it heard", "after it", "after it, clock gone on"])
 def test_a_restored_file_is_told_once(second: float | None) -> None:
-    witness = MailWitness("pi1", "two", _clock(40.0))
+    witness = RollbackWitness("pi1", "two", _clock(40.0))
     witness.judge(_says("pi2", "x", 7.0, pi1=_seen_of_two_lives(100.0, second)))
     assert witness.note is not None
     assert (witness.note.code, witness.note.value) == (WENT_BACK, 60.0)
@@ -46,7 +46,7 @@ def test_a_restored_file_is_told_once(second: float | None) -> None:
 
 @pytest.mark.parametrize("found", [100.0, 103.0, None], ids=["in order", "after kill -9", "not open yet"])
 def test_a_file_that_went_on_is_not(found: float | None) -> None:
-    witness = MailWitness("pi1", "two", _clock(found))
+    witness = RollbackWitness("pi1", "two", _clock(found))
     for seen in (_seen_of_two_lives(100.0, None), _seen_of_two_lives(100.0, 120.0), MailSeen()):
         witness.judge(_says("pi2", "x", 7.0, pi1=seen))
     witness.judge(_says("pi2", "x", 7.0))
@@ -56,9 +56,9 @@ def test_a_file_that_went_on_is_not(found: float | None) -> None:
 def test_what_was_seen_is_on_disk() -> None:
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as db:
         migrate(db)
-        MailWitness("pi2", "x", _clock(0.0)).keep(db, "pi1", MailSeen(boot="one", time=9.0, former=3.0))
+        RollbackWitness("pi2", "x", _clock(0.0)).keep(db, "pi1", MailSeen(boot="one", time=9.0, former=3.0))
         db.execute("INSERT INTO facts VALUES('mail_seen', 'pi3', x'00')")
-        again = MailWitness("pi2", "y", _clock(0.0))
+        again = RollbackWitness("pi2", "y", _clock(0.0))
         again.load(db)
         assert again.seen == {"pi1": MailSeen(boot="one", time=9.0, former=3.0)}
         assert again.news(_says("pi1", "one", 9.0)) is None

@@ -14,7 +14,7 @@ import zenoh
 
 from commd.bus.bus import Bus
 from commd.mail import kv_table
-from commd.mail.service import Mailroom
+from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
 from schemas.mission.model import MailRules
 from schemas.wire import keys
@@ -28,7 +28,9 @@ ONE_BOARD = {"a": "pi1", "b": "pi1"}
 
 
 @asynccontextmanager
-async def two_boards(connect: Connect, folder: Path, **options: object) -> AsyncIterator[tuple[Mailroom, Mailroom]]:
+async def two_boards(
+    connect: Connect, folder: Path, **options: object
+) -> AsyncIterator[tuple[MailService, MailService]]:
     async with (
         board(connect, "pi1", folder, **options) as first,  # type: ignore[arg-type]
         board(connect, "pi2", folder, **options) as second,  # type: ignore[arg-type]
@@ -36,7 +38,7 @@ async def two_boards(connect: Connect, folder: Path, **options: object) -> Async
         yield first, second
 
 
-async def sent(mailroom: Mailroom, count: int) -> None:
+async def sent(mailroom: MailService, count: int) -> None:
     """Wait until a board has got rid of `count` messages, in its file too."""
     await until(lambda: mailroom.counters_now["sent"] == count, f"{count} messages are handed on")
     await until(lambda: mailroom.waiting == 0, "nothing waits any more")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from commd.process.restart_counter import MUTE, Life
+from commd.process.restart_counter import MUTE, RestartCounter
 from tests.support.processes import ROOT
 
 DAEMON = """\
@@ -44,23 +44,23 @@ def test_killed_and_failed_lives_are_counted_and_those_that_ended_as_told_are_no
 
 def test_a_machine_that_started_anew_begins_at_nought(tmp_path: Path) -> None:
     note = tmp_path / "pi1.commd.life"
-    assert [Life(note, "one").restarts for _ in range(3)] == [0, 1, 2]
-    rebooted = Life(note, "two")
+    assert [RestartCounter(note, "one").restarts for _ in range(3)] == [0, 1, 2]
+    rebooted = RestartCounter(note, "two")
     assert (rebooted.restarts, rebooted.before) == (0, "")
-    assert Life(note, "two").restarts == 1
+    assert RestartCounter(note, "two").restarts == 1
 
 
 def test_a_note_that_cannot_be_read_begins_anew_and_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     note = tmp_path / "pi1.commd.life"
     note.write_text('{"restarts": "many"')
-    assert Life(note, "one").restarts == 0
+    assert RestartCounter(note, "one").restarts == 0
     assert "restarts are counted anew" in caplog.text
-    assert Life(note, "one").restarts == 1
+    assert RestartCounter(note, "one").restarts == 1
 
 
 def test_where_nothing_can_be_written_restarts_are_not_known(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "file").write_text("")
-    life = Life(tmp_path / "file" / "pi1.commd.life", "one")
+    life = RestartCounter(tmp_path / "file" / "pi1.commd.life", "one")
     assert life.restarts is None
     assert "restarts are not counted" in caplog.text
     life.end("whatever")
@@ -73,5 +73,5 @@ def test_which_life_of_the_machine_it_is_may_be_told_by_the_unit(
     lives = []
     for boot in ("one", "one", "two", "two"):
         monkeypatch.setenv("ARGOSY_BOOT", boot)
-        lives.append(Life(note).restarts)
+        lives.append(RestartCounter(note).restarts)
     assert lives == [0, 1, 0, 1]

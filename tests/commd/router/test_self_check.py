@@ -12,7 +12,7 @@ import pytest
 from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed, QueryTimeout
 from commd.router import self_check
-from commd.router.self_check import FILLER, Checkups, measure, measure_all, room
+from commd.router.self_check import FILLER, SelfCheck, measure, measure_all, room
 from schemas.wire import keys
 from schemas.wire.records import BoardReport, Checkup
 from tests.support.buses import FLEET, Connect, on_a_bus, served, session
@@ -32,7 +32,7 @@ async def pair(stack: AsyncExitStack, folder: Path) -> tuple[Bus, Bus]:
     two = await stack.enter_async_context(router("pi2", connect=[link]))
     two._stamp = lambda: time.time_ns() + int(AHEAD * 1e9)
     for bus, name in ((one, "pi1"), (two, "pi2")):
-        Checkups(bus, name, ["pi1", "pi2"], folder)
+        SelfCheck(bus, name, ["pi1", "pi2"], folder)
     await served(one, keys.checkup(FLEET, "pi2"))
     await served(two, keys.checkup(FLEET, "pi1"))
     return one, two
@@ -105,7 +105,7 @@ def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited_for_b
 
 def test_a_question_that_does_not_decode_or_is_too_large_is_refused_in_words(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        Checkups(await connect("pi1", "commd"), "pi1", ["pi1"], tmp_path)
+        SelfCheck(await connect("pi1", "commd"), "pi1", ["pi1"], tmp_path)
         asker = await connect("asker")
         await served(asker, keys.checkup(FLEET, "pi1"))
         with pytest.raises(QueryFailed, match="expected at most 65536"):

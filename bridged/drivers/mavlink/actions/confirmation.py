@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, TEXT_WINDOW, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, TEXT_WINDOW, Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.vehicle.commands import Command
 from bridged.drivers.mavlink.vehicle.state import Place
 from schemas.manifest.loader import Retry
@@ -48,7 +48,7 @@ TARGET_NEAR = 1.0
 """Metres between the target sent and the one reported; rounding and frame conversion cost centimetres."""
 
 
-def enter(flight: Flight, task: Task, call: Call, mode: int) -> Generator[None, None, Outcome | None]:
+def enter(flight: ProcedureContext, task: Task, call: Call, mode: int) -> Generator[None, None, Outcome | None]:
     """Send a command that changes the mode until it sticks. Returns the failure, None if the mode is steady."""
     vehicle, before = flight.vehicle, flight.vehicle.mode
     asked, name = flight.now, flight.vehicle.modes.name(mode)
@@ -74,7 +74,7 @@ def enter(flight: Flight, task: Task, call: Call, mode: int) -> Generator[None, 
 
 
 def acknowledged(
-    flight: Flight, task: Task, command: Command, effect: Callable[[], bool]
+    flight: ProcedureContext, task: Task, command: Command, effect: Callable[[], bool]
 ) -> Generator[None, None, Outcome | None]:
     """Wait until a command is accepted or its effect shows without that. Returns the refusal or the silence.
 
@@ -99,7 +99,7 @@ def acknowledged(
     return None
 
 
-def steady(flight: Flight, shown: Callable[[], bool]) -> Generator[None, None, bool]:
+def steady(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[None, None, bool]:
     """Whether a state shows soon and still does at the next HEARTBEAT."""
     vehicle, patience = flight.vehicle, flight.now + flight.wait(*SETTLE)
     while not shown():
@@ -112,7 +112,7 @@ def steady(flight: Flight, shown: Callable[[], bool]) -> Generator[None, None, b
     return shown() and vehicle.heartbeats > beats
 
 
-def ready(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+def ready(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
     """Wait until the vehicle is ready to be armed, asking it for its reasons meanwhile.
 
     Returns None when it is, and its refusal as soon as it names a reason that does not go away by waiting.
@@ -140,7 +140,7 @@ def _names(causes: tuple[str, ...], text: str) -> bool:
     return any(cause in text.lower() for cause in causes)
 
 
-def guided_aloft(flight: Flight, what: str) -> Outcome | None:
+def guided_aloft(flight: ProcedureContext, what: str) -> Outcome | None:
     """Refuse targets that the vehicle would drop in silence: it takes them in GUIDED and in flight only."""
     vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.guided:
@@ -152,7 +152,7 @@ def guided_aloft(flight: Flight, what: str) -> Outcome | None:
     return None
 
 
-def target_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
+def target_taken(flight: ProcedureContext, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
     """Send the target until the vehicle reports it as its own. Returns the refusal, None if it does."""
     asked = flight.now
     if call.target is None:
@@ -172,7 +172,7 @@ def target_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None
     return Outcome("refused", flight.with_texts(f"{said}, {own_target(flight, call)}", asked))
 
 
-def within_limits(flight: Flight, call: Call) -> Outcome | None:
+def within_limits(flight: ProcedureContext, call: Call) -> Outcome | None:
     """Refuse a target outside the mission's limits, or one whose altitude cannot be told yet."""
     if flight.altitude_of_home() is None:
         return Outcome("refused", "the vehicle's altitude is not known yet")
@@ -183,7 +183,7 @@ def within_limits(flight: Flight, call: Call) -> Outcome | None:
     return Outcome("refused", broken, "limits") if broken else None
 
 
-def target_shown(flight: Flight, call: Call) -> Generator[None, None, bool]:
+def target_shown(flight: ProcedureContext, call: Call) -> Generator[None, None, bool]:
     """Whether the vehicle reports the target of a call as its own before long."""
     vehicle, seen = flight.vehicle, flight.vehicle.targets
     patience = flight.now + flight.wait(*TARGET_WAIT)
@@ -194,7 +194,7 @@ def target_shown(flight: Flight, call: Call) -> Generator[None, None, bool]:
     return False
 
 
-def target_is(flight: Flight, call: Call) -> bool:
+def target_is(flight: ProcedureContext, call: Call) -> bool:
     """Whether the target that the vehicle reported last is that of a call."""
     own, wanted = flight.vehicle.target, call.target
     if own is None or wanted is None:
@@ -204,7 +204,7 @@ def target_is(flight: Flight, call: Call) -> bool:
     return own.distance(wanted) <= TARGET_NEAR and level
 
 
-def own_target(flight: Flight, call: Call) -> str:
+def own_target(flight: ProcedureContext, call: Call) -> str:
     """In words, what the vehicle says that it flies to instead."""
     own = flight.vehicle.target
     if own is None or call.target is None:
@@ -212,7 +212,7 @@ def own_target(flight: Flight, call: Call) -> str:
     return f"its own target is {own.distance(call.target):.0f} m from there"
 
 
-def arrive(flight: Flight, task: Task, goal: Place, tolerance: float | None) -> Steps:
+def arrive(flight: ProcedureContext, task: Task, goal: Place, tolerance: float | None) -> Steps:
     """Wait until the vehicle is within the tolerance of a point (metres above home) and, if it can stand, slow."""
     near, asked = tolerance or 1.0, flight.now
     while True:
@@ -233,7 +233,7 @@ def arrive(flight: Flight, task: Task, goal: Place, tolerance: float | None) -> 
         yield
 
 
-def above_home(flight: Flight, call: Call) -> Place:
+def above_home(flight: ProcedureContext, call: Call) -> Place:
     """The target of a call with its altitude in metres above home."""
     target = call.target or Place(0.0, 0.0, 0.0)
     if call.frame in ABOVE_HOME:
@@ -241,7 +241,7 @@ def above_home(flight: Flight, call: Call) -> Place:
     return Place(target.latitude, target.longitude, target.altitude - (flight.altitude_of_home() or 0.0))
 
 
-def down(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+def down(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
     """Wait until the vehicle has landed and disarmed. Returns why its motors stopped elsewhere, None if it stands."""
     vehicle, fast_at = flight.vehicle, -math.inf
     while vehicle.armed or not vehicle.connected:
@@ -256,7 +256,9 @@ def down(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
     return (yield from stands(flight, task, fast_at))
 
 
-def stands(flight: Flight, task: Task, fast_at: float, where: str = "") -> Generator[None, None, Outcome | None]:
+def stands(
+    flight: ProcedureContext, task: Task, fast_at: float, where: str = ""
+) -> Generator[None, None, Outcome | None]:
     """Whether motors that have stopped just now did so on the ground; None if they did, why not otherwise.
 
     What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
@@ -278,13 +280,13 @@ def stands(flight: Flight, task: Task, fast_at: float, where: str = "") -> Gener
     return None
 
 
-def parked(flight: Flight) -> bool:
+def parked(flight: ProcedureContext) -> bool:
     """Whether the vehicle stands disarmed."""
     vehicle = flight.vehicle
     return vehicle.connected and not vehicle.armed and vehicle.speed <= FALLS
 
 
-def from_home(flight: Flight) -> float | None:
+def from_home(flight: ProcedureContext) -> float | None:
     """Metres over ground from home, None if nothing tells."""
     position, home = flight.vehicle.position, flight.vehicle.home
     return None if position is None or home is None else home.distance(position)

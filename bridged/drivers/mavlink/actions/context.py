@@ -116,7 +116,7 @@ class Plan:
     """The action that is flying the mission now."""
 
 
-class Flight:
+class ProcedureContext:
     """One vehicle, as the procedures see it. `now` is in mission seconds and moves with each message and tick."""
 
     def __init__(
@@ -312,4 +312,4 @@ class Flight:
         return f"the vehicle is {armed},{where} in {vehicle.mode_name}"
 
 
-Procedure = Callable[[Flight, Task, Call], Steps]
+Procedure = Callable[[ProcedureContext, Task, Call], Steps]

@@ -33,7 +33,7 @@ from bridged.drivers.mavlink.actions.confirmation import (
     target_taken,
     within_limits,
 )
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.actions.parameters import write_parameter
 from bridged.drivers.mavlink.vehicle.state import OFF_GROUND
 from schemas.manifest.loader import Retry
@@ -46,13 +46,13 @@ LIFT_OFF_WITHIN = (15.0, 3.0)
 log = logging.getLogger("mavlink")
 
 
-def change_mode(flight: Flight, task: Task, call: Call) -> Steps:
+def change_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """DO_SET_MODE: the mode shows, and still does at the next HEARTBEAT."""
     failure = yield from enter(flight, task, call, int(call.parameters[1]))
     return failure or SUCCEEDED
 
 
-def arm(flight: Flight, task: Task, call: Call) -> Steps:
+def arm(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """COMPONENT_ARM_DISARM: waits until the vehicle is ready, then arms it; the state shows it at two HEARTBEATs."""
     wanted = call.parameters[0] == 1.0
     if wanted and (other := flight.vehicle.contradiction):
@@ -81,7 +81,7 @@ def arm(flight: Flight, task: Task, call: Call) -> Steps:
     return Outcome("failed", flight.with_texts(said, asked))
 
 
-def take_off(flight: Flight, task: Task, call: Call) -> Steps:
+def take_off(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """NAV_TAKEOFF: within the tolerance of the altitude above home."""
     vehicle, wanted = flight.vehicle, call.parameters[6]
     if broken := flight.too_high(wanted):
@@ -103,7 +103,7 @@ def take_off(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from _climb(flight, task, wanted, call.tolerance or 0.3, command.name, asked))
 
 
-def take_off_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
+def take_off_by_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`takeoff_by_mode`: TKOFF_ALT is set, TAKEOFF entered, and the altitude above home reached (planes)."""
     vehicle, wanted = flight.vehicle, call.arguments["altitude"]
     mode = vehicle.modes.takeoff
@@ -123,7 +123,7 @@ def take_off_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from _climb(flight, task, float(wanted), call.tolerance or 5.0, vehicle.modes.name(mode), asked))
 
 
-def _climb_on(flight: Flight, task: Task, call: Call) -> Steps:
+def _climb_on(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """Go on with a takeoff that a pause has interrupted in the air, where NAV_TAKEOFF is refused: by a target above."""
     vehicle, wanted, asked = flight.vehicle, call.parameters[6], flight.now
     if vehicle.position is None:
@@ -134,7 +134,7 @@ def _climb_on(flight: Flight, task: Task, call: Call) -> Steps:
     return failure or (yield from _climb(flight, task, wanted, call.tolerance or 0.3, "the target above", asked))
 
 
-def _climb(flight: Flight, task: Task, wanted: float, near: float, name: str, asked: float) -> Steps:
+def _climb(flight: ProcedureContext, task: Task, wanted: float, near: float, name: str, asked: float) -> Steps:
     """Wait until the altitude is reached; off the ground before long."""
     vehicle, seen = flight.vehicle, flight.vehicle.positions
     patience = flight.now + flight.wait(*LIFT_OFF_WITHIN)
@@ -155,19 +155,19 @@ def _climb(flight: Flight, task: Task, wanted: float, near: float, name: str, as
         yield
 
 
-def send_target(flight: Flight, task: Task, call: Call) -> Steps:
+def send_target(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """SET_POSITION_TARGET_GLOBAL_INT: armed, in flight, GUIDED, and the vehicle's own target agrees."""
     failure = yield from target_taken(flight, task, call)
     return failure or SUCCEEDED
 
 
-def go_to(flight: Flight, task: Task, call: Call) -> Steps:
+def go_to(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """As `send_target`, then within the tolerance of the target and slow."""
     failure = yield from target_taken(flight, task, call)
     return failure or (yield from arrive(flight, task, above_home(flight, call), call.tolerance))
 
 
-def reposition(flight: Flight, task: Task, call: Call) -> Steps:
+def reposition(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """DO_REPOSITION as COMMAND_INT: acknowledged, and the vehicle's own target agrees; param2 = 1 enters GUIDED."""
     vehicle, asked = flight.vehicle, flight.now
     into_guided = int(call.parameters[1]) & dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
@@ -190,7 +190,7 @@ def reposition(flight: Flight, task: Task, call: Call) -> Steps:
     return Outcome("failed", flight.with_texts(said, asked))
 
 
-def reposition_and_arrive(flight: Flight, task: Task, call: Call) -> Steps:
+def reposition_and_arrive(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """As `reposition`, then within the tolerance of the target and, if the vehicle can stand, slow."""
     outcome = yield from reposition(flight, task, call)
     if outcome is not SUCCEEDED:
@@ -198,7 +198,7 @@ def reposition_and_arrive(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from arrive(flight, task, above_home(flight, call), call.tolerance))
 
 
-def land(flight: Flight, task: Task, call: Call) -> Steps:
+def land(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """NAV_LAND: landed and disarmed. At once if it stands disarmed already: LAND is no mode to arm in."""
     modes = flight.vehicle.modes
     if parked(flight):
@@ -212,7 +212,7 @@ def land(flight: Flight, task: Task, call: Call) -> Steps:
     return failure or SUCCEEDED
 
 
-def return_home(flight: Flight, task: Task, call: Call) -> Steps:
+def return_home(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """NAV_RETURN_TO_LAUNCH: landed and disarmed at home. At once if it stands there already."""
     vehicle, near = flight.vehicle, call.tolerance or 3.0
     if parked(flight):
@@ -231,7 +231,7 @@ def return_home(flight: Flight, task: Task, call: Call) -> Steps:
     return Outcome("failed", f"the vehicle landed {metres(away)} from home")
 
 
-def return_above(flight: Flight, task: Task, call: Call) -> Steps:
+def return_above(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """NAV_RETURN_TO_LAUNCH: within the tolerance of home over ground and, if the vehicle can stand, slow; still armed.
 
     For vehicles that do not land by themselves: a rover stops there, a plane circles.
@@ -261,7 +261,7 @@ def mode_call(mode: int) -> Call:
     return Call(dialect.MAV_CMD_DO_SET_MODE, parameters, Retry())
 
 
-def secure(flight: Flight, task: Task, call: Call) -> Steps:
+def secure(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """An order from above the agents: the mode shows at two HEARTBEATs; on the ground the motors stop instead.
 
     `call.parameters[1]` is the mode. What follows the mode (the flight home, the landing) is not waited for. Judged
@@ -281,12 +281,12 @@ def secure(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from _enter_mode_of(flight, task, call))
 
 
-def _enter_mode_of(flight: Flight, task: Task, call: Call) -> Steps:
+def _enter_mode_of(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     failure = yield from enter(flight, task, call, int(call.parameters[1]))
     return failure or Outcome("succeeded", f"the vehicle is in {flight.vehicle.mode_name}")
 
 
-def hold_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
+def hold_by_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """What pausing does: the mode of `call` shows at two HEARTBEATs. Motors are left as they are, on the ground too."""
     vehicle = flight.vehicle
     if not vehicle.armed:
@@ -294,7 +294,7 @@ def hold_by_mode(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from _enter_mode_of(flight, task, call))
 
 
-def leave_hold(flight: Flight, task: Task, call: Call) -> Steps:
+def leave_hold(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """What continuing does: a vehicle that is in the mode of the order `hold` enters that of `call`."""
     vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.hold:
@@ -302,7 +302,7 @@ def leave_hold(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from _enter_mode_of(flight, task, call))
 
 
-def stay(flight: Flight, task: Task, call: Call) -> Steps:
+def stay(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """What cancelling a motion does: the vehicle stays where it is, on the ground its motors stop.
 
     It is tried until the vehicle does it: nobody else waits for it. In flight GUIDED with the present place as the
@@ -339,7 +339,7 @@ def stay(flight: Flight, task: Task, call: Call) -> Steps:
     return SUCCEEDED
 
 
-def _stay_here(flight: Flight, task: Task, call: Call) -> Steps:
+def _stay_here(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.guided:
         failure = yield from enter(flight, task, call, vehicle.modes.guided)
@@ -348,7 +348,7 @@ def _stay_here(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from send_target(flight, task, here))
 
 
-def _stop_motors(flight: Flight, task: Task, lift_off: float) -> Generator[None, None, Outcome | None]:
+def _stop_motors(flight: ProcedureContext, task: Task, lift_off: float) -> Generator[None, None, Outcome | None]:
     """Disarm a vehicle that has not left the ground; None if it leaves the ground all the same."""
     vehicle = flight.vehicle
     stopped = yield from arm(flight, task, Call(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,) * 7, Retry()))

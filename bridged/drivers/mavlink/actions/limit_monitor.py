@@ -5,7 +5,7 @@ Targets are checked before they are sent; a velocity, a mission of others or the
 
 from __future__ import annotations
 
-from bridged.drivers.mavlink.actions.context import Flight
+from bridged.drivers.mavlink.actions.context import ProcedureContext
 
 MARGIN = 2.0
 """Metres beyond a limit that are no excursion: arriving at the limit itself overshoots a little."""
@@ -14,7 +14,7 @@ MARGIN = 2.0
 class LimitWatch:
     """Whether one vehicle is outside the limits of the mission file."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: ProcedureContext) -> None:
         self._flight = flight
         self.outside = ""
         """Which limit is broken now, in words; empty = none."""

@@ -7,7 +7,7 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Reading
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.actions.mission_items import AMSL, RELATIVE, Item, read_items
 from bridged.drivers.mavlink.actions.mission_transfer import (
     RESULTS,
@@ -25,7 +25,7 @@ SET_CURRENT_TRIES = 4
 MOVES_HOME = "it moves home, from where the mission's limits are measured"
 
 
-def upload_mission(flight: Flight, task: Task, call: Call) -> Steps:
+def upload_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`mission_upload`: every item within the limits, acknowledged, and as many counted back.
 
     With `home_first` the first item stands for home, as in ArduPilot's own numbering: the vehicle keeps its own.
@@ -51,7 +51,7 @@ def upload_mission(flight: Flight, task: Task, call: Call) -> Steps:
     return SUCCEEDED
 
 
-def download_mission(flight: Flight, task: Task, call: Call) -> Steps:
+def download_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`mission_download`: every item was told; they become readings of MISSION and MISSION_LIST."""
     with Speaking(flight, task) as busy:
         if busy:
@@ -60,7 +60,7 @@ def download_mission(flight: Flight, task: Task, call: Call) -> Steps:
         return failure or SUCCEEDED
 
 
-def clear_mission(flight: Flight, task: Task, call: Call) -> Steps:
+def clear_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`mission_clear`: the vehicle counts no items but home."""
     if flown := _flown_now(flight):
         return Outcome("refused", flown)
@@ -75,7 +75,7 @@ def clear_mission(flight: Flight, task: Task, call: Call) -> Steps:
     return SUCCEEDED
 
 
-def set_current(flight: Flight, task: Task, call: Call) -> Steps:
+def set_current(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`mission_set_current`: MISSION_CURRENT shows the item."""
     wanted = call.arguments["seq"]
     if not isinstance(wanted, int):
@@ -87,7 +87,7 @@ def set_current(flight: Flight, task: Task, call: Call) -> Steps:
     return failure or SUCCEEDED
 
 
-def go_to_item(flight: Flight, task: Task, wanted: int) -> Generator[None, None, Outcome | None]:
+def go_to_item(flight: ProcedureContext, task: Task, wanted: int) -> Generator[None, None, Outcome | None]:
     identity, poll = flight.commands.identity, Poll(flight, task, "MISSION_CURRENT")
     task.waits_for = f"the vehicle to tell that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):
@@ -107,7 +107,7 @@ def go_to_item(flight: Flight, task: Task, wanted: int) -> Generator[None, None,
     return Outcome("failed", f"the vehicle did not go to item {wanted}; has its mission so many?")
 
 
-def _learn(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+def _learn(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
     held = yield from download(flight, task)
     if isinstance(held, Outcome):
         return held
@@ -116,7 +116,7 @@ def _learn(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
     return None
 
 
-def _flown_now(flight: Flight) -> str:
+def _flown_now(flight: ProcedureContext) -> str:
     """In words, that the vehicle flies its mission: what it stores must not change under it. Empty = it does not."""
     vehicle = flight.vehicle
     if flight.plan.flown_by:
@@ -126,7 +126,7 @@ def _flown_now(flight: Flight) -> str:
     return ""
 
 
-def tell_items(flight: Flight) -> None:
+def tell_items(flight: ProcedureContext) -> None:
     """The items as readings: those of an older mission go first."""
     items = flight.plan.items or ()
     flight.tell(Reading("MISSION", None))
@@ -148,7 +148,7 @@ def tell_items(flight: Flight) -> None:
     flight.tell(Reading("MISSION_LIST", {"count": max(0, len(items) - 1), "waypoints": waypoints}))
 
 
-def outside(flight: Flight, items: tuple[Item, ...]) -> str:
+def outside(flight: ProcedureContext, items: tuple[Item, ...]) -> str:
     """Which item breaks which limit of the mission file, in words; empty = none."""
     home, limits = flight.altitude_of_home() or 0.0, flight.limits
     for seq, item in enumerate(items, 1):
@@ -162,7 +162,7 @@ def outside(flight: Flight, items: tuple[Item, ...]) -> str:
     return ""
 
 
-def _home(flight: Flight) -> Item:
+def _home(flight: ProcedureContext) -> Item:
     """Item 0 is home: the vehicle keeps its own, whatever is sent."""
     home = flight.vehicle.home or Place(0.0, 0.0, 0.0)
     x, y = round(home.latitude * 1e7), round(home.longitude * 1e7)
@@ -172,7 +172,7 @@ def _home(flight: Flight) -> Item:
 class Speaking:
     """Speaks the mission protocol for one action; the next one is told who does. Ends also when the action is ended."""
 
-    def __init__(self, flight: Flight, task: Task) -> None:
+    def __init__(self, flight: ProcedureContext, task: Task) -> None:
         self._flight, self._task = flight, task
         self._mine = False
 

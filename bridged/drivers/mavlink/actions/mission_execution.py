@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.actions.confirmation import FALLS, acknowledged, from_home, metres, stands
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.actions.flight import change_mode, mode_call
 from bridged.drivers.mavlink.actions.mission_actions import Speaking, go_to_item, outside, tell_items
 from bridged.drivers.mavlink.actions.mission_items import Item
@@ -29,7 +29,7 @@ COMPLETE = dialect.MISSION_STATE_COMPLETE
 START = Retry(times=5)
 
 
-def enter_mode(flight: Flight, task: Task, call: Call) -> Steps:
+def enter_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`mode`: as `change_mode`; AUTO only on a mission that may be flown."""
     if int(call.parameters[1]) == flight.vehicle.modes.auto:
         failure = yield from may_fly(flight, task)
@@ -38,7 +38,7 @@ def enter_mode(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from change_mode(flight, task, call))
 
 
-def may_fly(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+def may_fly(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
     """Whatever makes the vehicle fly its mission: it must be whole, and within the limits if there are any."""
     if flight.plan.broken:
         return Outcome("refused", flight.plan.broken)
@@ -47,7 +47,7 @@ def may_fly(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]
     return (yield from _read_within_limits(flight, task))
 
 
-def start_mission(flight: Flight, task: Task, call: Call) -> Steps:
+def start_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`mission_start`: AUTO, then every item to the last; on the ground a mission begins with a takeoff.
 
     What the vehicle stores is read first, whoever has stored it: another station may have since we did.
@@ -88,13 +88,13 @@ def start_mission(flight: Flight, task: Task, call: Call) -> Steps:
         return (yield from _fly(flight, task, items, last, stored, grounded=grounded and not modes.ground))
 
 
-def _begin(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+def _begin(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
     command = flight.submit(task, dialect.MAV_CMD_MISSION_START, (0.0,) * 7, START)
     return (yield from acknowledged(flight, task, command, lambda: flight.vehicle.aloft and not _ground(flight)))
 
 
 def _fly(
-    flight: Flight, task: Task, items: tuple[Item, ...], last: int, stored: int | None, *, grounded: bool
+    flight: ProcedureContext, task: Task, items: tuple[Item, ...], last: int, stored: int | None, *, grounded: bool
 ) -> Steps:
     """Watch the mission until it is over; the vehicle's own messages tell how far it is.
 
@@ -148,7 +148,7 @@ def _fly(
         yield
 
 
-def _landed(flight: Flight, task: Task, item: Item, fast_at: float) -> Steps:
+def _landed(flight: ProcedureContext, task: Task, item: Item, fast_at: float) -> Steps:
     """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so."""
     failure = yield from stands(flight, task, fast_at, " at the last item of the mission")
     if failure is not None:
@@ -159,7 +159,9 @@ def _landed(flight: Flight, task: Task, item: Item, fast_at: float) -> Steps:
     return SUCCEEDED
 
 
-def _progress(flight: Flight, task: Task, items: tuple[Item, ...], current: int, last: int, reached: int) -> None:
+def _progress(
+    flight: ProcedureContext, task: Task, items: tuple[Item, ...], current: int, last: int, reached: int
+) -> None:
     task.feedback = {"item": float(current), "items": float(last), "reached": float(reached)}
     where = flight.vehicle.position
     if where is not None:
@@ -169,7 +171,7 @@ def _progress(flight: Flight, task: Task, items: tuple[Item, ...], current: int,
     task.waits_for = f"the end of the mission; it is at item {current} of {last}"
 
 
-def _broken_off(flight: Flight, reached: int, last: int, asked: float) -> Outcome:
+def _broken_off(flight: ProcedureContext, reached: int, last: int, asked: float) -> Outcome:
     vehicle = flight.vehicle
     how = (
         f"the mode became {vehicle.mode_name}, which nobody here asked for (pilot, ground station or failsafe)"
@@ -181,7 +183,7 @@ def _broken_off(flight: Flight, reached: int, last: int, asked: float) -> Outcom
     )
 
 
-def _read_within_limits(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+def _read_within_limits(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
     """Read what the vehicle stores; percepts follow. Returns why it cannot be flown, None if it can."""
     with Speaking(flight, task) as busy:
         if busy:
@@ -196,14 +198,14 @@ def _read_within_limits(flight: Flight, task: Task) -> Generator[None, None, Out
     return Outcome("refused", broken, "limits") if broken else None
 
 
-def _ground(flight: Flight) -> bool:
+def _ground(flight: ProcedureContext) -> bool:
     return flight.vehicle.modes.ground
 
 
 class _Flying:
     """The mission is started or flown for one action: it is not changed under it."""
 
-    def __init__(self, flight: Flight, task: Task) -> None:
+    def __init__(self, flight: ProcedureContext, task: Task) -> None:
         self._plan, self._task = flight.plan, task
 
     def __enter__(self) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.context import Flight, Task
+from bridged.drivers.mavlink.actions.context import ProcedureContext, Task
 from bridged.drivers.mavlink.actions.mission_items import MAX_ITEMS, Item, item_of
 from bridged.drivers.mavlink.actions.requests import for_us, next_message
 
@@ -40,7 +40,7 @@ RESULTS = {
 """MISSION_ACK.type in words."""
 
 
-def upload(flight: Flight, task: Task, items: tuple[Item, ...]) -> Generator[None, None, Outcome | None]:
+def upload(flight: ProcedureContext, task: Task, items: tuple[Item, ...]) -> Generator[None, None, Outcome | None]:
     """Send the items; the first is home. Returns the failure, None if the vehicle holds as many as were sent.
 
     An acknowledgement that is lost proves nothing: then the items are read back and compared.
@@ -90,7 +90,7 @@ def upload(flight: Flight, task: Task, items: tuple[Item, ...]) -> Generator[Non
     return None
 
 
-def download(flight: Flight, task: Task) -> Generator[None, None, tuple[Item, ...] | Outcome]:
+def download(flight: ProcedureContext, task: Task) -> Generator[None, None, tuple[Item, ...] | Outcome]:
     """Read the vehicle's mission. Returns its items, home first, or the failure."""
     count = yield from count_items(flight, task)
     if count is None:
@@ -109,7 +109,7 @@ def download(flight: Flight, task: Task) -> Generator[None, None, tuple[Item, ..
     return tuple(items)
 
 
-def count_items(flight: Flight, task: Task) -> Generator[None, None, int | None]:
+def count_items(flight: ProcedureContext, task: Task) -> Generator[None, None, int | None]:
     """Ask how many items the vehicle holds, home counted. Returns None if it does not tell."""
     task.waits_for = "the vehicle to tell how many items it holds"
     for _ in range(TRIES):
@@ -120,7 +120,7 @@ def count_items(flight: Flight, task: Task) -> Generator[None, None, int | None]
     return None
 
 
-def clear(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
+def clear(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
     """Clear the vehicle's mission. Returns the failure, None if it holds none but home."""
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_clear_all_message(*_peer(flight)))
@@ -134,12 +134,12 @@ def clear(flight: Flight, task: Task) -> Generator[None, None, Outcome | None]:
     return Outcome("failed", "the vehicle still holds a mission, or does not tell")
 
 
-def break_off(flight: Flight) -> None:
+def break_off(flight: ProcedureContext) -> None:
     """Tell the vehicle that an upload goes on no more: it would keep others waiting."""
     flight.send(dialect.MAVLink_mission_ack_message(*_peer(flight), dialect.MAV_MISSION_OPERATION_CANCELLED))
 
 
-def _read(flight: Flight, seq: int) -> Generator[None, None, Item | Outcome]:
+def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item | Outcome]:
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_request_int_message(*_peer(flight), seq))
         until = flight.now + flight.wait(*TRY_EVERY)
@@ -164,18 +164,18 @@ def _broken(sent: int, count: int) -> str:
     )
 
 
-def _packed(flight: Flight, seq: int, item: Item) -> dialect.MAVLink_message:
+def _packed(flight: ProcedureContext, seq: int, item: Item) -> dialect.MAVLink_message:
     return dialect.MAVLink_mission_item_int_message(
         *_peer(flight), seq, item.frame, item.command, 0, item.autocontinue, *item.parameters, item.x, item.y, item.z
     )
 
 
-def _peer(flight: Flight) -> tuple[int, int]:
+def _peer(flight: ProcedureContext) -> tuple[int, int]:
     identity = flight.commands.identity
     return identity.vehicle, identity.autopilot
 
 
-def ours(flight: Flight, message: dialect.MAVLink_message) -> bool:
+def ours(flight: ProcedureContext, message: dialect.MAVLink_message) -> bool:
     """Of the mission's list (not of the fence's or the rally points'), and for us."""
     return hasattr(message, "target_system") and for_us(flight, message) and getattr(message, "mission_type", 0) == 0
 

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.actions.confirmation import acknowledged
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
 from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters
@@ -28,7 +28,7 @@ SHOWS_WITHIN, FENCE_SHOWS_WITHIN = (5.0, 3.0), (2.0, 1.5)
 """Mission and wall seconds in which an output, or the fence, must show what was acknowledged."""
 
 
-def acknowledge(flight: Flight, task: Task, call: Call) -> Steps:
+def acknowledge(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """Any command: the vehicle said ACCEPTED. The weakest of all: it says that it will try, not that it did.
 
     MISSION_START needs a mission that may be flown; under limits home, from where they are measured, is not moved.
@@ -45,7 +45,7 @@ def acknowledge(flight: Flight, task: Task, call: Call) -> Steps:
     return refusal or SUCCEEDED
 
 
-def move_servo(flight: Flight, task: Task, call: Call) -> Steps:
+def move_servo(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """DO_SET_SERVO: SERVO_OUTPUT_RAW shows the PWM on that output."""
     servo, wanted = int(call.parameters[0]), call.parameters[1]
     if not 1 <= servo <= SERVOS:
@@ -53,7 +53,7 @@ def move_servo(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from _shown(flight, task, call, f"servo {servo} at {wanted:g}", lambda m: _near(m, servo, wanted)))
 
 
-def grip(flight: Flight, task: Task, call: Call) -> Steps:
+def grip(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """DO_GRIPPER: SERVO_OUTPUT_RAW shows on the gripper's own outputs the PWM that the vehicle's parameter names."""
     parameter = GRIPPER_PWM.get(int(call.parameters[1]))
     if parameter is None:
@@ -76,7 +76,7 @@ def grip(flight: Flight, task: Task, call: Call) -> Steps:
     )  # fmt: skip
 
 
-def fence(flight: Flight, task: Task, call: Call) -> Steps:
+def fence(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """DO_FENCE_ENABLE: the fence bit of SYS_STATUS agrees, or FENCE_ENABLE read back does, acknowledged or not."""
     wanted = call.parameters[0] >= 1.0
     if not wanted and (guarded := guard(flight, FENCE_ENABLE, 0.0)):
@@ -98,7 +98,7 @@ def fence(flight: Flight, task: Task, call: Call) -> Steps:
     return refusal or Outcome("failed", f"{command.name} was acknowledged, but the fence is not {said}")
 
 
-def _shown(flight: Flight, task: Task, call: Call, what: str, fits: Fits) -> Generator[None, None, Outcome]:
+def _shown(flight: ProcedureContext, task: Task, call: Call, what: str, fits: Fits) -> Generator[None, None, Outcome]:
     """Send the command; the output proves it, also when the acknowledgement is lost."""
     asked, shown = flight.now, _Seen(flight, task, "SERVO_OUTPUT_RAW", fits)
     command = flight.submit_call(task, call)
@@ -117,7 +117,7 @@ def _shown(flight: Flight, task: Task, call: Call, what: str, fits: Fits) -> Gen
 class _Seen:
     """Asks for a message again and again, and tells whether one has come that fits."""
 
-    def __init__(self, flight: Flight, task: Task, name: str, fits: Fits) -> None:
+    def __init__(self, flight: ProcedureContext, task: Task, name: str, fits: Fits) -> None:
         self._flight, self._name, self._fits = flight, name, fits
         self._poll = Poll(flight, task, name)
         self._seen = False

@@ -13,7 +13,7 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Reading
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, Flight, Steps, Task
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
 
 READ_TRIES, SET_TRIES, PULL_TRIES = 6, 3, 3
 AT_ONCE = 50
@@ -42,7 +42,7 @@ def spellings(name: str) -> tuple[str, ...]:
     return (name,)
 
 
-def read_parameter(flight: Flight, task: Task, name: str) -> Generator[None, None, tuple[str, float] | None]:
+def read_parameter(flight: ProcedureContext, task: Task, name: str) -> Generator[None, None, tuple[str, float] | None]:
     """Ask for a parameter. Returns its name on the vehicle and its value, None if the vehicle knows none."""
     names = spellings(name)
     for _ in range(READ_TRIES):
@@ -58,7 +58,9 @@ def read_parameter(flight: Flight, task: Task, name: str) -> Generator[None, Non
     return None
 
 
-def read_parameters(flight: Flight, task: Task, names: tuple[str, ...]) -> Generator[None, None, dict[str, float]]:
+def read_parameters(
+    flight: ProcedureContext, task: Task, names: tuple[str, ...]
+) -> Generator[None, None, dict[str, float]]:
     """Ask for several parameters at once. Returns those that the vehicle told."""
     told: dict[str, float] = {}
     for _ in range(READ_TRIES):
@@ -77,7 +79,7 @@ def read_parameters(flight: Flight, task: Task, names: tuple[str, ...]) -> Gener
     return told
 
 
-def get_parameter(flight: Flight, task: Task, call: Call) -> Steps:
+def get_parameter(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`param_get`: the vehicle tells the value, which becomes a reading of PARAM."""
     name = str(call.arguments["name"])
     found = yield from read_parameter(flight, task, name)
@@ -87,7 +89,7 @@ def get_parameter(flight: Flight, task: Task, call: Call) -> Steps:
     return SUCCEEDED
 
 
-def pull_parameters(flight: Flight, task: Task, call: Call) -> Steps:
+def pull_parameters(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`param_pull`: the vehicle tells every parameter, each a reading of PARAM; what was lost is asked for again."""
     told, count, tries = set[int](), 0, 0
     identity = flight.commands.identity
@@ -117,7 +119,7 @@ def pull_parameters(flight: Flight, task: Task, call: Call) -> Steps:
     return Outcome("failed", came)
 
 
-def set_parameter(flight: Flight, task: Task, call: Call) -> Steps:
+def set_parameter(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """`param_set`: the vehicle tells that it has the value that was asked for."""
     name, wanted = str(call.arguments["name"]), call.arguments["value"]
     if not isinstance(wanted, int | float):
@@ -128,7 +130,7 @@ def set_parameter(flight: Flight, task: Task, call: Call) -> Steps:
     return failure or SUCCEEDED
 
 
-def guard(flight: Flight, name: str, value: float) -> str:
+def guard(flight: ProcedureContext, name: str, value: float) -> str:
     """In words, that the mission file relies on what a value would switch off; empty = it does not."""
     name, off = name.upper(), abs(value) < 1
     if flight.failsafe.watches and (name in _FAILSAFE_SETTINGS or (name in _FAILSAFE_SWITCHES and off)):
@@ -138,7 +140,9 @@ def guard(flight: Flight, name: str, value: float) -> str:
     return ""
 
 
-def write_parameter(flight: Flight, task: Task, name: str, wanted: float) -> Generator[None, None, Outcome | None]:
+def write_parameter(
+    flight: ProcedureContext, task: Task, name: str, wanted: float
+) -> Generator[None, None, Outcome | None]:
     """Set a parameter. Returns the failure, None if the vehicle has taken the value."""
     try:
         wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will tell it
@@ -168,6 +172,6 @@ def write_parameter(flight: Flight, task: Task, name: str, wanted: float) -> Gen
     return None if told == wanted else Outcome("failed", f"{name}: {wanted:g} was asked for, the vehicle has {told:g}")
 
 
-def _request(flight: Flight, name: str) -> None:
+def _request(flight: ProcedureContext, name: str) -> None:
     identity = flight.commands.identity
     flight.send(dialect.MAVLink_param_request_read_message(identity.vehicle, identity.autopilot, name.encode(), -1))

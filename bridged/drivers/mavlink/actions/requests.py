@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.actions.context import Flight, Task
+from bridged.drivers.mavlink.actions.context import ProcedureContext, Task
 from bridged.drivers.mavlink.vehicle.commands import Command
 from bridged.drivers.mavlink.vehicle.streams import message_number
 from schemas.manifest.loader import Retry
@@ -21,7 +21,7 @@ Fits = Callable[[dialect.MAVLink_message], bool]
 class Poll:
     """Asks for one message again and again (MAV_CMD_REQUEST_MESSAGE), while its owner looks at it."""
 
-    def __init__(self, flight: Flight, task: Task, name: str, every: tuple[float, float] = ASK_EVERY) -> None:
+    def __init__(self, flight: ProcedureContext, task: Task, name: str, every: tuple[float, float] = ASK_EVERY) -> None:
         self._flight, self._task, self._every = flight, task, every
         self._number = float(message_number(name))
         self._at = flight.now
@@ -41,7 +41,7 @@ class Poll:
 
 
 def next_message(
-    flight: Flight, name: str, patience: tuple[float, float], fits: Fits = lambda message: True
+    flight: ProcedureContext, name: str, patience: tuple[float, float], fits: Fits = lambda message: True
 ) -> Generator[None, None, dialect.MAVLink_message | None]:
     """Wait for a message that fits. Returns None if none comes in time."""
     until = flight.now + flight.wait(*patience)
@@ -54,7 +54,7 @@ def next_message(
 
 
 def asked_message(
-    flight: Flight,
+    flight: ProcedureContext,
     task: Task,
     name: str,
     patience: tuple[float, float],
@@ -71,7 +71,7 @@ def asked_message(
     return None
 
 
-def for_us(flight: Flight, message: dialect.MAVLink_message) -> bool:
+def for_us(flight: ProcedureContext, message: dialect.MAVLink_message) -> bool:
     """Whether a message of the mission protocol is for us: other ground stations speak it too."""
     identity = flight.commands.identity
     return (message.target_system, message.target_component) in (

@@ -19,8 +19,8 @@ from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     VELOCITY_IGNORED,
     Call,
-    Flight,
     LocalTarget,
+    ProcedureContext,
     Steps,
     Task,
     Triple,
@@ -40,13 +40,13 @@ RC_CHANNELS = 18
 LOCAL, BODY = dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_BODY_OFFSET_NED
 
 
-def send_local_place(flight: Flight, task: Task, call: Call) -> Steps:
+def send_local_place(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """SET_POSITION_TARGET_LOCAL_NED with a place: the vehicle's own target agrees."""
     failure = yield from _place_taken(flight, task, call)
     return failure or SUCCEEDED
 
 
-def go_to_local(flight: Flight, task: Task, call: Call) -> Steps:
+def go_to_local(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """As `send_local_place`, then within the tolerance of the target and slow."""
     failure = yield from _place_taken(flight, task, call)
     if failure is not None:
@@ -59,7 +59,7 @@ def go_to_local(flight: Flight, task: Task, call: Call) -> Steps:
     return (yield from arrive(flight, task, goal, call.tolerance))
 
 
-def send_velocity(flight: Flight, task: Task, call: Call) -> Steps:
+def send_velocity(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """SET_POSITION_TARGET_LOCAL_NED with a velocity: the vehicle's own target agrees.
 
     ArduPilot stops the vehicle after 3 s without a new one; that is the end of the motion, not of the action.
@@ -89,7 +89,7 @@ def send_velocity(flight: Flight, task: Task, call: Call) -> Steps:
     return Outcome("refused", f"the vehicle did not take the velocity in {TARGET_ATTEMPTS} tries; {_state(flight)}")
 
 
-def override_channels(flight: Flight, task: Task, call: Call) -> Steps:
+def override_channels(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """RC_CHANNELS_OVERRIDE: RC_CHANNELS shows what was sent; of a channel that is released nothing can be shown."""
 
     def fits(message: dialect.MAVLink_message) -> bool:
@@ -108,14 +108,14 @@ def override_channels(flight: Flight, task: Task, call: Call) -> Steps:
     return Outcome("failed", flight.with_texts(said, flight.now))
 
 
-def send_channels(flight: Flight, task: Task, call: Call) -> Steps:
+def send_channels(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """RC_CHANNELS_OVERRIDE, sent once to a vehicle that is heard: nothing shows that it was taken."""
     _send_channels(flight, call)
     return SUCCEEDED
     yield  # a procedure is a generator, also one that waits for nothing
 
 
-def _place_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
+def _place_taken(flight: ProcedureContext, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
     """Send the place until the vehicle reports it as its own. Returns the refusal, None if it does."""
     target = _local(task, call)
     if (refusal := guided_aloft(flight, "position targets")) is not None:
@@ -141,7 +141,9 @@ def _place_taken(flight: Flight, task: Task, call: Call) -> Generator[None, None
     return Outcome("refused", f"{said}; {_state(flight)}")
 
 
-def _sent_until_shown(flight: Flight, task: Task, target: LocalTarget, fits: Fits) -> Generator[None, None, bool]:
+def _sent_until_shown(
+    flight: ProcedureContext, task: Task, target: LocalTarget, fits: Fits
+) -> Generator[None, None, bool]:
     for _ in range(TARGET_ATTEMPTS):
         flight.send_local(target)
         task.waits_for = "the vehicle to report the target as its own"
@@ -150,7 +152,7 @@ def _sent_until_shown(flight: Flight, task: Task, target: LocalTarget, fits: Fit
     return False
 
 
-def _from_origin(flight: Flight, target: LocalTarget, here: dialect.MAVLink_message) -> Triple | None:
+def _from_origin(flight: ProcedureContext, target: LocalTarget, here: dialect.MAVLink_message) -> Triple | None:
     """A place in metres north, east, down of the origin; a place of the body counts from here."""
     north, east, down = target.position or (0.0, 0.0, 0.0)
     if target.frame == LOCAL:
@@ -159,7 +161,7 @@ def _from_origin(flight: Flight, target: LocalTarget, here: dialect.MAVLink_mess
     return None if turned is None else (here.x + turned[0], here.y + turned[1], here.z + down)
 
 
-def _over_ground(flight: Flight, target: LocalTarget) -> Triple | None:
+def _over_ground(flight: ProcedureContext, target: LocalTarget) -> Triple | None:
     one, two, down = target.velocity or (0.0, 0.0, 0.0)
     if target.frame == LOCAL or not (one or two):
         return one, two, down
@@ -178,7 +180,7 @@ def _is_set(channel: int, value: int) -> bool:
     return value not in (RC_IGNORE, RC_RELEASE) and not (channel > 8 and value == RC_RELEASE_HIGH)
 
 
-def _send_channels(flight: Flight, call: Call) -> None:
+def _send_channels(flight: ProcedureContext, call: Call) -> None:
     identity = flight.commands.identity
     rest = [RC_IGNORE if index < 8 else RC_IGNORE_HIGH for index in range(len(call.channels), RC_CHANNELS)]
     flight.send(
@@ -192,5 +194,5 @@ def _local(task: Task, call: Call) -> LocalTarget:
     return call.local
 
 
-def _state(flight: Flight) -> str:
+def _state(flight: ProcedureContext) -> str:
     return flight.state_in_words()

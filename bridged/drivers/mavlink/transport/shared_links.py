@@ -39,7 +39,7 @@ log = logging.getLogger("mavlink")
 
 
 @dataclass(eq=False)
-class Rider:
+class LinkClient:
     """One robot at a link: who it is, what it reads and who is told."""
 
     robot: str
@@ -85,7 +85,7 @@ class Links:
         return links
 
     @asynccontextmanager
-    async def seat(self, address: LinkAddress, rider: Rider) -> AsyncIterator[SharedLink]:
+    async def seat(self, address: LinkAddress, rider: LinkClient) -> AsyncIterator[SharedLink]:
         """Sit at a link while the block lasts. Raises LinkError if it cannot be opened, or the place is taken."""
         link = self._links.setdefault(str(address), SharedLink(address, self.stations))
         await link.enter(rider)
@@ -101,7 +101,7 @@ class SharedLink:
     def __init__(self, address: LinkAddress, stations: dict[str, GroundStation]) -> None:
         """`stations` are those of the process."""
         self.address = address
-        self.riders: dict[int, Rider] = {}
+        self.riders: dict[int, LinkClient] = {}
         self.strange = 0
         """HEARTBEATs so far of vehicles that no robot claims."""
         self.link: Link | None = None
@@ -120,7 +120,7 @@ class SharedLink:
         """Whether packets can pass."""
         return self.link is not None and self.link.up
 
-    async def enter(self, rider: Rider) -> None:
+    async def enter(self, rider: LinkClient) -> None:
         """Take a robot in; the first one opens the link. Raises LinkError."""
         async with self._lock:
             if other := self.riders.get(rider.vehicle):
@@ -139,7 +139,7 @@ class SharedLink:
             for address in rider.forward:
                 self._attach(rider, address)
 
-    async def leave(self, rider: Rider) -> None:
+    async def leave(self, rider: LinkClient) -> None:
         """Let a robot go; the last one closes the link."""
         async with self._lock:
             if self.riders.get(rider.vehicle) is rider:
@@ -157,7 +157,7 @@ class SharedLink:
                     self._timestamps = None
                     self._by_key.clear()
 
-    def send(self, rider: Rider, message: dialect.MAVLink_message) -> None:
+    def send(self, rider: LinkClient, message: dialect.MAVLink_message) -> None:
         """Send to a robot's vehicle where it is. Raises ValueError if the message cannot be packed."""
         if self.link is None:
             return
@@ -166,12 +166,12 @@ class SharedLink:
         else:
             self.link.send(message, rider.vehicle, ids=rider.ids, signing=rider.signing)
 
-    def send_everywhere(self, rider: Rider, message: dialect.MAVLink_message) -> None:
+    def send_everywhere(self, rider: LinkClient, message: dialect.MAVLink_message) -> None:
         """Send to every address where a robot's vehicle was heard lately. Raises ValueError as `send` does."""
         if self.link is not None:
             self.link.send_to(self.link.peers_of(rider.vehicle), message, ids=rider.ids, signing=rider.signing)
 
-    def notes(self, rider: Rider) -> list[Note]:
+    def notes(self, rider: LinkClient) -> list[Note]:
         """Return the warnings of the link that hold now, and those of one robot's place at it."""
         notes, here = [*rider.address.notes(asyncio.get_running_loop().time())], str(self.address)
         if self.link is not None and not self.link.up:
@@ -207,7 +207,7 @@ class SharedLink:
                 notes.append(Note("station_same_ids", text, str(station.address)))
         return notes + rider.problems
 
-    def counters(self, rider: Rider) -> dict[str, float]:
+    def counters(self, rider: LinkClient) -> dict[str, float]:
         """Figures of the link, which the robots at it share, and of the robot's ground stations."""
         if self.link is None:
             return {}
@@ -281,7 +281,7 @@ class SharedLink:
             asks = dialect.MAVLink_timesync_message(0, time.time_ns())
             self.link.send_to([peer], asks, ids=rider.ids, signing=rider.signing)
 
-    def _signing(self, rider: Rider) -> Signing | None:
+    def _signing(self, rider: LinkClient) -> Signing | None:
         """One for each key, all with one row of timestamps: a vehicle on the air may hear what is said to others."""
         if rider.key is None:
             return None
@@ -295,7 +295,7 @@ class SharedLink:
             raise LinkError(f"link {self.address}: timestamps of signatures: {error}") from error
         return self._by_key.setdefault(rider.key, Signing(rider.key, self._timestamps, streams=self._signed))
 
-    def _attach(self, rider: Rider, address: LinkAddress) -> None:
+    def _attach(self, rider: LinkClient, address: LinkAddress) -> None:
         station = self._stations.setdefault(str(address), GroundStation(address))
         try:
             station.attach(rider.vehicle, lambda packet: self._pass_on(rider, packet))
@@ -305,7 +305,7 @@ class SharedLink:
         else:
             rider.stations.append(station)
 
-    def _pass_on(self, rider: Rider, packet: bytes) -> bool:
+    def _pass_on(self, rider: LinkClient, packet: bytes) -> bool:
         """To the autopilot, and to the other parts of the vehicle wherever they speak."""
         since = asyncio.get_running_loop().time() - STILL_THERE
         homes = {
@@ -328,7 +328,7 @@ class SharedLink:
             if len(self._strangers) > MAX_NOTED:
                 del self._strangers[next(iter(self._strangers))]
 
-    def _is_own_word(self, rider: Rider, message: dialect.MAVLink_message, peer: Peer) -> bool:
+    def _is_own_word(self, rider: LinkClient, message: dialect.MAVLink_message, peer: Peer) -> bool:
         """Whether what is said in the autopilot's name comes from the vehicle; a link with one other end has no choice.
 
         Cameras and companions may speak from anywhere: what they say is not the vehicle's state.

@@ -19,7 +19,7 @@ from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, Pe
 from agentd.mind.execution.event_selection import take_event, take_event_recorded
 from agentd.mind.introspection.decision_views import CauseView, DecisionView, FailureView
 from agentd.mind.introspection.term_snapshot import held, held_all, short_text
-from agentd.standalone.decision_printer import Narrator
+from agentd.standalone.decision_printer import DecisionPrinter
 from tests.agentd.minds import World, mind_of, run, term
 
 
@@ -267,7 +267,7 @@ def test_long_terms_are_shown_by_their_beginning() -> None:
 
 def test_a_narrator_tells_the_same_kind_of_decision_three_times_and_counts_the_others() -> None:
     told: list[str] = []
-    narrator = Narrator(write=told.append)
+    narrator = DecisionPrinter(write=told.append)
     mind = mind_of("!c(9). +!c(N) : N > 0 <- !c(N-1). +!c(0).", on_decision=narrator.listener("bob"))
     World(mind).settle()
     narrator.finish()
@@ -292,7 +292,7 @@ def test_a_narrator_asked_about_a_name_tells_all_about_it_and_nothing_else() -> 
     told: list[str] = []
     mind = mind_of(
         "!c(5). +!c(N) : N > 0 <- !d; !c(N-1). +!c(0) <- .fail. +!d.",
-        on_decision=Narrator(["c"], told.append).listener("bob"),
+        on_decision=DecisionPrinter(["c"], told.append).listener("bob"),
     )
     World(mind).settle()
     events = [line for line in told if line.startswith("[bob] why: +")]

@@ -7,12 +7,12 @@ from collections import Counter
 
 import pytest
 
-from bridged.bridge.percepts import PerceptBoard
+from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Outcome, Value
 from bridged.drivers.mavlink.actions.context import Task
 from bridged.drivers.mavlink.manifest.action_binding import call_of
 from bridged.drivers.mavlink.manifest.capabilities import offer_of
-from bridged.drivers.mavlink.session import Conversation
+from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from bridged.drivers.mavlink.vehicle.state import Place
 from schemas.manifest.loader import load_manifest
@@ -33,10 +33,10 @@ class Replay:
         self.told: list[tuple[float, Perception]] = []
         self.sent: Counter[str] = Counter()
         self.now = 0.0
-        self.board = PerceptBoard(
+        self.board = PerceptPublisher(
             MANIFEST, ["uav"], lambda _agent, one: self.told.append((self.now, one)), robot="r", boot="b", stamp=int
         )
-        self.talk = Conversation(
+        self.talk = VehicleSession(
             MANIFEST,
             identity,
             lambda message: self.sent.update([message.get_type()]),

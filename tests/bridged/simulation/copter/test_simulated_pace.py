@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from bridged.simulation.copter.realtime_monitor import LATE_S, Pace
+from bridged.simulation.copter.realtime_monitor import LATE_S, RealtimeMonitor
 
 
 def test_a_vehicle_that_keeps_up_says_nothing() -> None:
     said: list[str] = []
-    pace = Pace(said.append)
+    pace = RealtimeMonitor(said.append)
     for number in range(1000):
         pace.round(LATE_S / 2, 0.02 * number)
     pace.report()
@@ -17,7 +17,7 @@ def test_a_vehicle_that_keeps_up_says_nothing() -> None:
 
 def test_late_rounds_are_told_at_once_then_now_and_then_and_at_the_end() -> None:
     said: list[str] = []
-    pace = Pace(said.append)
+    pace = RealtimeMonitor(said.append)
     for number in range(100):
         pace.round(0.3 if number % 10 == 0 else 0.0, 0.1 * number)
     assert [words.partition(" rounds")[0] for words in said] == ["late: 1 of 1", "late: 6 of 51"]
