@@ -44,3 +44,11 @@ def test_links_of_pages_stay_within_the_site() -> None:
         and docs not in ((ROOT / page).parent / link.partition("#")[0]).resolve().parents
     ]
     assert strays == []
+
+
+_SOURCE = re.compile(r"`((?:schemas|commd|bridged|agentd|argosy|tests|benchmarks)/[\w/]+\.py)`")
+
+
+@pytest.mark.parametrize("page", pages())
+def test_every_source_file_that_a_page_names_is_there(page: str) -> None:
+    assert [file for file in _SOURCE.findall(without_blocks(page)) if not (ROOT / file).is_file()] == []
