@@ -84,16 +84,16 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
     ) as bus:
         await greet(bus, (mission.agents[part.name].board for part in parts))
         folder = state_folder(args.state, mission.fleet)
-        crew = AgentGroup(bus, clock, mission, folder, args.seed, fresh=args.fresh, unit=unit)
+        agent_group = AgentGroup(bus, clock, mission, folder, args.seed, fresh=args.fresh, unit=unit)
         try:
-            await crew.add(*parts)
+            await agent_group.add(*parts)
         except CheckpointError as error:
             stderr().write(f"error: agentd: {error}", ERROR)
             return EXIT_FAILED
         bus.restarts, bus.former_failure = begin_life(folder, "agentd", name)
-        log.info("agents=%s", ",".join(crew.hosts))
-        await crew.run(stop)
-    return EXIT_DONE if crew.stopped is None else crew.stopped.exit_code
+        log.info("agents=%s", ",".join(agent_group.hosts))
+        await agent_group.run(stop)
+    return EXIT_DONE if agent_group.stopped is None else agent_group.stopped.exit_code
 
 
 def chosen(mission: Mission, args: Namespace) -> list[str]:

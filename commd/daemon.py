@@ -141,10 +141,10 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
                 from commd.gateway.gateway import open_gateway
 
                 gateway = await enter(open_gateway(mission, board))
-            mailroom = await enter(open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False))
-            directory = await enter(open_directory(bus, board, mission, mailroom, clock, secured))
+            mail_service = await enter(open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False))
+            directory = await enter(open_directory(bus, board, mission, mail_service, clock, secured))
             if gateway is not None:
-                await enter(gateway.serving(mailroom))
+                await enter(gateway.serving(mail_service))
             SelfCheck(bus, board, mission.board_names, folder)
             tell_mission(bus, board, mission)
             if admission is not None:
@@ -158,7 +158,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
                 others = [other for other in mission.boards if other != board]
                 watchdog = await enter(open_link_watchdog(bus, others))
             further = (gateway, air, links, watchdog, admission)
-            parts = [mailroom.health, directory.health, *(part.health for part in further if part is not None)]
+            parts = [mail_service.health, directory.health, *(part.health for part in further if part is not None)]
             if open_to_its_machines:
                 parts.append(lambda: Health(notes=(NO_RULES,)))
             log.info("%s board=%s endpoint=%s", mode, board, endpoint)

@@ -335,16 +335,16 @@ class _Vehicle:
     def __init__(self) -> None:
         self.now = 0.0
         self.framer = Framer(WireCounters())
-        self.conversation = VehicleSession(
+        self.vehicle_session = VehicleSession(
             load_manifest("arducopter"), Identity(255, 190, 1), lambda message: None, lambda reading: None
         )
 
     def read(self, data: bytes, rng: random.Random) -> None:
         self.now += rng.choice((0.0, 0.02, 0.5, 3.0))
         for message in self.framer.feed(_absurd_packet(data, rng)):
-            self.conversation.receive(message, self.now)
-        self.conversation.tick(self.now)
-        self.conversation.notes()
+            self.vehicle_session.receive(message, self.now)
+        self.vehicle_session.tick(self.now)
+        self.vehicle_session.notes()
 
 
 @cache

@@ -174,7 +174,7 @@ def tasks_of(actions: int, seed: int) -> dict[str, list[Task]]:
     """Return what each asker asks for, in order."""
     draw = random.Random(seed)
     askers = (*AGENTS, *CLIENTS)
-    found: dict[str, list[Task]] = {asker: [] for asker in askers}
+    found: dict[str, list[Task]] = {backfill: [] for backfill in askers}
     for number in range(actions):
         found[askers[number % len(askers)]].append(Task(round(draw.uniform(*DURATION), 2), draw.random() > GOES_WRONG))
     return found
@@ -182,7 +182,7 @@ def tasks_of(actions: int, seed: int) -> dict[str, list[Task]]:
 
 def write_files(folder: Path, tasks: dict[str, list[Task]]) -> Path:
     """Write mission, manifest, programs and the package of the robots' functions. Returns the mission's path."""
-    robots = {asker: f"r_{asker}" for asker in tasks}
+    robots = {backfill: f"r_{backfill}" for backfill in tasks}
     lines = ["mission: soak", "agents:"]
     lines += [f"  {one}: {{program: {one}.asl, robot: {robots[one]}}}" for one in AGENTS]
     lines += ["clients:", *(f"  {one}: {{robot: {robots[one]}}}" for one in CLIENTS), "robots:"]
@@ -278,7 +278,7 @@ async def clients_and_kills(
 def soak(actions: int, seed: int, folder: Path) -> Result:
     """Run so many actions and return what all sides say of them."""
     result, tasks = Result(), tasks_of(actions, seed)
-    result.asked = {(asker, n): task for asker, its in tasks.items() for n, task in enumerate(its, start=1)}
+    result.asked = {(backfill, n): task for backfill, its in tasks.items() for n, task in enumerate(its, start=1)}
     mission = write_files(folder, tasks)
     endpoint = f"tcp/127.0.0.1:{neighbouring_ports(1)[0]}"
     where = ("--router", endpoint, "--state", str(folder / "state"))
@@ -325,9 +325,9 @@ def read_ledgers(folder: Path, result: Result) -> None:
             entry = decoded(line)
             if entry.id and entry.state in FINAL_STATES:
                 ended.setdefault(entry.agent, {})[int(entry.id.rpartition(":")[2])] = entry.state
-    for asker, states in ended.items():
+    for backfill, states in ended.items():
         for number, key in enumerate(sorted(states), start=1):
-            result.ledger[asker, number] = states[key]
+            result.ledger[backfill, number] = states[key]
 
 
 def report(result: Result, seed: int) -> list[str]:

@@ -157,7 +157,7 @@ class MindState:
     """How often beliefs have changed: formulas that are waited for are asked again when it has grown."""
     changes_seen: int = 0
     """What ``changes`` was when those formulas were asked last."""
-    performing: dict[int, Intention] = field(default_factory=dict)
+    action_client: dict[int, Intention] = field(default_factory=dict)
     """The intentions that wait for an action, by its id."""
     questions: dict[str, Question] = field(default_factory=dict)
     """Synchronous asks that wait for their answer, by message id."""

@@ -84,7 +84,7 @@ class ActionClient:
         self,
         agent: str,
         life: str,
-        acting: ActionRequests | None,
+        action_requests: ActionRequests | None,
         journal: Journal,
         feed: Callable[[ActionDone], None],
         spawn: Callable[[Coroutine[Any, Any, None]], object],
@@ -93,7 +93,7 @@ class ActionClient:
         """`life` makes the ids of this life's actions its own; `on_interrupted` hears of what ended without a plan that
         waited for it.
         """
-        self._agent, self._life, self._acting, self._journal = agent, life, acting, journal
+        self._agent, self._life, self._action_requests, self._journal = agent, life, action_requests, journal
         self._feed, self._spawn, self._on_interrupted = feed, spawn, on_interrupted
         self._left: dict[str, _Left] = {}
         self._identities: dict[int, str] = {}
@@ -117,7 +117,7 @@ class ActionClient:
 
     def _noted(self, effect: PerformAction) -> _Noted:
         """What is to be known of an action before it is asked for. Raises BadTerm, and whatever a defect may raise."""
-        if self._acting is None:
+        if self._action_requests is None:
             return _Noted(refused=f"agent {self._agent} has no robot to do {effect.name}")
         noted = _Noted(parameters=tuple(map(to_wire, effect.parameters)))
         if left := self._same(effect.name, noted.parameters):
@@ -133,8 +133,8 @@ class ActionClient:
         identity = self._identities.get(number)
         if identity == "":
             self._dropped.add(number)
-        elif identity is not None and self._acting is not None:
-            self._spawn(self._acting.cancel(identity))
+        elif identity is not None and self._action_requests is not None:
+            self._spawn(self._action_requests.cancel(identity))
 
     async def _perform(self, effect: PerformAction, noted: _Noted) -> None:
         try:
@@ -157,7 +157,7 @@ class ActionClient:
     async def _outcome(self, effect: PerformAction, noted: _Noted) -> tuple[ActionDone, ActionStatus | None]:
         if noted.error is not None:
             raise noted.error
-        if self._acting is None or noted.refused:
+        if self._action_requests is None or noted.refused:
             return ActionDone(effect.id, False, noted.refused, "refused", "request"), None
         dropped = ActionDone(effect.id, False, "the agent has dropped it", "cancelled", "cancelled"), None
         if (left := noted.left) is not None:
@@ -170,7 +170,7 @@ class ActionClient:
         self._identities[effect.id] = identity
         if effect.id in self._dropped:
             return dropped
-        status = await self._acting.perform(identity, effect.name, noted.parameters, kept=noted.kept)
+        status = await self._action_requests.perform(identity, effect.name, noted.parameters, kept=noted.kept)
         return _done(effect.id, status), status
 
     # --- what a former life has left ---
@@ -182,7 +182,7 @@ class ActionClient:
         joins it; `on_interrupted` hears of the end of those that no plan has joined.
         """
         gone: list[Literal] = []
-        if self._acting is None:
+        if self._action_requests is None:
             for action in actions:
                 self._journal.ended(action.id)
                 gone.append(_interrupted(action, "failed", "the agent has no robot any more"))
@@ -206,7 +206,7 @@ class ActionClient:
                 self._on_interrupted(self._ended(one, status))
 
         for one in left:
-            asked = self._acting.perform(
+            asked = self._action_requests.perform(
                 one.action.id, one.action.name, one.action.parameters, on_status=one.running, attempt=2
             )
             one.status = asyncio.get_running_loop().create_task(asked)

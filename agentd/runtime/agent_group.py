@@ -79,7 +79,7 @@ class AgentGroup:
         self._running: dict[asyncio.Task[None], str] = {}
         self._stop = asyncio.Event()
         self._services = Services(bus)
-        self._company = PresenceBeliefs(bus, self.roster, clock)
+        self._presence_beliefs = PresenceBeliefs(bus, self.roster, clock)
         self._work = Tasks("working for the agents")
         self._fresh = fresh
         self._writer = ThreadPoolExecutor(1, "keeping")
@@ -130,7 +130,7 @@ class AgentGroup:
         await self.roster.watch(boards)
         self._work.spawn(self.roster.follow(boards))
         if any(host.part.presence for host in self.hosts.values()):
-            self._work.spawn(self._company.follow())
+            self._work.spawn(self._presence_beliefs.follow())
         self._bus.on_router(self._hurry)
         for board in boards:
             self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._hurry(alive))
@@ -176,9 +176,9 @@ class AgentGroup:
             end.set()
         task = asyncio.create_task(self._live(host, end))
         self._running[task] = host.part.name
-        self._company.begin(host.part.name)
+        self._presence_beliefs.begin(host.part.name)
         if host.part.presence:
-            self._company.tell(host.part.name, host.take)
+            self._presence_beliefs.tell(host.part.name, host.take)
         if host.begins and host.part.name not in self._made:
             self._work.spawn(self._forget_services(host.part.name))
 
@@ -201,7 +201,7 @@ class AgentGroup:
             log.info("agent=%s stops the team", name)
             self.stopped = self.stopped or host.stopped
             self._end_all()
-        self._company.end(name)
+        self._presence_beliefs.end(name)
         if name in self._made:
             await self._gone(host)
 

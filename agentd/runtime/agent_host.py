@@ -221,27 +221,27 @@ class AgentHost:
             bus, clock, self._mind, birth, early, lambda: roster.names, self._mailing.life, self._tasks.spawn
         )
         self._tracing.send_by(self._mailing.send, self._mailing.receivers)
-        self._keeping = self._keep_in(memory)
+        self._checkpointer = self._keep_in(memory)
         self._hand: PoisonInputs | None = None
         if memory is not None:
             self._hand = PoisonInputs(memory.checkpoint.path.parent, self._in_hand)
             self._mailing.is_set_aside = self._hand.is_set_aside
         self._perceiving: PerceptSync | None = None
         self._by_hand: HandPercepts | None = None
-        self._acting: ActionRequests | None = None
+        self._action_requests: ActionRequests | None = None
         if part.robot is not None:
             self._perceiving = PerceptSync(bus, part.name, part.robot, self._perceive, part.inject)
             watch = BridgePresence(bus, part.robot, self._bridge_up, self._bridge_gone, part.robot_elsewhere)
-            self._acting = ActionRequests(bus, part.name, self._perceiving, watch, clock.to_wall)
+            self._action_requests = ActionRequests(bus, part.name, self._perceiving, watch, clock.to_wall)
             self._tasks.spawn(self._perceiving.run())
             self._tasks.spawn(watch.run())
         else:
             self._by_hand = hear_by_hand(bus, part.name, part.inject, self._perceive)
-        self._performing = ActionClient(
+        self._action_client = ActionClient(
             part.name,
             bus.boot,
-            self._acting,
-            self._keeping or NoJournal(),
+            self._action_requests,
+            self._checkpointer or NoJournal(),
             self._done,
             self._tasks.spawn,
             self._interrupted,
@@ -276,21 +276,21 @@ class AgentHost:
         self._roster.remember(memory.correspondents)
         if not memory.is_of(self.part.digest):
             log.warning("agent=%s its program has changed: beliefs and goals are those of the old one", self.part.name)
-        keeping = Checkpointer(
+        checkpointer = Checkpointer(
             self.part.name, memory, self._keeper, self._mind, self._mailing, self._bus.wire, self._wake.set
         )
-        keeping.first = memory.first_saving(self._mailing, self.part.digest)
-        return keeping
+        checkpointer.first = memory.first_saving(self._mailing, self.part.digest)
+        return checkpointer
 
     async def _come_back(self) -> None:
         """Go on where a former life ended, if there was one."""
-        if self._memory is None or self._keeper is None or self._keeping is None or self._memory.stored is None:
+        if self._memory is None or self._keeper is None or self._checkpointer is None or self._memory.stored is None:
             return
         for what in self._keeper.left_out:
             log.warning("agent=%s cannot be what it was: %s", self.part.name, what)
-        self._tasks.spawn(self._compare(self._memory, self._memory.stored, self._keeping))
-        await self._keeping.count_life()
-        interrupted = await self._performing.take_up(self._memory.actions)
+        self._tasks.spawn(self._compare(self._memory, self._memory.stored, self._checkpointer))
+        await self._checkpointer.count_life()
+        interrupted = await self._action_client.take_up(self._memory.actions)
         self._tracing.came_back(CameBack(self._memory.life, tuple(interrupted)))
         come_back(self._mind, self._keeper, self._memory.life, interrupted, self.part.on_restart)
         self._memory.stored = None
@@ -301,8 +301,8 @@ class AgentHost:
 
     def _set_aside(self) -> None:
         """Set aside what the last lives have died at, if there is such."""
-        hand, keeper, keeping = self._hand, self._keeper, self._keeping
-        if hand is None or hand.died_at is None or keeper is None or keeping is None:
+        hand, keeper, checkpointer = self._hand, self._keeper, self._checkpointer
+        if hand is None or hand.died_at is None or keeper is None or checkpointer is None:
             return
         poison = hand.died_at
         if keeper.set_aside(poison.event):
@@ -310,13 +310,13 @@ class AgentHost:
         hand.keep(poison)
         what = said(poison)
         text = f"set aside after {DEATHS} lives that ended at it: {what} (kept in {hand.kept})"
-        keeping.tell(Note("set_aside", text, what))
+        checkpointer.tell(Note("set_aside", text, what))
         self._mailing.signal("set_aside", what)
 
-    async def _compare(self, memory: RestoredState, stored: Stored, keeping: Checkpointer) -> None:
+    async def _compare(self, memory: RestoredState, stored: Stored, checkpointer: Checkpointer) -> None:
         """Tell if what is kept has gone back in time."""
         if told := await memory.went_back(stored, self._mailing):
-            keeping.tell(Note("state_went_back", told))
+            checkpointer.tell(Note("state_went_back", told))
             self._mailing.signal("state_went_back")
 
     def _interrupted(self, literal: Literal) -> None:
@@ -456,9 +456,9 @@ class AgentHost:
 
     def _keep(self) -> float | None:
         """Begin a save if one is due. Returns the wall seconds until it is to be looked at again."""
-        if self._keeping is not None:
+        if self._checkpointer is not None:
             paused = self._control.paused and self._mind.atomic is None
-            return self._keeping.look(quiet=paused or not self._mind.ready)
+            return self._checkpointer.look(quiet=paused or not self._mind.ready)
         self._mailing.forget()
         return None
 
@@ -467,15 +467,15 @@ class AgentHost:
         for note in self._mind.drops.untold(self._mind.now):
             self._carry_out(note)
         self._mailing.inbox.withdraw()
-        if self._keeping is not None:
+        if self._checkpointer is not None:
             await self._end_atomic_plan()
-            await self._keeping.finish()
+            await self._checkpointer.finish()
         else:
             self._mailing.forget()
         await self._mailing.outbox.drain(LEAVE)
         await self._tasks.end()
-        if self._keeping is not None:
-            await self._keeping.finish()
+        if self._checkpointer is not None:
+            await self._checkpointer.finish()
         self._tracing.close(in_order=in_order)
 
     async def _end_atomic_plan(self) -> None:
@@ -490,8 +490,8 @@ class AgentHost:
 
     async def part_with(self, forget: bool) -> None:
         """Close what the agent has on disk; `forget`: it is over, and begins anew when it is started again."""
-        if self._keeping is not None:
-            await self._keeping.close(forget)
+        if self._checkpointer is not None:
+            await self._checkpointer.close(forget)
 
     def close(self) -> None:
         """Leave the bus for good: nobody of this name is here any more."""
@@ -538,9 +538,9 @@ class AgentHost:
             case Log(level=level):
                 log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
             case PerformAction():
-                self._performing.begin(effect)
+                self._action_client.begin(effect)
             case CancelAction(id=number):
-                self._performing.cancel(number)
+                self._action_client.cancel(number)
             case StopTeam(delay=delay):
                 self._stop_after(effect, delay)
             case TeamRequest():
@@ -604,7 +604,12 @@ class AgentHost:
         """Return what the agent has counted, for its health."""
         counters = Counter(self.counters)
         percepts = self._perceiving or self._by_hand
-        parts = {"percepts": percepts, "actions": self._acting, "mail": self._mailing, "kept": self._keeping}
+        parts = {
+            "percepts": percepts,
+            "actions": self._action_requests,
+            "mail": self._mailing,
+            "kept": self._checkpointer,
+        }
         for prefix, part in parts.items():
             if part is not None:
                 counters.update({f"{prefix}_{name}": count for name, count in part.counters.items()})
@@ -632,7 +637,7 @@ class AgentHost:
 
     def notes(self) -> tuple[Note, ...]:
         """Return the warnings that hold now."""
-        kept = () if self._keeping is None else self._keeping.notes()
+        kept = () if self._checkpointer is None else self._checkpointer.notes()
         percepts = self._perceiving or self._by_hand
         by_hand = () if percepts is None else percepts.notes()
         return (*self._control.notes(), *by_hand, *kept)

@@ -96,9 +96,9 @@ async def examine(mission: Mission, place: Where) -> list[Said]:
 async def gather(bus: Bus, mission: Mission) -> Facts:
     """Ask everybody, within bounds; who does not answer is part of what is found."""
     loop = asyncio.get_running_loop()
-    roll = call_the_roll(bus, bus.fleet, mission)
-    await settled(roll, SILENT_AFTER + 0.5)
-    earlier, began = roll.rows(), loop.time()
+    fleet_status = call_the_roll(bus, bus.fleet, mission)
+    await settled(fleet_status, SILENT_AFTER + 0.5)
+    earlier, began = fleet_status.rows(), loop.time()
     boards: dict[str, BoardReport | str] = {}
     for board in mission.board_names:
         key, within = keys.checkup(bus.fleet, board), LINKS_WITHIN + ANSWER_TIMEOUT
@@ -108,7 +108,7 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
             boards[board] = str(error)
     reached = [board for board, report in boards.items() if isinstance(report, BoardReport)]
     from_here = await measure_all(bus, reached)
-    there = {row.name for row in roll.rows() if row.daemon == "bridged" and row.well}
+    there = {row.name for row in fleet_status.rows() if row.daemon == "bridged" and row.well}
     now, robots = bus.stamp(), {}
     for robot in mission.robots:
         if robot in there and mission.agents_of(robot):
@@ -116,7 +116,7 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
     boxes = await _mailboxes(bus)
     await asyncio.sleep(max(0.0, began + WATCHED - loop.time()))
     links_by_board = {link.board: link for link in from_here}
-    return Facts(mission, roll.rows(), earlier, boards, links_by_board, robots, boxes, now)
+    return Facts(mission, fleet_status.rows(), earlier, boards, links_by_board, robots, boxes, now)
 
 
 async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:

@@ -94,7 +94,7 @@ class TeamModel:
         """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
         self.defect = ""
         """What went wrong in here when it was last looked at who is there; empty: nothing."""
-        self._roll = FleetStatus(mission, now)
+        self._fleet_status = FleetStatus(mission, now)
         self._tell = Teller(self.timeline, self.letters, now)
         self._lives, self._runs = Lives(), Runs()
 
@@ -159,7 +159,7 @@ class TeamModel:
             if len(self.other_fleets) < OTHERS:
                 self.other_fleets.add(parsed[0])
             return
-        self._roll.token(key, alive)
+        self._fleet_status.token(key, alive)
         name, (_, daemon, boot) = parsed[1], parsed[2]
         self._runs.token((name, daemon, boot), alive, self.now())
         if alive and self._lives.token(name, daemon, boot, self.now()) and daemon == "agentd" and name in self.agents:
@@ -179,7 +179,7 @@ class TeamModel:
         for note in health.notes:
             if note.identity not in known:
                 self._tell(name, note.text, level_of(note))
-        self._roll.heard(key, health)
+        self._fleet_status.heard(key, health)
         member.told = self.now()
         if isinstance(member, TeamRobot):
             if health.percepts:
@@ -284,7 +284,7 @@ class TeamModel:
             return
         self.mission, self.mission_problem = mission, ""
         self._roster.expect(mission)
-        self._roll.expected = expected_of(mission)
+        self._fleet_status.expected = expected_of(mission)
         self.clock.expect(mission)
 
     def run_told(self, key: str, state: RunState) -> None:
@@ -323,7 +323,7 @@ class TeamModel:
         coming_back = self._coming_back()
         if not coming_back:
             self._see_run()
-        rows = {(row.name, row.daemon): row for row in self._roll.rows()}
+        rows = {(row.name, row.daemon): row for row in self._fleet_status.rows()}
         for (name, daemon), row in rows.items():
             if not (coming_back and row.standing == "missing"):
                 self._stands(self._roster.member(name, daemon), row)

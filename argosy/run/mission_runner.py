@@ -60,10 +60,10 @@ class MissionRunner:
         self._output = ProcessOutput(status)
         self._supervisor = Supervisor(self._output.wrote, self._ended)
         status.children = self._supervisor.children
-        self._endings = EndConditions(status, self._supervisor)
+        self._end_conditions = EndConditions(status, self._supervisor)
         self._watchdog = Watchdog(status)
         self._restarts = Restarts(self._supervisor, self._journal, status.restarts, status.setup.restart)
-        self._recovery = Recovery(status, self._supervisor, self._endings, self._watchdog, self._restarts)
+        self._recovery = Recovery(status, self._supervisor, self._end_conditions, self._watchdog, self._restarts)
         self._wake = asyncio.Event()
         self._signals: list[signal.Signals] = []
         """By which the user wanted to end the run, again and again."""
@@ -144,7 +144,9 @@ class MissionRunner:
                 patience=STARTUP_PATIENCE,
             )
         )
-        self._observer = self._endings.observer = self._watchdog.observer = observer = Observer(bus, self._picture)
+        self._observer = self._end_conditions.observer = self._watchdog.observer = observer = Observer(
+            bus, self._picture
+        )
         await self._until(comm)
         recorders = await start("recorder")
         await self._until(bridges)
@@ -212,7 +214,7 @@ class MissionRunner:
                 if isinstance(error, StartupFailed | BusClosed):
                     return Ending(EXIT_FAILED, f"failed at the start: {error}")
                 raise error
-            if ending := self._endings.look():
+            if ending := self._end_conditions.look():
                 if not (ending.graced and self._recovery.armed()):
                     return ending
                 if ending := await self._recovery.outlasts_grace(ending, self._interrupted):

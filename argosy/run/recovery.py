@@ -29,11 +29,16 @@ class Recovery:
     """Keeps what brings vehicles home alive, and waits for them."""
 
     def __init__(
-        self, status: Status, supervisor: Supervisor, endings: EndConditions, watchdog: Watchdog, restarts: Restarts
+        self,
+        status: Status,
+        supervisor: Supervisor,
+        end_conditions: EndConditions,
+        watchdog: Watchdog,
+        restarts: Restarts,
     ) -> None:
         self.hurry = asyncio.Event()
         """Set when the user wants to leave, whatever is in the air."""
-        self._status, self._supervisor, self._endings = status, supervisor, endings
+        self._status, self._supervisor, self._end_conditions = status, supervisor, end_conditions
         self._watchdog, self._restarts = watchdog, restarts
         self._mission, self._picture, self._journal = status.setup.mission, status.picture, status.journal
 
@@ -51,7 +56,7 @@ class Recovery:
             what = f"the operator, {', '.join(paused)} paused" if paused else f"the programs, {left:.0f} s"
             self._status.waiting_for = f"{what}: {ending.text}"
             self._look_after_daemons()
-            if (holds := self._endings.look()) is None:
+            if (holds := self._end_conditions.look()) is None:
                 self._status.waiting_for = ""
                 self._journal.add("argosy", f"the mission goes on: it does not hold any more that {ending.why}", "good")
                 return None

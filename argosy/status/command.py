@@ -57,12 +57,12 @@ def run(args: Namespace) -> int:
         return EXIT_BAD_INPUT
 
     async def ask(bus: Bus, where: Where) -> int:
-        roll = call_the_roll(bus, where.fleet, mission)
-        await settled(roll, args.wait)
+        fleet_status = call_the_roll(bus, where.fleet, mission)
+        await settled(fleet_status, args.wait)
         fleet = where.fleet if where.fleet != ANY else ANY_FLEET
         if args.watch:
-            return await _watch(roll, bus, fleet, args)
-        rows = roll.rows()
+            return await _watch(fleet_status, bus, fleet, args)
+        rows = fleet_status.rows()
         _view(fleet, mission, args)(rows)
         for one in await unreached(bus):
             print(f"note: {one}", file=sys.stderr)
@@ -73,16 +73,16 @@ def run(args: Namespace) -> int:
 
 def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> FleetStatus:
     """Begin to hear who is there and how they are."""
-    roll = FleetStatus(mission, asyncio.get_running_loop().time, several=fleet == ANY)
-    bus.watch(keys.alive(fleet, "*", "*", "*"), roll.token)
-    bus.subscribe(keys.health(fleet, "*", "*"), Health, roll.heard)
-    return roll
+    fleet_status = FleetStatus(mission, asyncio.get_running_loop().time, several=fleet == ANY)
+    bus.watch(keys.alive(fleet, "*", "*", "*"), fleet_status.token)
+    bus.subscribe(keys.health(fleet, "*", "*"), Health, fleet_status.heard)
+    return fleet_status
 
 
-async def settled(roll: FleetStatus, wait: float) -> None:
+async def settled(fleet_status: FleetStatus, wait: float) -> None:
     """Wait until everybody has told how he is, at most so many wall seconds."""
     until = asyncio.get_running_loop().time() + wait
-    while not roll.settled and asyncio.get_running_loop().time() < until:  # noqa: ASYNC110 - time alone changes it, too
+    while not fleet_status.settled and asyncio.get_running_loop().time() < until:  # noqa: ASYNC110 - time alone changes it, too
         await asyncio.sleep(LOOK)
 
 
@@ -110,10 +110,10 @@ def _print_lines(fleet: str, rows: list[Row]) -> None:
     print(summary(fleet, rows))
 
 
-async def _watch(roll: FleetStatus, bus: Bus, fleet: str, args: Namespace) -> int:
+async def _watch(fleet_status: FleetStatus, bus: Bus, fleet: str, args: Namespace) -> int:
     """Show the roll until ctrl-C, which ends the command."""
     if args.json or args.plain or not sys.stdout.isatty():
-        return await _tell_changes(roll, fleet, args)
+        return await _tell_changes(fleet_status, fleet, args)
     from rich.console import Console
     from rich.live import Live
 
@@ -121,15 +121,15 @@ async def _watch(roll: FleetStatus, bus: Bus, fleet: str, args: Namespace) -> in
 
     with Live(console=Console(), screen=True, auto_refresh=False) as live:
         while True:
-            live.update(table(fleet, roll.rows(), away=not bus.router_up), refresh=True)
+            live.update(table(fleet, fleet_status.rows(), away=not bus.router_up), refresh=True)
             await asyncio.sleep(WATCH_EVERY)
 
 
-async def _tell_changes(roll: FleetStatus, fleet: str, args: Namespace) -> int:
+async def _tell_changes(fleet_status: FleetStatus, fleet: str, args: Namespace) -> int:
     """Print what changes, with the time: standings and warnings as lines, or everything as one line of JSON."""
     known: dict[tuple[str, str], object] = {}
     while True:
-        rows = roll.rows()
+        rows = fleet_status.rows()
         now = time.strftime("%H:%M:%S")
         if args.json:
             print(json_lines(to_json(fleet, rows, well(rows)), indent=None), flush=True)

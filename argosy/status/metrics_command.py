@@ -66,9 +66,9 @@ def run(args: Namespace) -> int:
     host, port = host_and_port(args.listen)
 
     async def serve(bus: Bus, where: Where) -> int:
-        roll = call_the_roll(bus, where.fleet, mission)
+        fleet_status = call_the_roll(bus, where.fleet, mission)
         fleet = "" if where.fleet == ANY else where.fleet
-        page = Page(lambda: Fleet(fleet, roll.rows(), bus.router_up, roll.dropped).page())
+        page = Page(lambda: Fleet(fleet, fleet_status.rows(), bus.router_up, fleet_status.dropped).page())
         try:
             server = await asyncio.start_server(page.answer, host.strip("[]"), port, limit=REQUEST_BYTES)
         except OSError as error:

@@ -108,8 +108,8 @@ async def _serve(args: Namespace, following: FleetSession) -> int:
         what = f"cannot listen at {args.listen} port {args.port}: {error.strerror or error}{hint}"
         print(f"error: {what}", file=sys.stderr)
         return EXIT_FAILED
-    doors = AuthGuard(args.listen, listening.getsockname()[1])
-    app = application(doors, following, args.tiles)
+    auth = AuthGuard(args.listen, listening.getsockname()[1])
+    app = application(auth, following, args.tiles)
     runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -121,7 +121,7 @@ async def _serve(args: Namespace, following: FleetSession) -> int:
     try:
         await runner.setup()
         await web.SockSite(runner, listening).start()
-        _tell(args, doors)
+        _tell(args, auth)
         stopped = asyncio.create_task(stop.wait())
         done, _ = await asyncio.wait({stopped, link}, return_when=asyncio.FIRST_COMPLETED)
         stopped.cancel()
@@ -150,10 +150,10 @@ def _socket(host: str, port: int) -> socket.socket:
     return listening
 
 
-def _tell(args: Namespace, doors: AuthGuard) -> None:
-    print(f"open {doors.url}", flush=True)
+def _tell(args: Namespace, auth: AuthGuard) -> None:
+    print(f"open {auth.url}", flush=True)
     if not is_loopback(args.listen):
         text = "other machines reach this page, without TLS: whoever reads the address on its way has all its buttons"
         print(f"warning: {text}", file=sys.stderr, flush=True)
     if args.browser:
-        webbrowser.open(doors.once())
+        webbrowser.open(auth.once())

@@ -52,7 +52,7 @@ class FleetSession:
         self.orders = ControlRequests(self._robots, self._rights)
         self._tiles = tiles
         self._watcher: TeamWatcher | None = None
-        self._believing = BeliefPolling()
+        self._belief_polling = BeliefPolling()
         self._looked: frozenset[str] = frozenset()
         self._made = self._marked = 0.0
         self._marks = marks(self.model, {})
@@ -68,13 +68,13 @@ class FleetSession:
         watcher.start()
         for agent in self._looked:
             watcher.look_at(agent)
-        believing = asyncio.create_task(self._believing.run(bus, self.model))
+        belief_polling = asyncio.create_task(self._belief_polling.run(bus, self.model))
         try:
             yield
         finally:
             self._watcher = None
-            believing.cancel()
-            await asyncio.gather(believing, return_exceptions=True)
+            belief_polling.cancel()
+            await asyncio.gather(belief_polling, return_exceptions=True)
             await watcher.stop()
 
     # What is shown.
@@ -100,11 +100,11 @@ class FleetSession:
         self._look()
         if self.model.run != self._run:
             self._run = self.model.run
-            self._believing.beliefs.clear()
+            self._belief_polling.beliefs.clear()
             self._marked = 0.0
             self.shown.begin_run()
         if now - self._marked >= MARKED:
-            self._marked, self._marks = now, marks(self.model, self._believing.beliefs)
+            self._marked, self._marks = now, marks(self.model, self._belief_polling.beliefs)
         entries = self.model.timeline.since(self._entry)
         self._entry = self.model.timeline.number
         self._said |= {

@@ -25,9 +25,9 @@ FULL = f"{PAGES} pages are open already: close one, and this one comes by itself
 W = TypeVar("W")
 
 
-def application(doors: AuthGuard, following: FleetSession, tiles: Path | None = None) -> web.Application:
+def application(auth: AuthGuard, following: FleetSession, tiles: Path | None = None) -> web.Application:
     """Return the server's application."""
-    app = web.Application(middlewares=[doors.guard], client_max_size=REQUEST)
+    app = web.Application(middlewares=[auth.guard], client_max_size=REQUEST)
     pages = following.pages
 
     async def page(_request: web.Request) -> web.StreamResponse:

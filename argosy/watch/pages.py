@@ -53,7 +53,7 @@ class Overview(Page):
         self._team = Choice(self.watch_app.glyphs, id="members")
         self._events = ScrollPane(self.watch_app.glyphs, id="events", follow=True)
         self._events.filter = self.watch_app.filter
-        self._happenings = TimelineRows()
+        self._timeline_rows = TimelineRows()
         yield Pane("fleet", self._team, id="team")
         yield Pane("timeline", self._events, id="timeline")
 
@@ -71,7 +71,7 @@ class Overview(Page):
         rows = overview(model, self.size.width, self.watch_app.glyphs)
         self.query_one("#team").styles.height = max(3, min(len(rows) + 1, round(self.size.height * MOST_FLEET)))
         self._team.show_rows(rows)
-        self._events.show_rows(self._happenings.update(model))
+        self._events.show_rows(self._timeline_rows.update(model))
 
     def on_choice_opened(self, event: Choice.Opened) -> None:
         """Look into the agent, or into that of the robot."""
@@ -114,7 +114,7 @@ class AgentPage(Page):
         )
         self._decisions = Choice(glyphs, id="rows-decisions", wrap=True)
         self._events = ScrollPane(glyphs, id="rows-happened", wrap=True, follow=True)
-        self._happenings = self._of_agent()
+        self._timeline_rows = self._of_agent()
         yield Pane("1 mind", self._mind, id="mind")
         yield Pane("2 beliefs", self._beliefs, id="beliefs")
         yield Pane("3 decisions (enter: why)", self._decisions, id="decisions")
@@ -169,7 +169,7 @@ class AgentPage(Page):
         if self._seen("decisions"):
             self._decisions.show_rows(mind_page.decisions(agent, self._opened, model.now()))
         if self._seen("happened"):
-            self._events.show_rows(self._happenings.update(model))
+            self._events.show_rows(self._timeline_rows.update(model))
 
     def _seen(self, pane: str) -> bool:
         return not self.query_one(f"#{pane}").has_class("behind")
@@ -195,7 +195,7 @@ class AgentPage(Page):
             self.agent = names[(names.index(self.agent) + by) % len(names)]
             link.look_at(self.agent)
             self._opened.clear()
-            self._happenings = self._of_agent()
+            self._timeline_rows = self._of_agent()
             self.redraw()
 
 

@@ -93,11 +93,11 @@ async def _of_sites(figures: Figures, folder: Path, seconds: float, records: int
             idle = figures.stretches[-1].links[BETWEEN_SITES]
             figures.sizes = await kinds.sizes(made, counted, idle, records)
             before = counted.passed()
-            crew = await asyncio.to_thread(stack.enter_context, sites.crews(made))
+            agent_group = await asyncio.to_thread(stack.enter_context, sites.crews(made))
             await asyncio.sleep(SETTLE)
             figures.starting = {link: sum(now) - sum(before[link]) for link, now in counted.passed().items()}
             await _look(figures, "bridges and agents, no vehicle", counted, seconds)
-            await asyncio.to_thread(stack.enter_context, sites.vehicles(made, crew))
+            await asyncio.to_thread(stack.enter_context, sites.vehicles(made, agent_group))
             await asyncio.sleep(SETTLE)
             await _look(figures, "flying", counted, seconds)
             recorder = ("argosy", "record", "--router", made.endpoints["n2"], "--fleet", FLEET)

@@ -138,7 +138,7 @@ def crews(made: Site) -> Iterator[list[Watched]]:
 
 
 @contextmanager
-def vehicles(made: Site, crew: list[Watched]) -> Iterator[None]:
+def vehicles(made: Site, agent_group: list[Watched]) -> Iterator[None]:
     """Run all vehicles, which talk as copters in flight do, and wait until every agent serves its own."""
     where, number = [], 0
     for board in BOARDS:
@@ -147,7 +147,7 @@ def vehicles(made: Site, crew: list[Watched]) -> Iterator[None]:
             where.append(f"{number}:{made.ports[board]}")
     with watched("vehicles", "-m", "benchmarks.scale.talkers", str(_ALTITUDES), *where) as talkers:
         talkers.says("talking")
-        for one in crew:
+        for one in agent_group:
             if one.name.startswith("agentd"):
                 one.says("] serves")
         yield

@@ -59,7 +59,7 @@ def main() -> int:
     import agentd.__main__ as command
 
     daemon: Any = import_module("agentd.daemon")
-    crew: Any = import_module("agentd.runtime.agent_group").Crew
+    agent_group: Any = import_module("agentd.runtime.agent_group").Crew
     roster: Any = import_module("agentd.runtime.agent_directory").Roster
 
     mark("imports")
@@ -75,7 +75,7 @@ def main() -> int:
     daemon.prepare = wrapped(daemon.prepare, "program")
     daemon.open_bus = opened
     daemon.greet = awaited(daemon.greet, "greeting")
-    crew.add = awaited(crew.add, "joining")
+    agent_group.add = awaited(agent_group.add, "joining")
     watch = awaited(roster.watch, "roster")
 
     async def watched(*args: Any) -> None:

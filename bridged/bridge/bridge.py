@@ -79,7 +79,7 @@ class Bridge:
         )
         self.ledger = ActionLog(ledger)
         self.lease = Lease(agents, mission.robots[robot].lease.priority, self._lease_changed, arms=self.driver.arms)
-        self.desk = ActionServer(
+        self.action_server = ActionServer(
             manifest,
             self.driver,
             self.board,
@@ -93,7 +93,7 @@ class Bridge:
             speed=speed,
         )
         self.live = RunningManifest(manifest, self._adopt, partial(order_findings, mission, robot))
-        self.orders = SafetyOrders(self.desk, self.driver, clock, mission.robots[robot].idle_after)
+        self.orders = SafetyOrders(self.action_server, self.driver, clock, mission.robots[robot].idle_after)
         self.lease.restore(*self.ledger.held())  # whoever had the robot in our last life is still answered for
         if self.lease.answers:
             self.driver.may_be_moving()
@@ -103,7 +103,7 @@ class Bridge:
         """Go on by another manifest. Raises what the drivers raise, before anything else has changed."""
         self.driver.adopt(manifest)
         self.board.adopt(manifest)
-        self.desk.adopt(manifest)
+        self.action_server.adopt(manifest)
 
     def _lease_changed(self) -> None:
         log.info("robot=%s %s", self.name, f"held by {self.lease.holder}" if self.lease.holder else "free")
@@ -127,14 +127,14 @@ class Bridge:
     def step(self) -> None:
         """After the driver has looked at the robot: age percepts, pass on what became of actions."""
         self.board.tick(self._clock.now())
-        self.desk.step()
+        self.action_server.step()
 
     def health(self) -> Health:
         """Figures and warnings for the bus."""
         counters = self.driver.counters() | {
             "percepts_expired": self.board.expired,
             "percepts_unreadable": self.board.translator.unreadable,
-            "actions_running": len(self.desk.running),
+            "actions_running": len(self.action_server.running),
             "manifest_version": self.live.version,
         }
         return Health(
@@ -142,8 +142,8 @@ class Bridge:
             bad_input=int(sum(counters.get(name, 0) for name in UNREADABLE)),
             counters=counters,
             percepts={agent: present.digest() for agent, present in self.board.sets.items()},
-            paused=self.desk.paused,
-            ordered=self.desk.ordered,
+            paused=self.action_server.paused,
+            ordered=self.action_server.ordered,
             notes=self.notes(),
         )
 

@@ -63,7 +63,9 @@ class Service:
         key = keys.status(self._bus.fleet, agent, status.name)
         asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
-    def open(self, board: PerceptPublisher, desk: ActionServer, orders: SafetyOrders, live: RunningManifest) -> None:
+    def open(
+        self, board: PerceptPublisher, action_server: ActionServer, orders: SafetyOrders, live: RunningManifest
+    ) -> None:
         """Begin to serve. What changes what an action meets is served `at_once` as actions are: in the order in which
         it comes, an action behind a stop is refused."""
         bus, fleet = self._bus, self._bus.fleet
@@ -72,15 +74,15 @@ class Service:
             bus.serve(
                 keys.action(fleet, agent, "*"),
                 Action,
-                partial(self._act, agent, desk, live),
+                partial(self._act, agent, action_server, live),
                 at_most=ACTION_BYTES,
                 at_once=True,
             )
-            cancel = partial(self._cancel, agent, desk)
+            cancel = partial(self._cancel, agent, action_server)
             bus.serve(keys.cancel(fleet, agent), Cancel, cancel, urgent=True, at_once=True)
         change = partial(self._read_or_change, live)
         bus.serve(keys.manifest(fleet, self._robot), ManifestChange, change, at_once=True)
-        stop = partial(self._stop, desk, orders)
+        stop = partial(self._stop, action_server, orders)
         bus.serve(keys.stop(fleet, self._robot), StopOrder, stop, urgent=True, at_once=True)
 
     async def _repair(self, agent: str, present: PerceptSet, query: Query[Perception]) -> None:
@@ -92,7 +94,7 @@ class Service:
                 query.reply(perception, key)
 
     def _act(
-        self, agent: str, desk: ActionServer, live: RunningManifest, query: Query[Action]
+        self, agent: str, action_server: ActionServer, live: RunningManifest, query: Query[Action]
     ) -> Awaitable[None] | None:
         """Carry out an action asked for on a concrete key with a valid payload; describe it to anybody else."""
         if not query.concrete or query.record is None:
@@ -101,9 +103,9 @@ class Service:
         name = query.key.rpartition("/")[2]
         following = _Following(query)
         if self._inject or not is_by_hand(agent, query.record):
-            desk.ask(agent, name, query.record, following.hear)
+            action_server.ask(agent, name, query.record, following.hear)
         else:
-            desk.turn_away(agent, name, query.record, BY_HAND, following.hear)
+            action_server.turn_away(agent, name, query.record, BY_HAND, following.hear)
         return following.to_its_end()
 
     def _describe(self, agent: str, manifest: Manifest, query: Query[Action]) -> None:
@@ -120,15 +122,15 @@ class Service:
                 )
                 query.reply(description, key)
 
-    def _cancel(self, agent: str, desk: ActionServer, query: Query[Cancel]) -> None:
+    def _cancel(self, agent: str, action_server: ActionServer, query: Query[Cancel]) -> None:
         if query.record is None or not query.concrete:
             query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
             return
         by = query.record.header.source
         if self._inject or by == agent:
-            query.reply(desk.cancel(agent, query.record.id, by or "hand"))
+            query.reply(action_server.cancel(agent, query.record.id, by or "hand"))
         else:
-            query.reply(desk.leave(agent, query.record.id, BY_HAND))
+            query.reply(action_server.leave(agent, query.record.id, BY_HAND))
 
     def _read_or_change(self, live: RunningManifest, query: Query[ManifestChange]) -> None:
         """Answer with the running manifest, after the change that the query carries, if it carries one."""
@@ -147,7 +149,9 @@ class Service:
     def _told(self, live: RunningManifest, problems: Iterable[str] = ()) -> LiveManifest:
         return replace(live.told(self._robot, problems), header=self._bus.header("manifest", self._robot))
 
-    def _stop(self, desk: ActionServer, orders: SafetyOrders, query: Query[StopOrder]) -> Awaitable[None] | None:
+    def _stop(
+        self, action_server: ActionServer, orders: SafetyOrders, query: Query[StopOrder]
+    ) -> Awaitable[None] | None:
         """Let no action begin from now on, and carry the order out; or let them begin again; or pause and continue."""
         if query.record is None or not query.concrete:
             query.reply_error(
@@ -164,7 +168,7 @@ class Service:
                 return self._release(orders, query)
             _tell_outcome(query, orders.release())
             return None
-        desk.block(by_operator(order))
+        action_server.block(by_operator(order))
         self._stops += 1
         return self._carry_out(orders, order, query)
 

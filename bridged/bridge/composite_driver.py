@@ -48,7 +48,7 @@ class CompositeDriver:
         self._setup, self._loop = setup, loop or Loop.unwatched()
         self._manifest = setup.manifest
         self._drivers: dict[str, Driver] = {}
-        self._upkeep: dict[str, DriverSupervisor] = {}
+        self._supervisor: dict[str, DriverSupervisor] = {}
         self._of: WeakKeyDictionary[Execution, _Begun] = WeakKeyDictionary()
         self._moving = False
         """Whether a motion was begun, for a robot that cannot tell itself."""
@@ -83,7 +83,7 @@ class CompositeDriver:
         """Why an action cannot begin now, by its driver and, if it moves the robot, the robot's own; None if it can."""
         name = self._manifest.driver_of(entry)
         driver = self._drivers[name]
-        if problem := self._upkeep[name].problem:
+        if problem := self._supervisor[name].problem:
             return Outcome("refused", problem)
         return driver.refuses(entry) or (self.own.refuses(entry) if entry.motion and driver is not self.own else None)
 
@@ -201,10 +201,10 @@ class CompositeDriver:
         Raises what the own driver of a robot fails by that is alone in its process, unless waiting may help.
         """
         own = self._manifest.robot.driver
-        others = [upkeep.keep_apart() for name, upkeep in self._upkeep.items() if name != own]
+        others = [supervisor.keep_apart() for name, supervisor in self._supervisor.items() if name != own]
         tasks = [asyncio.create_task(one) for one in others]
         try:
-            await (self._upkeep[own].keep(may_come) if self.alone else self._upkeep[own].keep_apart())
+            await (self._supervisor[own].keep(may_come) if self.alone else self._supervisor[own].keep_apart())
         finally:
             for task in tasks:
                 task.cancel()
@@ -219,7 +219,7 @@ class CompositeDriver:
 
     def notes(self) -> list[Note]:
         """Return the warnings of all drivers, and of those that do not run."""
-        notes = [Note("driver_down", one.problem, name) for name, one in self._upkeep.items() if one.problem]
+        notes = [Note("driver_down", one.problem, name) for name, one in self._supervisor.items() if one.problem]
         notes += [note for driver in self._drivers.values() for note in driver.notes()]
         if self._halt is not None and (said := _not_done(self._halt)):
             notes.append(Note("may_be_moving", f"the robot may be moving: {said}"))
@@ -242,7 +242,7 @@ class CompositeDriver:
         except Exception as error:  # drivers may be anybody's
             raise ValueError(f"driver `{name}` cannot be made: {type(error).__name__}: {error}") from error
         loop = self._loop if own else Loop.unwatched()
-        self._upkeep[name] = DriverSupervisor(self._setup.name, name, driver, partial(self._failed, name), loop)
+        self._supervisor[name] = DriverSupervisor(self._setup.name, name, driver, partial(self._failed, name), loop)
 
     def _failed(self, name: str, why: str) -> None:
         """A driver does not run: what it carries out has failed, and what an auxiliary one told holds no longer."""

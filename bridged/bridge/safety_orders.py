@@ -84,9 +84,11 @@ class SafetyOrders:
     Only the operator's replace a safer motion: see `bridged.drivers.api.defers`.
     """
 
-    def __init__(self, desk: ActionServer, driver: CompositeDriver, clock: Clock, patience: float = 10.0) -> None:
+    def __init__(
+        self, action_server: ActionServer, driver: CompositeDriver, clock: Clock, patience: float = 10.0
+    ) -> None:
         """`patience`: mission seconds that an agent which is back has to take control (`idle_after`)."""
-        self._desk, self._driver, self._clock, self._patience = desk, driver, clock, patience
+        self._action_server, self._driver, self._clock, self._patience = action_server, driver, clock, patience
         self._calls = ErrorBoundary(driver)
         self._sequence: asyncio.Task[None] | None = None
         self._answer: Callable[[], Coroutine[Any, Any, None]] | None = None
@@ -105,19 +107,19 @@ class SafetyOrders:
         self._stopping = False
         self._secured = False
         """Whether the robot does what it was ordered at the end of the bridge."""
-        desk.on_control = self._taken
-        if desk.ordered:
-            standing = by_operator(desk.ordered)
-            desk.block(standing)
+        action_server.on_control = self._taken
+        if action_server.ordered:
+            standing = by_operator(action_server.ordered)
+            action_server.block(standing)
             told = "as a former life of the bridge was told: no action is taken until `release`"
-            log.warning("robot=%s %s, %s", desk.robot, standing.reason, told)
+            log.warning("robot=%s %s, %s", action_server.robot, standing.reason, told)
 
     def notes(self) -> list[Note]:
         """Return the warnings that hold now."""
         left, blocked = self._left if self._driver.overridden else None, None
-        if self._desk.blocked:
-            text = f"no action is taken: {self._desk.blocked.reason}"
-            ordered = Note("operator_order", text, self._desk.ordered or "")
+        if self._action_server.blocked:
+            text = f"no action is taken: {self._action_server.blocked.reason}"
+            ordered = Note("operator_order", text, self._action_server.ordered or "")
             blocked = Note("bridge_stops", text) if self._stopping else ordered
         return [note for note in (left, self._unheard, self._deferred, self._alarm, blocked) if note is not None]
 
@@ -128,27 +130,36 @@ class SafetyOrders:
         Not while an action runs, a sequence of ours is carried out, the operator or a pilot has it or has paused it,
         somebody commands it by hand, or before any agent has flown it.
         """
-        desk, driver = self._desk, self._driver
-        others = driver.overridden or desk.blocked or desk.paused or desk.by_hand or self._stopping
+        action_server, driver = self._action_server, self._driver
+        others = (
+            driver.overridden
+            or action_server.blocked
+            or action_server.paused
+            or action_server.by_hand
+            or self._stopping
+        )
         return (
-            driver.airborne and driver.heard and not (others or desk.running or self._loss) and bool(desk.lease.answers)
+            driver.airborne
+            and driver.heard
+            and not (others or action_server.running or self._loss)
+            and bool(action_server.lease.answers)
         )
 
     @property
     def _loss(self) -> bool:
         """Whether the loss of an agent is being answered."""
-        return self._sequence is not None and bool(self._desk.lease.closed)
+        return self._sequence is not None and bool(self._action_server.lease.closed)
 
     async def carry_out(self, order: Order, ending: Outcome, *, block: bool, insist: bool = False) -> Outcome:
         """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over; actions end as `ending`.
 
         Without `insist` it ends when a pilot, a ground station or a failsafe sets another mode.
         """
-        execution = self._desk.order(order, ending, block=block, insist=insist)
+        execution = self._action_server.order(order, ending, block=block, insist=insist)
         if not block:  # to call off a sequence leaves the operator's order alone
             self._execution = execution
         outcome = await self._confirmed(execution)
-        robot, confirmed = self._desk.robot, outcome.state == "succeeded"
+        robot, confirmed = self._action_server.robot, outcome.state == "succeeded"
         ended = OrderEnded(robot=robot, order=order, confirmed=confirmed, reason=one_line(outcome.reason))
         log.log(
             logging.INFO if confirmed else logging.ERROR,
@@ -186,10 +197,15 @@ class SafetyOrders:
         An agent that is lost is answered for on `release`, unless the robot is left by then.
         """
         if not self._stopping:
-            self._desk.stand(order)
+            self._action_server.stand(order)
         back_at, may_move = self._back_at, self._loss or self._may_move
         self.call_off()
-        if may_move and self._lost is not None and self._lost[0] == self._desk.lease.answers and not self._stopping:
+        if (
+            may_move
+            and self._lost is not None
+            and self._lost[0] == self._action_server.lease.answers
+            and not self._stopping
+        ):
             self._back_at = back_at
             self._begin_loss(*self._lost)
         return await self.carry_out(order, by_operator(order), block=True, insist=True)
@@ -198,12 +214,12 @@ class SafetyOrders:
         """The operator lets the agents act again, but not while the bridge leaves the robot."""
         if self._stopping:
             return Outcome("refused", "the bridge stops: it takes no action any more")
-        self._desk.blocked = None
-        self._desk.stand(None)
-        released = RobotReleased(robot=self._desk.robot)
-        log.info("robot=%s released: actions are taken again", self._desk.robot, extra={"event": released})
-        waits = "; it is paused: they begin when it is told to `continue`" if self._desk.paused else ""
-        lost = f"; {self._desk.lease.closed}" if self._loss else ""
+        self._action_server.blocked = None
+        self._action_server.stand(None)
+        released = RobotReleased(robot=self._action_server.robot)
+        log.info("robot=%s released: actions are taken again", self._action_server.robot, extra={"event": released})
+        waits = "; it is paused: they begin when it is told to `continue`" if self._action_server.paused else ""
+        lost = f"; {self._action_server.lease.closed}" if self._loss else ""
         return Outcome("succeeded", f"actions are taken again{waits}{lost}")
 
     async def pause(self) -> Outcome:
@@ -213,7 +229,7 @@ class SafetyOrders:
         if self._sequence is not None and self._answer is not None:
             self._sequence.cancel()
             self._begin(self._answer)
-        return await self._confirmed(self._desk.pause())
+        return await self._confirmed(self._action_server.pause())
 
     async def resume(self) -> Outcome:
         """The operator lets the robot go on: first it is brought back into its mode, then its actions are asked again.
@@ -222,34 +238,36 @@ class SafetyOrders:
         """
         if self._stopping:
             return Outcome("refused", "the bridge stops: it takes no action any more")
-        if not self._desk.paused and (blocked := self._desk.blocked):
+        if not self._action_server.paused and (blocked := self._action_server.blocked):
             return Outcome("refused", f"it is not paused: {blocked.reason}; `release` gives it back to its agents")
-        if not self._desk.paused:
+        if not self._action_server.paused:
             return Outcome("succeeded", "it was not paused")
-        if order := self._desk.ordered:
+        if order := self._action_server.ordered:
             return await self.carry_out(order, by_operator(order), block=True, insist=True)
-        outcome = await self._confirmed(self._desk.resume())
-        if outcome.state == "succeeded" and self._desk.paused:
-            self._desk.go_on()
+        outcome = await self._confirmed(self._action_server.resume())
+        if outcome.state == "succeeded" and self._action_server.paused:
+            self._action_server.go_on()
         return outcome
 
     def restore(self) -> None:
         """Hold a robot that a former life of the bridge was told to pause, or order it again, when it is heard."""
-        if self._desk.paused or self._desk.ordered:
+        if self._action_server.paused or self._action_server.ordered:
             self._restoring = asyncio.create_task(self._restore())
 
     async def _restore(self) -> None:
-        desk, driver = self._desk, self._driver
-        while (desk.paused or desk.ordered) and not (driver.heard or self._stopping):  # noqa: ASYNC110 - drivers do not tell when
+        action_server, driver = self._action_server, self._driver
+        while (action_server.paused or action_server.ordered) and not (driver.heard or self._stopping):  # noqa: ASYNC110 - drivers do not tell when
             await asyncio.sleep(LOOK)
         if self._stopping or driver.overridden:
             return
-        if desk.paused:
-            await self._confirmed(desk.pause())
-        elif desk.of_before_boot and driver.arms and not driver.active:
-            log.warning("robot=%s is not armed and the machine was started since: that ends the order", desk.robot)
+        if action_server.paused:
+            await self._confirmed(action_server.pause())
+        elif action_server.of_before_boot and driver.arms and not driver.active:
+            log.warning(
+                "robot=%s is not armed and the machine was started since: that ends the order", action_server.robot
+            )
             self.release()
-        elif (order := desk.ordered) and driver.active:
+        elif (order := action_server.ordered) and driver.active:
             await self.carry_out(order, by_operator(order), block=True)
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
@@ -257,22 +275,22 @@ class SafetyOrders:
 
         The agent's action has failed; what the vehicle does goes on until an order replaces it.
         """
-        log.error("robot=%s agent %s is lost (%s)", self._desk.robot, agent, why)
-        arming = self._desk.arming
-        self._desk.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}", "agent_lost"))
+        log.error("robot=%s agent %s is lost (%s)", self._action_server.robot, agent, why)
+        arming = self._action_server.arming
+        self._action_server.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}", "agent_lost"))
         if (self._may_move or arming) and not self._stopping:
             self.call_off()
             self._lost = agent, steps
             self._begin_loss(agent, steps)
         else:
-            self._desk.lease.let_go()
+            self._action_server.lease.let_go()
 
     def agent_back(self, agent: str) -> None:
         """Give an agent that was lost `patience` to take control; if it commands nothing, the sequence goes on."""
         self._back_at = self._clock.now()
         if self._loss:
             said = f"the bridge goes on in {self._patience:g} s unless it takes control"
-            log.warning("robot=%s agent %s is back; %s", self._desk.robot, agent, said)
+            log.warning("robot=%s agent %s is back; %s", self._action_server.robot, agent, said)
 
     def agents_idle(self, seconds: float, steps: Sequence[Step], *, lost: bool = False) -> None:
         """Raise the alarm and do what the mission declares for a robot in the air that no agent intends anything with.
@@ -283,13 +301,13 @@ class SafetyOrders:
         if not seconds or (self._alarm is None and self._driver.under_way in COMING):
             self._alarm = None
             return
-        agent, first = self._desk.lease.answers, self._alarm is None
+        agent, first = self._action_server.lease.answers, self._alarm is None
         does = f"it is brought to safety ({', '.join(step.order for step in steps)})" if steps else "on_idle is none"
         why = f"agent {agent} is {'lost' if lost else 'there and intends nothing'}"
         text = f"in the air without anybody in charge: {why}; {does}"
         self._alarm = Note(UNATTENDED, text, value=round(seconds, 1))
         if first:
-            log.error("robot=%s %s", self._desk.robot, text)
+            log.error("robot=%s %s", self._action_server.robot, text)
             if steps:
                 self._begin(partial(self._answer_idle, f"agent {agent} is {'lost' if lost else 'idle'}", steps))
 
@@ -298,7 +316,7 @@ class SafetyOrders:
         if self._sequence is not None:
             self._sequence.cancel()
             self._sequence = None
-            self._desk.lease.closed = ""
+            self._action_server.lease.closed = ""
             if self._execution is not None:  # before the next action begins, and not when the task ends
                 self._calls.stop(self._execution, Outcome("cancelled", "called off"), hold=False)
         self._left = self._unheard = self._deferred = None
@@ -310,7 +328,7 @@ class SafetyOrders:
         self.call_off()
 
     def _begin_loss(self, agent: str, steps: Sequence[Step]) -> None:
-        self._desk.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
+        self._action_server.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
         self._begin(partial(self._answer_loss, agent, steps))
 
     def _begin(self, answer: Callable[[], Coroutine[Any, Any, None]]) -> None:
@@ -328,8 +346,8 @@ class SafetyOrders:
     async def _answer_loss(self, agent: str, steps: Sequence[Step]) -> None:
         """Bring the robot to safety, whatever happens; then it is anybody's."""
         await self._try_to_bring_to_safety(f"agent {agent} is lost", steps)
-        self._sequence, self._desk.lease.closed = None, ""
-        self._desk.lease.let_go()
+        self._sequence, self._action_server.lease.closed = None, ""
+        self._action_server.lease.let_go()
 
     async def _answer_idle(self, why: str, steps: Sequence[Step]) -> None:
         await self._try_to_bring_to_safety(why, steps)
@@ -339,7 +357,7 @@ class SafetyOrders:
         try:
             await self._bring_to_safety(why, steps)
         except Exception:
-            log.exception("robot=%s defect while the robot is brought to safety (%s)", self._desk.robot, why)
+            log.exception("robot=%s defect while the robot is brought to safety (%s)", self._action_server.robot, why)
 
     async def _bring_to_safety(self, why: str, steps: Sequence[Step]) -> None:
         if not self._may_move:
@@ -350,7 +368,7 @@ class SafetyOrders:
                 return
         if self._never_heard and not self._driver.active:
             self._unheard = Note("never_heard", f"{why}; the robot was never heard: it is brought to safety when it is")
-            log.error("robot=%s %s", self._desk.robot, self._unheard.text)
+            log.error("robot=%s %s", self._action_server.robot, self._unheard.text)
             while self._never_heard:  # noqa: ASYNC110 - drivers do not tell when
                 await asyncio.sleep(LOOK)
             self._unheard = None
@@ -365,24 +383,24 @@ class SafetyOrders:
             if outcome.state == "succeeded" or not self._driver.active or self._driver.overridden:
                 break
             said = "the vehicle did not do the last that was ordered, so"
-            log.error("robot=%s %s %s is ordered instead", self._desk.robot, said, order)
+            log.error("robot=%s %s %s is ordered instead", self._action_server.robot, said, order)
             outcome = await self._until_heard(order, why)
         if mode := self._driver.overridden:
             others = "which others set (pilot, ground station or failsafe)"
             if self._driver.under_way in COMING:
-                log.info("robot=%s %s; it comes home in %s, %s", self._desk.robot, why, mode, others)
+                log.info("robot=%s %s; it comes home in %s, %s", self._action_server.robot, why, mode, others)
                 return
             self._left = Note(
                 "left_to_others", f"{why}; the vehicle is left in {mode}, {others}: nothing is ordered", mode
             )
-            log.error("robot=%s %s", self._desk.robot, self._left.text)
+            log.error("robot=%s %s", self._action_server.robot, self._left.text)
 
     @property
     def _operator_has_it(self) -> str:
         """What the operator does with the robot, and until when; empty = nothing. The operator stands above us."""
-        if self._desk.paused:
+        if self._action_server.paused:
             return "the robot is paused: it is brought to safety on `continue`"
-        blocked = self._desk.blocked
+        blocked = self._action_server.blocked
         return f"{blocked.reason}: it is brought to safety on `release`" if blocked else ""
 
     async def _wait_for_operator(self, why: str) -> None:
@@ -390,7 +408,7 @@ class SafetyOrders:
         while self._may_move and (has := self._operator_has_it):
             if (deferred := Note("safety_deferred", f"{why}; {has}")) != self._deferred:
                 self._deferred = deferred
-                log.error("robot=%s %s", self._desk.robot, deferred.text)
+                log.error("robot=%s %s", self._action_server.robot, deferred.text)
             await asyncio.sleep(LOOK)
         self._deferred = None
         if self._back_at is not None:
@@ -423,7 +441,7 @@ class SafetyOrders:
         one that was not heard yet and for which an agent answers, `FIRST_HEARD` wall seconds until it is heard.
         """
         left, until, leave = await self._leave_safe(order), self._clock.now() + stay, leave or asyncio.Event()
-        hear_by = self._clock.wall() + FIRST_HEARD if self._desk.lease.answers else 0.0
+        hear_by = self._clock.wall() + FIRST_HEARD if self._action_server.lease.answers else 0.0
 
         def stays() -> bool:
             if self._never_heard:
@@ -437,7 +455,9 @@ class SafetyOrders:
         if stay and (self._piloted or not self._driver.active):  # nothing is ordered any more
             left = await self._leave_safe(order)
         if self._secured or self._piloted or not self._driver.active:
-            self._desk.stand(None)  # not before: a bridge that is killed on its way out has left nobody in charge
+            self._action_server.stand(
+                None
+            )  # not before: a bridge that is killed on its way out has left nobody in charge
         return left
 
     @property
@@ -449,10 +469,10 @@ class SafetyOrders:
         """Order what leaves the robot safe, or what is tried instead. Returns how it was left."""
         self.call_off()
         self._stopping = True
-        self._desk.block(_stops())
-        self._desk.end_pause()
-        if self._desk.arming and not self._driver.active:
-            self._desk.end_all("", _stops())
+        self._action_server.block(_stops())
+        self._action_server.end_pause()
+        if self._action_server.arming and not self._driver.active:
+            self._action_server.end_all("", _stops())
             await asyncio.sleep(ARMING_SHOWS)
         if not self._driver.active:
             said = self._as_last_heard("not armed" if self._driver.arms else "left as it is")
@@ -464,9 +484,9 @@ class SafetyOrders:
             if mode := self._driver.overridden:
                 under_way = self._driver.under_way
                 if under_way in COMING:
-                    self._desk.end_all("", _stops(f"; the vehicle comes home in {mode}"))
+                    self._action_server.end_all("", _stops(f"; the vehicle comes home in {mode}"))
                     return self._left_as("ordered", f"the vehicle is in {mode}, which others set", under_way)
-                self._desk.end_all("", _stops(f"; {mode} is the pilot's"))
+                self._action_server.end_all("", _stops(f"; {mode} is the pilot's"))
                 return self._left_as("piloted", f"left to the pilot in {mode}, {self._as_last_heard('armed')}")
             outcome, done = await self.carry_out(attempt, _stops(f": {attempt}", attempt), block=True), attempt
             if outcome.state == "succeeded":
@@ -479,7 +499,7 @@ class SafetyOrders:
 
     def _left_as(self, state: LeftAs, said: str, order: Order | None = None) -> RobotLeft:
         text = f"{order}: {said}" if order else said
-        return RobotLeft(robot=self._desk.robot, state=state, order=order, text=one_line(text))
+        return RobotLeft(robot=self._action_server.robot, state=state, order=order, text=one_line(text))
 
     def _others(self, order: Order) -> list[Order]:
         """What is tried when the robot does not do `order`, of what it can."""

@@ -85,7 +85,7 @@ class Client:
         self._sending = Sending(bus, name)
         self._inbox = ProgramInbox(bus, name, numbers)
         self._percepts: dict[str, Percepts] = {}
-        self._acting: ActionRequests | None = None
+        self._action_requests: ActionRequests | None = None
         self._actions = self._questions = 0
 
     @property
@@ -179,18 +179,18 @@ class Client:
         `on_status` hears of each status on the way, with its feedback. Cancelled, this cancels the action.
         """
         percepts = self.percepts()
-        if self._acting is None:
-            self._acting = ActionRequests(
+        if self._action_requests is None:
+            self._action_requests = ActionRequests(
                 self._bus, self.name, percepts.perceiving, percepts.bridge, self._clock.to_wall
             )
         self._actions += 1
         identity = f"{self.name}:{self._bus.boot}:{self._actions}"
         try:
-            return await self._acting.perform(
+            return await self._action_requests.perform(
                 identity, action, tuple(map(term_of, parameters)), ACCEPT_PATIENCE, on_status
             )
         except asyncio.CancelledError:
-            await asyncio.shield(self._acting.cancel(identity))
+            await asyncio.shield(self._action_requests.cancel(identity))
             raise
 
     async def there(self, name: str) -> bool:

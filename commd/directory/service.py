@@ -61,7 +61,7 @@ class Directory:
     """What a board knows of the agents of its fleet. Make it with `open_directory`."""
 
     def __init__(
-        self, bus: Bus, board: str, mission: Mission, mailroom: MailService, clock: Clock, secured: bool = False
+        self, bus: Bus, board: str, mission: Mission, mail_service: MailService, clock: Clock, secured: bool = False
     ) -> None:
         """`secured`: routers control who asks on which key, so that only that says for whom a request is."""
         boards = tuple(mission.boards) or (THIS_MACHINE,)
@@ -70,9 +70,15 @@ class Directory:
         self.services = Services(board, mission.mailboxes, boards, reserved, prefix)
         self.counters: Counter[str] = Counter()
         """`notices` and `notices_refused`, `board_changes`, `left`: agents that were gone for good."""
-        self._bus, self._board, self._store, self._mailroom, self._clock = bus, board, mailroom.store, mailroom, clock
+        self._bus, self._board, self._store, self._mail_service, self._clock = (
+            bus,
+            board,
+            mail_service.store,
+            mail_service,
+            clock,
+        )
         self._secured = secured
-        self._witness = RollbackWitness(board, bus.boot, mailroom.clock)
+        self._witness = RollbackWitness(board, bus.boot, mail_service.clock)
         self._homes = self.services.homes()
         self._one_at_a_time = asyncio.Lock()
         self._alive: dict[str, set[str]] = {}
@@ -155,9 +161,9 @@ class Directory:
             log.error("directory_unreadable why=%s: it begins empty", bad)
             known = {}
         self._now_is(replace(services, others=known))
-        self._mailroom.directory, self._mailroom.ask_around = self, self.ask_around
+        self._mail_service.directory, self._mail_service.ask_around = self, self.ask_around
         for name in self.services.own.joined:
-            self._mailroom.host(name)
+            self._mail_service.host(name)
             self._absent[name] = self._clock.wall()
         return True
 
@@ -249,7 +255,7 @@ class Directory:
                 await self._write(notices, lambda db: kv_table.keep(db, _OWN, self._board, own))
                 self._now_is(after)
             for name in set(after.own.joined) - set(before.own.joined):
-                self._mailroom.host(name)
+                self._mail_service.host(name)
                 if not self._alive.get(name):
                     self._absent[name] = self._clock.wall()
             if after.own.version != before.own.version:
@@ -257,7 +263,7 @@ class Directory:
             for name in set(before.own.joined) - set(after.own.joined):
                 self._absent.pop(name, None)
                 with suppress(StoreFailed):  # it has left: the mailroom gives up later what waits for nobody
-                    await self._mailroom.unhost(name)
+                    await self._mail_service.unhost(name)
             found = after.providers(service) if request.do in ("search", "subscribe") else ()
             return self._said(found=found)
 
@@ -267,7 +273,7 @@ class Directory:
             await self._store.write(change)
             return
         messages = [self._notice(*notice) for notice in notices]
-        receipt = await self._mailroom.take(messages, also=change)
+        receipt = await self._mail_service.take(messages, also=change)
         self.counters["notices"] += receipt.taken
         for place, why in {**receipt.refused, **receipt.later}.items():
             self.counters["notices_refused"] += 1
@@ -291,7 +297,7 @@ class Directory:
             found=found,
             problem=problem,
             prefix=services.prefix,
-            mail_time=self._mailroom.clock.saved,
+            mail_time=self._mail_service.clock.saved,
             mail_seen=dict(self._witness.seen),
         )
 
@@ -353,7 +359,7 @@ class Directory:
                 log.info("board=%s agents=%d", said.board, len(said.agents))
             for name in gone:
                 with suppress(StoreFailed):  # the mailroom gives up later what waits for nobody
-                    await self._mailroom.gone(name)
+                    await self._mail_service.gone(name)
 
     async def _compare_mail(self, said: BoardServices) -> None:
         """Judge our mail file by what another board has seen of it, and remember what is seen of theirs."""
@@ -431,13 +437,13 @@ class Directory:
 
 @asynccontextmanager
 async def open_directory(
-    bus: Bus, board: str, mission: Mission, mailroom: MailService, clock: Clock, secured: bool = False
+    bus: Bus, board: str, mission: Mission, mail_service: MailService, clock: Clock, secured: bool = False
 ) -> AsyncIterator[Directory]:
     """Read the directory of a board, or go on trying while its disk does not let it; keep it up to date until the end.
 
     Whoever opens it watches `work`: when one of these tasks ends, the board follows nobody any more.
     """
-    directory = Directory(bus, board, mission, mailroom, clock, secured)
+    directory = Directory(bus, board, mission, mail_service, clock, secured)
     read = await directory.load()
     if not read:  # a file that has just been set aside as corrupt is a new one at the second look
         await asyncio.sleep(READ_AGAIN)

@@ -78,10 +78,10 @@ class Gateway(asyncio.DatagramProtocol):
         )
 
     @asynccontextmanager
-    async def serving(self, mailroom: MailService) -> AsyncIterator[None]:
-        """Carry mail between the nodes and `mailroom` while the block runs."""
-        detach = [mailroom.attach(name, self.deliver) for name in self.nodes]
-        running = self.work = [asyncio.create_task(self._take(mailroom)), asyncio.create_task(self._seek())]
+    async def serving(self, mail_service: MailService) -> AsyncIterator[None]:
+        """Carry mail between the nodes and `mail_service` while the block runs."""
+        detach = [mail_service.attach(name, self.deliver) for name in self.nodes]
+        running = self.work = [asyncio.create_task(self._take(mail_service)), asyncio.create_task(self._seek())]
         try:
             yield
         finally:
@@ -142,23 +142,23 @@ class Gateway(asyncio.DatagramProtocol):
             await asyncio.sleep(SEEK_EVERY)
             await self._find_nodes()
 
-    async def _take(self, mailroom: MailService) -> None:
+    async def _take(self, mail_service: MailService) -> None:
         """Take what the nodes said into the mail, for ever."""
         while True:
             said = [await self._waiting.get()]
             while len(said) < BATCH and not self._waiting.empty():
                 said.append(self._waiting.get_nowait())
-            batch = [one for message in said for one in _addressed(message, mailroom.names)]
-            receipt = await self._hand_over(batch, mailroom)
+            batch = [one for message in said for one in _addressed(message, mail_service.names)]
+            receipt = await self._hand_over(batch, mail_service)
             for place, reason in (receipt.refused | receipt.later).items():
                 self.counters["gateway_refused"] += 1
                 self._tell_undelivered(batch[place], reason)
 
-    async def _hand_over(self, batch: list[Message], mailroom: MailService) -> Receipt:
+    async def _hand_over(self, batch: list[Message], mail_service: MailService) -> Receipt:
         """Give a batch to the mail, again and again while its disk takes nothing: what comes meanwhile waits."""
         while True:
             try:
-                return await mailroom.take(batch)
+                return await mail_service.take(batch)
             except StoreFailed as failed:
                 log.debug("not_taken messages=%d why=%s", len(batch), failed)
             except Exception as error:  # one batch's defect must not end what all others live by

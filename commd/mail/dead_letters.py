@@ -53,37 +53,37 @@ class Undelivered:
         log.warning("mail_given_up count=%d senders=%s why=%s", len(reasons), *told)
         return noticed
 
-    async def give_up_all(self, receiver: str, reason: Refusal, lanes: DeliveryQueues) -> None:
+    async def give_up_all(self, receiver: str, reason: Refusal, delivery_queues: DeliveryQueues) -> None:
         """Give up all that waits for a receiver."""
         while self._tally.messages[receiver] and (
             found := await self._store.read(partial(queries.places_for, receiver=receiver, most=SWEEP))
         ):
             reasons = {place: reason for place, _ in found}
             for line in await self.give_up(reasons, {sender for _, sender in found}):
-                lanes.more(line)
+                delivery_queues.more(line)
 
-    async def sweep(self, lanes: DeliveryQueues) -> None:
+    async def sweep(self, delivery_queues: DeliveryQueues) -> None:
         """Give up what has waited longer than it may, and write down the time meanwhile, for ever."""
         saved, place, rounds = self._clock.now(), self._tally.next, 0
         while True:
             await asyncio.sleep(SWEEP_EVERY)
             rounds += 1
             if rounds % LOOK_EVERY == 0:
-                lanes.look()
+                delivery_queues.look()
             try:
                 if rounds % LOOK_EVERY == 0:
-                    await self._give_up_strangers(lanes)
+                    await self._give_up_strangers(delivery_queues)
                 now = self._clock.now()
                 if now - saved >= SAVE_EVERY and (self._tally.expiring or self._tally.next != place):
                     place = self._tally.next
                     self._clock.saved = await self._store.write(self._clock.save)
                     saved = now
                 if self._tally.expiring:
-                    await self._give_up_late(lanes)
+                    await self._give_up_late(delivery_queues)
             except StoreFailed:
                 self.counters["sweeps_failed"] += 1
 
-    async def _give_up_strangers(self, lanes: DeliveryQueues) -> None:
+    async def _give_up_strangers(self, delivery_queues: DeliveryQueues) -> None:
         """Give up what waits for somebody whom nobody has known for a while: one that left just as the mail came, or
         that the mission does not name any more."""
         now = asyncio.get_running_loop().time()
@@ -91,16 +91,16 @@ class Undelivered:
         self._strangers = {one: self._strangers.get(one, now) for one in unknown}
         for one, since in self._strangers.items():
             if now - since >= STRANGER:
-                await self.give_up_all(one, Refusal(code="receiver_left"), lanes)
+                await self.give_up_all(one, Refusal(code="receiver_left"), delivery_queues)
 
-    async def _give_up_late(self, lanes: DeliveryQueues) -> None:
+    async def _give_up_late(self, delivery_queues: DeliveryQueues) -> None:
         late = await self._store.read(partial(queries.expired, now=self._clock.now(), most=LATE))
         now = self._clock.now()
         reasons: dict[int, Refusal] = {}
         senders: set[str] = set()
         for place, line, sender, end in late:
             # What may have arrived is sent again without time left: only its receiver's side knows.
-            doubtful = lanes.may_be_taken(line, place)
+            doubtful = delivery_queues.may_be_taken(line, place)
             if doubtful and now < end + DOUBT:
                 continue
             reasons[place] = Refusal(code="unknown" if doubtful else "expired")
@@ -110,7 +110,7 @@ class Undelivered:
         if reasons:
             self.counters["expired"] += len(reasons)
             for line in await self.give_up(reasons, senders):
-                lanes.more(line)
+                delivery_queues.more(line)
 
 
 def _several(texts: list[str]) -> str:

@@ -77,7 +77,7 @@ class DeliveryQueue:
 class Away:
     """A peer that is not there, and the lanes that wait for it: only one of them tries, now and then."""
 
-    lanes: dict[str, DeliveryQueue] = field(default_factory=dict)
+    delivery_queues: dict[str, DeliveryQueue] = field(default_factory=dict)
     pause: float = RETRY_FIRST
     timer: asyncio.TimerHandle | None = None
 
@@ -147,7 +147,7 @@ class DeliveryQueues:
         self._store, self._tally, self._clock = store, tally, clock
         self._carry, self._give_up, self._peer_of = carry, give_up, peer_of
         self._group_of = group_of
-        self._lanes: dict[str, DeliveryQueue] = {}
+        self._delivery_queues: dict[str, DeliveryQueue] = {}
         self._away: dict[str, Away] = {}
         self._pools = {
             (remote, probing): _WorkerPool(PROBES, PROBES_OF_ONE) if probing else _WorkerPool(WORKERS, OF_ONE)
@@ -168,21 +168,21 @@ class DeliveryQueues:
     def look(self) -> None:
         """Take up any line that is not empty and that nobody empties."""
         for line in list(self._tally.lines):
-            if line not in self._lanes:
+            if line not in self._delivery_queues:
                 self.more(line)
 
     def more(self, line: str) -> None:
         """There is something new in a line."""
-        if (lane := self._lanes.get(line)) is not None:
+        if (lane := self._delivery_queues.get(line)) is not None:
             lane.more = True
         else:
-            self._lanes[line] = DeliveryQueue(line)
-            self._queue(self._lanes[line])
+            self._delivery_queues[line] = DeliveryQueue(line)
+            self._queue(self._delivery_queues[line])
 
     def arrived(self, peer: str) -> None:
         """A peer is there: what waits for it goes at once."""
         self._back(peer)
-        for lane in self._lanes.values():
+        for lane in self._delivery_queues.values():
             if lane.timer is not None and self._peer_of(lane.line) == peer:
                 lane.timer.cancel()
                 self._at_once(lane)
@@ -192,7 +192,7 @@ class DeliveryQueues:
         if (away := self._away.pop(peer, None)) is not None:
             if away.timer is not None:
                 away.timer.cancel()
-            for lane in away.lanes.values():
+            for lane in away.delivery_queues.values():
                 self._at_once(lane)
 
     def _at_once(self, lane: DeliveryQueue) -> None:
@@ -201,12 +201,12 @@ class DeliveryQueues:
 
     def may_be_taken(self, line: str, place: int) -> bool:
         """Whether the peer may have taken a message that is still in the file."""
-        lane = self._lanes.get(line)
+        lane = self._delivery_queues.get(line)
         return place <= self.before or (lane is not None and place <= lane.sent)
 
     def state(self, line: str) -> str:
         """Say what a line waits for."""
-        lane = self._lanes.get(line)
+        lane = self._delivery_queues.get(line)
         if lane is None:
             return ""
         if lane.timer is not None:
@@ -311,7 +311,7 @@ class DeliveryQueues:
         if lane.more:
             self._queue(lane)
         else:
-            del self._lanes[lane.line]
+            del self._delivery_queues[lane.line]
 
     def _later(self, lane: DeliveryQueue, answer: NotTaken) -> None:
         """Try again when the peer is there, or after a pause that doubles."""
@@ -319,7 +319,7 @@ class DeliveryQueues:
         if answer.away:
             peer = self._peer_of(lane.line)
             away = self._away.setdefault(peer, Away())
-            away.lanes[lane.line] = lane
+            away.delivery_queues[lane.line] = lane
             if away.timer is None:
                 self._probe_later(peer, away)
             return
@@ -338,10 +338,10 @@ class DeliveryQueues:
         if away is None:
             return
         away.timer = None
-        if away.lanes:
-            line = next(iter(away.lanes))
-            self._queue(away.lanes.pop(line))
-        if away.lanes:  # the one that tries may find its line empty, and not come back
+        if away.delivery_queues:
+            line = next(iter(away.delivery_queues))
+            self._queue(away.delivery_queues.pop(line))
+        if away.delivery_queues:  # the one that tries may find its line empty, and not come back
             self._probe_later(peer, away)
 
     def _probe_later(self, peer: str, away: Away) -> None:

@@ -57,7 +57,7 @@ class MailService:
         self._peers = Peers(bus, clock, directory, air)
         self._undelivered = Undelivered(store, tally, clock, self._line)
         peers = self._peers
-        self._lanes = DeliveryQueues(
+        self._delivery_queues = DeliveryQueues(
             store, tally, clock, peers.carry, self._undelivered.give_up, peers.of, peers.group_of
         )
         self.ask_around: Callable[[], Awaitable[None]] | None = None
@@ -89,11 +89,11 @@ class MailService:
     @property
     def counters_now(self) -> Counter[str]:
         """What became of messages so far, from their coming to their going."""
-        return self.counters + self._lanes.counters + self._undelivered.counters + self.store.counters
+        return self.counters + self._delivery_queues.counters + self._undelivered.counters + self.store.counters
 
     def state_of(self, sender: str, receiver: str) -> str:
         """Say what the mail of a pair waits for; empty if it is on its way or none waits."""
-        return self._lanes.state(self._line(sender, receiver) or "")
+        return self._delivery_queues.state(self._line(sender, receiver) or "")
 
     async def run(self) -> None:
         """Carry mail on, for ever. Whom this board hosts by then is known."""
@@ -101,10 +101,10 @@ class MailService:
         while not moved:
             await asyncio.sleep(RETRY_MOST)
             moved = await self._lines_moved()
-        self._peers.watch(self._lanes.arrived)
-        self._lanes.begin()
+        self._peers.watch(self._delivery_queues.arrived)
+        self._delivery_queues.begin()
         self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)
-        await asyncio.gather(self._lanes.run(), self._undelivered.sweep(self._lanes))
+        await asyncio.gather(self._delivery_queues.run(), self._undelivered.sweep(self._delivery_queues))
 
     # Who lives here
 
@@ -127,12 +127,12 @@ class MailService:
 
     async def gone(self, name: str) -> None:
         """Give up what waits here for somebody who has left for good."""
-        await self._undelivered.give_up_all(name, Refusal(code="receiver_left"), self._lanes)
+        await self._undelivered.give_up_all(name, Refusal(code="receiver_left"), self._delivery_queues)
 
     def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
         """Hand the mail of a receiver in this process to `deliver(batch)`, batch by batch. Returns what ends it."""
         self._peers.attached[name] = deliver
-        self._lanes.arrived(name)
+        self._delivery_queues.arrived(name)
         return lambda: self._peers.attached.pop(name, None) and None
 
     async def _lines_moved(self) -> bool:
@@ -145,7 +145,7 @@ class MailService:
                 if belongs is not None and (">" in line) != (">" in belongs):
                     home = belongs == receiver
                     await self.store.write(partial(queries.move, tally=self._tally, line=line, home=home))
-                    self._lanes.more(belongs if home else line)
+                    self._delivery_queues.more(belongs if home else line)
         except StoreFailed:
             return False
         return True
@@ -274,7 +274,7 @@ class MailService:
             else:
                 self.counters["taken" if outcome == queries.TAKEN else "duplicates"] += 1
         for line in {one.line for one in good}:
-            self._lanes.more(line)
+            self._delivery_queues.more(line)
         self.counters["turned_away"] += len(refused)
         self.counters["later"] += len(later)
         return Receipt(taken=len(letters) - len(refused) - len(later), refused=refused, later=later)
@@ -284,7 +284,9 @@ class MailService:
     async def _list(self, query: Query[Mailboxes]) -> None:
         """Serve what waits here and what was given up."""
         try:
-            listed = await self.store.read(partial(list_mailboxes, now=self.clock.now(), state=self._lanes.state))
+            listed = await self.store.read(
+                partial(list_mailboxes, now=self.clock.now(), state=self._delivery_queues.state)
+            )
         except StoreFailed as failed:
             query.reply_error(str(failed))
             return
@@ -334,12 +336,12 @@ async def open_mailroom(
     async with open_store(folder / f"{bus.name}.mail", rules.synchronous, count) as store:
         with suppress(StoreFailed):  # what is told of a message's age may be less than the truth then
             clock.saved = await store.write(clock.save)
-        mailroom = MailService(bus, store, tally, clock, directory, rules, air)
-        mailroom.everybody_known = everybody_known
+        mail_service = MailService(bus, store, tally, clock, directory, rules, air)
+        mail_service.everybody_known = everybody_known
         for name in directory.names():
             if directory.board_of(name) == bus.name:
-                mailroom.host(name)
-        owner, running = asyncio.current_task(), asyncio.create_task(mailroom.run())
+                mail_service.host(name)
+        owner, running = asyncio.current_task(), asyncio.create_task(mail_service.run())
 
         def ended(task: asyncio.Task[None]) -> None:
             if not task.cancelled() and owner is not None:
@@ -347,7 +349,7 @@ async def open_mailroom(
 
         running.add_done_callback(ended)
         try:
-            yield mailroom
+            yield mail_service
         except asyncio.CancelledError:
             if running.done() and (defect := running.exception()) is not None:
                 raise defect from None

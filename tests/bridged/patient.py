@@ -54,7 +54,7 @@ class Desk:
         self.board = PerceptPublisher(
             manifest, ["uav", "other"], lambda *one: None, robot="r", boot="b", stamp=lambda: 0
         )
-        self.desk = ActionServer(
+        self.action_server = ActionServer(
             manifest,
             self.robot,  # type: ignore[arg-type]
             self.board,
@@ -70,7 +70,7 @@ class Desk:
     def ask(self, name: str, agent: str = "uav", **fields: Any) -> list[ActionStatus]:
         """Ask for an action; the list grows with its statuses."""
         heard: list[ActionStatus] = []
-        self.desk.ask(agent, name, Action(**fields), heard.append)  # type: ignore[arg-type]
+        self.action_server.ask(agent, name, Action(**fields), heard.append)  # type: ignore[arg-type]
         return heard
 
     def feedback(self) -> int:

@@ -172,7 +172,7 @@ class Sky:
             request = type(request)(
                 **{one: getattr(request, one) for one in request.__struct_fields__} | {field: value}
             )
-        self.bridge.desk.ask(agent, name, request, heard.append)
+        self.bridge.action_server.ask(agent, name, request, heard.append)
         return heard
 
     def do(self, name: str, *parameters: Term, within: float = 300.0, **fields: object) -> ActionStatus:

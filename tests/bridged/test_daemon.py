@@ -44,9 +44,9 @@ async def beginning(
     """Ask for a long action and wait until it runs; returns the asker and the action's id."""
     statuses: list[ActionStatus] = []
     bus.subscribe(keys.status("test", "uav", name), ActionStatus, lambda _key, status: statuses.append(status))
-    asker = asyncio.create_task(field.ask(bus, name, *parameters))
+    backfill = asyncio.create_task(field.ask(bus, name, *parameters))
     await until(lambda: any(one.state == "running" for one in statuses), f"{name} runs")
-    return asker, statuses[-1].id
+    return backfill, statuses[-1].id
 
 
 def test_an_agent_flies_over_zenoh_and_every_action_ends_once(endpoint: str, tmp_path: Path) -> None:
@@ -155,10 +155,10 @@ def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_action(
             daemon = field.start()
             await until_served(bus)
             await field.take_off(bus)
-            asker, _ = await beginning(field, bus, "goto", *FAR)
+            backfill, _ = await beginning(field, bus, "goto", *FAR)
             field.stop.set()
             assert await daemon == 0
-            heard = await asker
+            heard = await backfill
             assert (heard[-1].state, heard[-1].reason) == ("failed", "the bridge stops: rtl")
         assert field.vehicle.copter.mode.name == "RTL"
 
@@ -232,11 +232,11 @@ def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpo
             daemon = field.start()
             await until_served(bus)
             await field.take_off(bus)
-            asker, _ = await beginning(field, bus, "goto", *FAR)
+            backfill, _ = await beginning(field, bus, "goto", *FAR)
             outcome = await order(bus, "hold")
             assert outcome.ok, outcome.reason
             assert field.vehicle.copter.mode.name == "BRAKE"
-            heard = await asker
+            heard = await backfill
             assert (heard[-1].state, heard[-1].cause, heard[-1].order) == ("failed", "operator", "hold")
             refused = await field.do(bus, "set_mode", "GUIDED")
             assert (refused.state, refused.cause, refused.order) == ("refused", "operator", "hold")
@@ -256,7 +256,7 @@ def test_a_paused_action_is_kept_for_who_asked_and_goes_on(endpoint: str, tmp_pa
             await field.take_off(bus)
             health: list[Health] = []
             bus.subscribe(keys.health("test", "uav1", "bridged"), Health, lambda _key, one: health.append(one))
-            asker, _ = await beginning(field, bus, "goto", *FAR)
+            backfill, _ = await beginning(field, bus, "goto", *FAR)
             outcome = await order(bus, "pause")
             assert (outcome.ok, outcome.reason) == (True, "the vehicle is in BRAKE")
             assert field.vehicle.copter.mode.name == "BRAKE"
@@ -264,7 +264,7 @@ def test_a_paused_action_is_kept_for_who_asked_and_goes_on(endpoint: str, tmp_pa
             assert (await order(bus, "pause")).ok
             outcome = await order(bus, "continue")
             assert (outcome.ok, outcome.reason) == (True, "the vehicle is in GUIDED")
-            heard = await asker
+            heard = await backfill
             assert heard[-1].state == "succeeded", heard[-1].reason
             assert any(one.paused and one.reason == "paused by the operator" for one in heard)
             await until(lambda: not health[-1].paused, "health says that it goes on")
@@ -430,9 +430,9 @@ def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_flight(en
                 daemon = field.start()
                 await until_served(bus)
                 await field.take_off(bus)
-                asker, action = await beginning(field, bus, "goto", -27.6030, -48.5175, 20)
+                backfill, action = await beginning(field, bus, "goto", -27.6030, -48.5175, 20)
                 router.kill()
-                heard = await asker
+                heard = await backfill
                 assert not heard[-1].final, "the query ended without a final status"
                 await asyncio.sleep(2)
                 router = Daemon("commd", "serve", str(file), "--router", endpoint)
@@ -483,14 +483,14 @@ def test_an_action_is_cancelled_over_the_bus(endpoint: str, tmp_path: Path) -> N
             daemon = field.start()
             await until_served(bus)
             await field.take_off(bus)
-            asker, action = await beginning(field, bus, "goto", *FAR)
+            backfill, action = await beginning(field, bus, "goto", *FAR)
             query = bus.query(
                 keys.cancel("test", "uav"), Cancel(header=bus.header("cancel", "uav"), id=action), ActionStatus, 5
             )
             [reply] = [one async for one in query]
             assert reply.record is not None
             assert reply.record.state == "cancelled"
-            assert (await asker)[-1].state == "cancelled"
+            assert (await backfill)[-1].state == "cancelled"
             field.stop.set()
             await daemon
 

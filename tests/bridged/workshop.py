@@ -64,7 +64,9 @@ class Workshop:
         self._ids += 1
         heard: list[ActionStatus] = []
         request = Action(id=f"{self._agent}:t:{self._ids}", parameters=parameters)
-        self.bridge.desk.ask(self._agent, name, request, lambda status: heard.append(status) if status else None)
+        self.bridge.action_server.ask(
+            self._agent, name, request, lambda status: heard.append(status) if status else None
+        )
         return heard
 
     async def do(self, name: str, *parameters: Term) -> ActionStatus:
@@ -75,7 +77,7 @@ class Workshop:
 
     def cancel(self) -> ActionStatus:
         """Cancel the action that was asked for last."""
-        return self.bridge.desk.cancel(self._agent, f"{self._agent}:t:{self._ids}")
+        return self.bridge.action_server.cancel(self._agent, f"{self._agent}:t:{self._ids}")
 
     def present(self, name: str) -> list[tuple[Term, ...]]:
         """What the agent perceives now under a name."""

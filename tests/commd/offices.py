@@ -47,12 +47,12 @@ async def board(
     bus = await connect(name, "commd")
     clock = MailClock(now, "this boot") if now is not None else None
     directory = FixedDirectory(TWO_BOARDS if homes is None else homes)
-    async with open_mailroom(bus, directory, rules, folder, air, clock) as mailroom:
+    async with open_mailroom(bus, directory, rules, folder, air, clock) as mail_service:
         token = bus.token(keys.alive(FLEET, name, "commd", bus.boot))
-        yield mailroom
+        yield mail_service
         bus.withdraw(token)
-        for agent in list(mailroom._hosted):
-            for withdraw in mailroom._hosted.pop(agent):
+        for agent in list(mail_service._hosted):
+            for withdraw in mail_service._hosted.pop(agent):
                 withdraw()
     await bus.close()
 

@@ -10,7 +10,7 @@ from tests.soak_actions import AGENTS, CLIENTS, HEARD_WITHIN, Heard, Result, Tas
 def test_agents_and_clients_hear_the_end_that_happened_while_the_router_is_killed(tmp_path: Path) -> None:
     result = soak(10, 3, tmp_path)
     assert result.disagreements() == []
-    assert {asker for asker, _ in result.asked} == {*AGENTS, *CLIENTS}
+    assert {backfill for backfill, _ in result.asked} == {*AGENTS, *CLIENTS}
     assert result.outages
     assert max(result.delays().values()) <= HEARD_WITHIN
 

@@ -26,7 +26,7 @@ def _close(row: Row, sky: BadAir, before: float) -> Row:
     row.seen.append(
         ", ".join(f"{name.replace('_', ' ')}: {value}" for name, value in told.items()) or "nothing repeated"
     )
-    slots, running = len(sky.bridge.board._slots), len(sky.bridge.desk.running)
+    slots, running = len(sky.bridge.board._slots), len(sky.bridge.action_server.running)
     row.bound = f"{slots} percepts, {running} actions left; process +{resident() - before:.1f} MB"
     row.expect(running == 0, "no action is left running")
     row.expect(slots < 50, "the percepts held are those of the manifest")
@@ -149,7 +149,7 @@ def link_cut(state: Path) -> Row:
 
 
 def _positions(sky: BadAir) -> int:
-    return sky.driver._conversation.vehicle.positions
+    return sky.driver._vehicle_session.vehicle.positions
 
 
 VIRTUAL: tuple[Callable[[Path], Row], ...] = (

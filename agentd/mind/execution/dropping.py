@@ -63,7 +63,7 @@ def _take_back(mind: MindState, intention: Intention) -> None:
     elif isinstance(token, Question):
         forget_question(mind, token)
     if intention.action is not None:
-        mind.performing.pop(intention.action, None)
+        mind.action_client.pop(intention.action, None)
         mind.effects.append(CancelAction(intention.action))
         intention.action = None
     if intention in mind.running:

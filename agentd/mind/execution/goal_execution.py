@@ -118,7 +118,7 @@ def perform(mind: MindState, intention: Intention, action: Any) -> bool:
         raise Failed("action_failed", f"nobody can perform the action {action.sig.indicator}")
     mind.action_count += 1
     number = intention.action = mind.action_count
-    mind.performing[number] = intention
+    mind.action_client[number] = intention
     mind.effects.append(PerformAction(number, name, args))
     await_something(mind, intention, Awaited("action", name))
     return True

@@ -75,7 +75,7 @@ def _take(mind: MindState, item: Any) -> None:
 
 
 def _action_done(mind: MindState, done: ActionDone) -> None:
-    intention = mind.performing.pop(done.id, None)
+    intention = mind.action_client.pop(done.id, None)
     if intention is None or intention.action != done.id:
         return
     if done.ok:

@@ -46,11 +46,11 @@ log = logging.getLogger("recorder")
 class Backfill:
     """Follows the tokens of a fleet and asks each daemon that comes."""
 
-    def __init__(self, bus: Bus, fleet: str, intake: WriteQueue, minds: Minds, only: Iterable[str] = ()) -> None:
+    def __init__(self, bus: Bus, fleet: str, write_queue: WriteQueue, minds: Minds, only: Iterable[str] = ()) -> None:
         """`fleet` may be `*`. With `only`, key expressions, nothing else is asked for."""
         self.tokens = 0
         """Daemons that are there now."""
-        self._bus, self._fleet, self._intake, self._minds = bus, fleet, intake, minds
+        self._bus, self._fleet, self._write_queue, self._minds = bus, fleet, write_queue, minds
         self._only = [zenoh.KeyExpr(key) for key in only]
         self._tasks = Tasks("asking for what was before")
         self._room = asyncio.Semaphore(AT_ONCE)
@@ -88,7 +88,7 @@ class Backfill:
         topic = f"{keys.ROOT}/{fleet}/{name}/alive/{daemon}"
         encoding = f"application/json;{PREFIX}{TokenSeen.__name__}/1"
         if self._wants(keys.alive(fleet, name, daemon, "*")):
-            self._intake.put(Heard(self._intake.now(), topic, payload, encoding, "token"))
+            self._write_queue.put(Heard(self._write_queue.now(), topic, payload, encoding, "token"))
         if not alive:
             return
         match daemon:
@@ -156,8 +156,8 @@ class Backfill:
 
         def told(key: str, record: Record) -> None:
             nonlocal answered
-            heard = Heard(self._intake.now(), key, made.encode(record), made.encoding("json"), "query")
-            self._intake.put(heard)
+            heard = Heard(self._write_queue.now(), key, made.encode(record), made.encoding("json"), "query")
+            self._write_queue.put(heard)
             answered = True
 
         async with self._room:

@@ -107,18 +107,18 @@ def run(args: Namespace) -> int:
         return EXIT_BAD_INPUT
 
     async def record(bus: Bus, where: Where) -> int:
-        intake = WriteQueue()
-        facts = _facts(intake.now(), fleet, mission, only, notes, args.speed)
+        write_queue = WriteQueue()
+        facts = _facts(write_queue.now(), fleet, mission, only, notes, args.speed)
         limits = Limits(args.max_size, args.max_time, args.split)
         several = isinstance(bus, FleetBus)
         try:
             recorder = Recorder(
-                path, facts, limits, intake, compression=args.compression, overwrite=args.force, several=several
+                path, facts, limits, write_queue, compression=args.compression, overwrite=args.force, several=several
             )
         except OSError as error:
             print(f"error: {path}: {error.strerror}", file=sys.stderr)
             return EXIT_BAD_INPUT
-        return await _Recording(bus, recorder, Backfill(bus, fleet, intake, recorder.minds, only)).run(fleet, only)
+        return await _Recording(bus, recorder, Backfill(bus, fleet, write_queue, recorder.minds, only)).run(fleet, only)
 
     code = on_the_bus(args, record)
     flush()
@@ -149,8 +149,8 @@ def _facts(
 class _Recording:
     """One recording under way."""
 
-    def __init__(self, bus: Bus, recorder: Recorder, asker: Backfill) -> None:
-        self._bus, self._recorder, self._asker = bus, recorder, asker
+    def __init__(self, bus: Bus, recorder: Recorder, backfill: Backfill) -> None:
+        self._bus, self._recorder, self._backfill = bus, recorder, backfill
         self._ended, self._told, self._again = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self._why = ""
         self._router_lost = False
@@ -161,8 +161,8 @@ class _Recording:
         for number, why in ENDS.items():
             loop.add_signal_handler(number, self._tell, why)
         recorder.start(partial(loop.call_soon_threadsafe, self._ended.set))
-        hear(self._bus, fleet, only, recorder.intake)
-        self._asker.start()
+        hear(self._bus, fleet, only, recorder.write_queue)
+        self._backfill.start()
         self._bus.on_router(self._router)
         stdout().write(f"recording {recorder.path}", NOTICE, event=RecordingStarted())
         for one in await unreached(self._bus):
@@ -173,7 +173,7 @@ class _Recording:
             await self._until_it_ends()
             showing.cancel()
         nobody.cancel()
-        await self._asker.close()
+        await self._backfill.close()
         return self._finish()
 
     async def _until_it_ends(self) -> None:
@@ -183,7 +183,7 @@ class _Recording:
         if not self._ended.is_set() and self._bus.router_up:
             with suppress(TimeoutError):
                 async with asyncio.timeout(LAST_LOOK):
-                    await self._asker.last_look()
+                    await self._backfill.last_look()
         self._recorder.stop(self._why)
         again = asyncio.create_task(self._again.wait())
         await asyncio.wait((ended, again), timeout=DISK, return_when=asyncio.FIRST_COMPLETED)
@@ -218,14 +218,14 @@ class _Recording:
     def _router(self, up: bool) -> None:
         if up and self._router_lost:
             self._recorder.note("router", "the router is back")
-            self._asker.look_again()
+            self._backfill.look_again()
         elif not up:
             self._recorder.note("router", "the router is lost: nothing is heard")
         self._router_lost = not up
 
     async def _say_if_nobody_is_there(self, fleet: str) -> None:
         await asyncio.sleep(NOBODY)
-        if not self._asker.tokens and not self._recorder.messages:
+        if not self._backfill.tokens and not self._recorder.messages:
             who = f"nobody of fleet `{fleet}` is" if fleet != ANY else "nobody is"
             print(f"note: {who} on {self._bus.endpoint} yet; it is recorded as soon as it comes", file=sys.stderr)
 

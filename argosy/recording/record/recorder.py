@@ -47,7 +47,7 @@ class Recorder:
         path: Path,
         facts: Facts,
         limits: Limits,
-        intake: WriteQueue,
+        write_queue: WriteQueue,
         *,
         compression: Compression = "lz4",
         overwrite: bool = False,
@@ -57,7 +57,7 @@ class Recorder:
 
         A recording that is to be split is not begun where a file is in the way of its later parts.
         """
-        self.path, self.intake, self.minds = path, intake, Minds()
+        self.path, self.write_queue, self.minds = path, write_queue, Minds()
         self.files = [path]
         self.problem = ""
         """Why it could not go on, if it could not."""
@@ -70,7 +70,7 @@ class Recorder:
         self._written = self._messages = 0
         """Bytes and messages of the files before this one."""
         self._since_flush = self._chunks = 0
-        self._began = intake.now()
+        self._began = write_queue.now()
         self._told_dropped = 0
         self._why = self._ended_early = ""
         """Why it ended, and why it did before it was to."""
@@ -91,7 +91,7 @@ class Recorder:
     @property
     def dropped(self) -> int:
         """Messages that were heard and are not in the file."""
-        return self.intake.dropped + self.intake.too_large + self._writer.no_channel
+        return self.write_queue.dropped + self.write_queue.too_large + self._writer.no_channel
 
     @property
     def wild(self) -> int:
@@ -106,7 +106,7 @@ class Recorder:
     @property
     def seconds(self) -> float:
         """Since the beginning of the recording."""
-        return (self.intake.now() - self._facts.started) / SECOND
+        return (self.write_queue.now() - self._facts.started) / SECOND
 
     @property
     def why(self) -> str:
@@ -122,13 +122,13 @@ class Recorder:
         """Tell it to write what waits and to end."""
         self._why = self._why or why
         self._stop.set()
-        self.intake.woken.set()
+        self.write_queue.woken.set()
 
     def note(self, kind: str, text: str) -> None:
         """Write down what happened to the recorder."""
         payload = msgspec.json.encode(RecorderNote(kind=kind, text=text))
         encoding = f"application/json;{PREFIX}{RecorderNote.__name__}/1"
-        self.intake.put(Heard(self.intake.now(), NOTES, payload, encoding, "recorder"))
+        self.write_queue.put(Heard(self.write_queue.now(), NOTES, payload, encoding, "recorder"))
 
     def _run(self) -> None:
         try:
@@ -147,8 +147,8 @@ class Recorder:
     def _record(self) -> None:
         """Write until it is told to end, and then what still waits; or until a limit is reached."""
         while not self._stop.is_set():
-            self.intake.woken.wait(PERIOD)
-            self.intake.woken.clear()
+            self.write_queue.woken.wait(PERIOD)
+            self.write_queue.woken.clear()
             if not self._drain() or self._late():
                 return
         self._drain()
@@ -158,13 +158,13 @@ class Recorder:
         limit = self._limits.seconds
         return (
             limit is not None
-            and self.intake.now() - self._began >= limit * SECOND
+            and self.write_queue.now() - self._began >= limit * SECOND
             and not self._full(f"{limit} are over")
         )
 
     def _drain(self) -> bool:
         """Write what waits. Returns whether there is room for more."""
-        for heard in self.intake.take():
+        for heard in self.write_queue.take():
             if (new := self._sieve.new(heard)) is not None and self._writer.add(new) is not None:
                 self._since_flush += len(heard.payload) + 64
             if self._size_of_file() >= self._limits.size and not self._full(f"{size(self._limits.size)} are full"):
@@ -202,7 +202,7 @@ class Recorder:
         self._writer = following
         self.files.append(path)
         self._since_flush = self._chunks = 0
-        self._began = self.intake.now()
+        self._began = self.write_queue.now()
         return True
 
     def _in_the_way(self) -> Path | None:
@@ -214,9 +214,9 @@ class Recorder:
         self._writer.close(
             End(
                 why=why,
-                ended=self.intake.now(),
-                dropped=self.intake.dropped + self._writer.no_channel,
-                too_large=self.intake.too_large,
+                ended=self.write_queue.now(),
+                dropped=self.write_queue.dropped + self._writer.no_channel,
+                too_large=self.write_queue.too_large,
                 gaps=tuple(self.minds.gaps()),
                 following=following,
             )

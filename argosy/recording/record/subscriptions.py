@@ -29,11 +29,11 @@ def wanted_keys(fleet: str, only: Iterable[str]) -> list[str]:
     return found
 
 
-def hear(bus: Bus, fleet: str, only: Sequence[str], intake: WriteQueue) -> None:
+def hear(bus: Bus, fleet: str, only: Sequence[str], write_queue: WriteQueue) -> None:
     """Let all that is put be taken in, at each board where there are several sessions."""
     everything = f"{keys.ROOT}/**" if fleet == "*" else f"{keys.ROOT}/{fleet}/**"
     for key in only or (everything,):
         if isinstance(bus, FleetBus):
-            bus.boards.at_each(lambda board, one, key=key: one.raw.tap(key, intake.sample))  # type: ignore[misc]
+            bus.boards.at_each(lambda board, one, key=key: one.raw.tap(key, write_queue.sample))  # type: ignore[misc]
         else:
-            bus.raw.tap(key, intake.sample)
+            bus.raw.tap(key, write_queue.sample)

@@ -1,4 +1,4 @@
-"""The MAVLink driver: one vehicle on a link, on asyncio. What is said is in `conversation`, the link in `links`."""
+"""The MAVLink driver: one vehicle on a link, on asyncio. What is said is in `vehicle_session`, the link in `links`."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class MavlinkDriver:
         self._carrier: Carrier | None = None
         self.identity = our_ids(robot.failsafe, robot.sysid, robot.ids)
         """Under which ids we speak, and to whom."""
-        self._rider = LinkClient(
+        self._link_client = LinkClient(
             setup.name,
             robot.sysid,
             Ids(self.identity.system, self.identity.component),
@@ -78,7 +78,7 @@ class MavlinkDriver:
         """Messages so far that could not be packed."""
         self.stalls = 0
         """How often so far the event loop was away for longer than `STALL`."""
-        self._conversation = VehicleSession(
+        self._vehicle_session = VehicleSession(
             setup.manifest,
             self.identity,
             self._send,
@@ -93,14 +93,14 @@ class MavlinkDriver:
         """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened: run it again."""
         loop = asyncio.get_running_loop()
         self._carry(False)  # so that a link that cannot be opened, also when this is run again, is told to be down
-        async with self._links.seat(self._address, self._rider) as self._link:
+        async with self._links.seat(self._address, self._link_client) as self._link:
             self._carry(self._link.up)
             while True:
                 try:
                     self.tick()
                 except Exception as error:  # a defect must not take the link down, and with it the way home
                     loop.call_exception_handler({"message": "looking at the vehicle", "exception": error})
-                at_work = self._conversation.streams.at_work
+                at_work = self._vehicle_session.streams.at_work
                 pause = min(TICK, 1 / (TICKS * self._clock.speed)) if at_work else TICK_IDLE
                 due = loop.time() + pause
                 self._asked.clear()
@@ -118,18 +118,18 @@ class MavlinkDriver:
 
     def receive(self, message: dialect.MAVLink_message) -> None:
         """Take in a message from the carrier."""
-        self._conversation.receive(message, self._clock.now())
+        self._vehicle_session.receive(message, self._clock.now())
         self._look()
 
     def tick(self) -> None:
         """Let time pass."""
-        self._conversation.tick(self._clock.now())
+        self._vehicle_session.tick(self._clock.now())
         self._look()
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action of the manifest."""
         task = Task(name, moves=entry.motion)
-        modes = self._conversation.modes
+        modes = self._vehicle_session.modes
         try:
             call = call_of(entry, arguments, modes)
         except ValueError as error:
@@ -139,18 +139,18 @@ class MavlinkDriver:
             task.end(Outcome("refused", two))
             return task
         self._asked.set()
-        return self._conversation.perform(task, offer_of(entry, call.number), call)
+        return self._vehicle_session.perform(task, offer_of(entry, call.number), call)
 
     def refuses(self, entry: ActionEntry) -> Outcome | None:
         """Why an action cannot begin now; None if it can. Setting the mode takes control again.
 
         Of two vehicles that cannot be told apart none is armed or moved; one that flies is left its ways down.
         """
-        if refusal := self._conversation.vehicle.not_commanded:
+        if refusal := self._vehicle_session.vehicle.not_commanded:
             return Outcome("refused", refusal)
         if (two := self._two()) and not (self.active and may_lead_down(entry)):
             return Outcome("refused", two)
-        mode = self._conversation.control.override
+        mode = self._vehicle_session.control.override
         if not mode or entry.confirm == "mode":
             return None
         who = "(pilot, ground station or failsafe)"
@@ -160,70 +160,70 @@ class MavlinkDriver:
     def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
         """Begin an order from above; every action that runs ends as `ending`."""
         self._asked.set()
-        return self._conversation.order(order, ending, insist=insist)
+        return self._vehicle_session.order(order, ending, insist=insist)
 
     def pause(self, interrupted: Collection[Execution]) -> Execution:
         """Hold the vehicle by its mode; on `resume` it goes on in the mode before."""
         self._asked.set()
-        return self._conversation.pause([task for task in interrupted if isinstance(task, Task)])
+        return self._vehicle_session.pause([task for task in interrupted if isinstance(task, Task)])
 
     def resume(self) -> Execution:
         """Set the mode before the pause."""
         self._asked.set()
-        return self._conversation.resume()
+        return self._vehicle_session.resume()
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution now."""
         if isinstance(execution, Task):
-            self._conversation.end(execution, outcome, hold=hold)
+            self._vehicle_session.end(execution, outcome, hold=hold)
 
     @property
     def active(self) -> bool:
         """Armed, as far as is known; a vehicle that fell silent while armed counts as armed."""
-        return self._conversation.vehicle.armed
+        return self._vehicle_session.vehicle.armed
 
     @property
     def heard(self) -> bool:
         """Whether its HEARTBEATs come."""
-        return self._conversation.vehicle.connected
+        return self._vehicle_session.vehicle.connected
 
     @property
     def silence(self) -> float:
         """Wall seconds since its last HEARTBEAT."""
-        return self._conversation.silence
+        return self._vehicle_session.silence
 
     @property
     def airborne(self) -> bool:
         """Armed and off the ground; a rover never is."""
-        vehicle = self._conversation.vehicle
+        vehicle = self._vehicle_session.vehicle
         return vehicle.aloft and not vehicle.modes.ground
 
     @property
     def under_way(self) -> Order | None:
         """The order that its mode carries out while it is armed."""
-        vehicle = self._conversation.vehicle
+        vehicle = self._vehicle_session.vehicle
         return vehicle.modes.order_of(vehicle.mode) if vehicle.connected and vehicle.armed else None
 
     @property
     def overridden(self) -> str:
         """The mode of an armed vehicle in which others have set it; empty if nobody has."""
-        talk = self._conversation
+        talk = self._vehicle_session
         theirs = talk.control.overridden or talk.vehicle.not_commanded
         return talk.vehicle.mode_name if theirs and talk.vehicle.armed else ""
 
     def adopt(self, manifest: Manifest) -> None:
         """Go on by another manifest: other streams are asked for."""
-        self._conversation.adopt(manifest)
-        self._rider.unread = unread(manifest)
+        self._vehicle_session.adopt(manifest)
+        self._link_client.unread = unread(manifest)
         self._patience = self._be_patient(manifest)
 
     def speak_for_agent(self, present: bool) -> None:
         """Without an agent, heartbeats that claim to be the ground station stop."""
-        self._conversation.speaks_for_agent = present
+        self._vehicle_session.speaks_for_agent = present
 
     def counters(self) -> dict[str, float]:
         """Figures for health."""
-        talk = self._conversation
+        talk = self._vehicle_session
         counters: dict[str, float] = {
             "messages": talk.received,
             "commands_repeated": talk.commands.repeated,
@@ -234,15 +234,15 @@ class MavlinkDriver:
             "unsendable": self.unsendable,
             "stalls": self.stalls,
         }
-        return counters if self._link is None else counters | self._link.counters(self._rider)
+        return counters if self._link is None else counters | self._link.counters(self._link_client)
 
     def notes(self) -> list[Note]:
         """Warnings that hold now."""
-        of_link = [] if self._link is None else self._link.notes(self._rider)
-        return [*of_link, *self._conversation.notes()]
+        of_link = [] if self._link is None else self._link.notes(self._link_client)
+        return [*of_link, *self._vehicle_session.notes()]
 
     def _look(self) -> None:
-        talk = self._conversation
+        talk = self._vehicle_session
         self._state.look(talk.vehicle.connected, talk.vehicle.heard_at, self._clock.now(), self._patience)
         self._on_step()
 
@@ -252,13 +252,13 @@ class MavlinkDriver:
 
     def _two(self) -> str:
         """The warning that two vehicles have the id of ours, empty if there is one."""
-        return "" if self._link is None else self._rider.address.two_vehicles(asyncio.get_running_loop().time())
+        return "" if self._link is None else self._link_client.address.two_vehicles(asyncio.get_running_loop().time())
 
     def _be_patient(self, manifest: Manifest) -> float:
         """Mission seconds of silence that are a link loss; the judgement of the vehicle's address goes by them too."""
-        flight, limit = self._conversation.flight, manifest.robot.link_loss
+        flight, limit = self._vehicle_session.flight, manifest.robot.link_loss
         patience = flight.wait(limit, limit)
-        self._rider.address.link_loss = flight.to_wall(patience)
+        self._link_client.address.link_loss = flight.to_wall(patience)
         return patience
 
     def _send(self, message: dialect.MAVLink_message) -> None:
@@ -267,7 +267,7 @@ class MavlinkDriver:
                 self._carrier.send(message, self.identity.vehicle)
             elif self._link is not None:
                 send = self._link.send_everywhere if self._two() else self._link.send
-                send(self._rider, message)
+                send(self._link_client, message)
         except ValueError as error:
             self.unsendable += 1
             log.error("not sent: %s", error)

@@ -295,12 +295,12 @@ def test_a_receipt_says_what_became_of_each_message(receipt: Receipt, right: boo
 class Reader:
     """Agent b as its inbox sees it, and commd as it hands over."""
 
-    def __init__(self, bus: Bus, asker: Bus) -> None:
+    def __init__(self, bus: Bus, backfill: Bus) -> None:
         self.fed: list[object] = []
         self.full = False
         self.missing: list[tuple[str, int]] = []
         self.inbox = AgentInbox(bus, "b", lambda: not self.full, self.read, lambda *what: self.missing.append(what))
-        self._asker = asker
+        self._backfill = backfill
 
     def read(self, message: Message) -> Callable[[], None]:
         if message.content == "bad":
@@ -309,7 +309,7 @@ class Reader:
 
     async def hand_over(self, *messages: Message) -> Receipt:
         mail = Mail(messages=messages)
-        async for reply in self._asker.query(keys.inbox(FLEET, "b"), mail, Receipt, 10):
+        async for reply in self._backfill.query(keys.inbox(FLEET, "b"), mail, Receipt, 10):
             assert reply.record is not None, reply.error
             return reply.record
         raise AssertionError("nobody serves the inbox")
@@ -321,9 +321,9 @@ class Reader:
 
 
 async def a_reader(connect: Connect) -> Reader:
-    asker = await connect("board", "commd")
-    reader = Reader(await connect("b"), asker)
-    await served(asker, keys.inbox(FLEET, "b"))
+    backfill = await connect("board", "commd")
+    reader = Reader(await connect("b"), backfill)
+    await served(backfill, keys.inbox(FLEET, "b"))
     return reader
 
 

@@ -79,10 +79,10 @@ class WatchedMind(RuleBasedStateMachine):
     def time_passes(self, seconds: int) -> None:
         self.life.at(self.life.now + seconds)
 
-    @precondition(lambda self: self.life.mind.performing)
+    @precondition(lambda self: self.life.mind.action_client)
     @rule(ok=st.booleans())
     def an_action_ends(self, ok: bool) -> None:
-        self.life.feed(ActionDone(min(self.life.mind.performing), ok, "", "succeeded" if ok else "failed"))
+        self.life.feed(ActionDone(min(self.life.mind.action_client), ok, "", "succeeded" if ok else "failed"))
 
     @rule()
     def is_saved(self) -> None:

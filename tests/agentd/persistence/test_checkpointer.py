@@ -27,8 +27,8 @@ from tests.support.notes import identities
 HEARS = "+!kqml_received(S, tell, N, _) <- +got(N); .print(got(N)).\n"
 
 
-async def hand_over(asker: Bus, *messages: Message) -> Receipt:
-    async for reply in asker.query(keys.inbox(FLEET, "b"), Mail(messages=messages), Receipt, 15):
+async def hand_over(backfill: Bus, *messages: Message) -> Receipt:
+    async for reply in backfill.query(keys.inbox(FLEET, "b"), Mail(messages=messages), Receipt, 15):
         assert reply.record is not None, reply.error
         return reply.record
     raise AssertionError("nobody serves the inbox")
@@ -36,12 +36,12 @@ async def hand_over(asker: Bus, *messages: Message) -> Receipt:
 
 def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        asker = await connect("board", "commd")
+        backfill = await connect("board", "commd")
         agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await served(asker, keys.inbox(FLEET, "b"))
+        await served(backfill, keys.inbox(FLEET, "b"))
         await until(lambda: bool(agent.disk.savings), "the agent is kept once")
         agent.disk.open.clear()
-        answer = asyncio.create_task(hand_over(asker, numbered(1), numbered(2)))
+        answer = asyncio.create_task(hand_over(backfill, numbered(1), numbered(2)))
         await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
         await asyncio.sleep(0.2)
         assert not answer.done()
@@ -49,9 +49,9 @@ def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(endpoint: str
         assert await answer == Receipt(taken=2)
         await agent.die()
         again = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await served(asker, keys.inbox(FLEET, "b"))
-        assert await hand_over(asker, numbered(1), numbered(2)) == Receipt(taken=2)
-        assert await hand_over(asker, numbered(3)) == Receipt(taken=1)
+        await served(backfill, keys.inbox(FLEET, "b"))
+        assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
+        assert await hand_over(backfill, numbered(3)) == Receipt(taken=1)
         assert again.prints == ["got(3)"]
         assert {"got(1)[source(self)]", "got(2)[source(self)]"} < set(again.beliefs)
         await again.end()
@@ -65,19 +65,19 @@ def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_event_o
     program = "!go. @busy[atomic] +!go <- .print(waits); .wait(60000). +n(N) <- .print(heard(N))."
 
     async def body(connect: Connect) -> None:
-        asker = await connect("board", "commd")
+        backfill = await connect("board", "commd")
         agent = await host_on(await connect("b"), "b", program, tmp_path)
-        await served(asker, keys.inbox(FLEET, "b"))
+        await served(backfill, keys.inbox(FLEET, "b"))
         await until(lambda: agent.prints == ["waits"], "the atomic plan waits")
         told = [numbered(seq, Structure("n", (seq,))) for seq in (1, 2)]
-        assert await hand_over(asker, *told) == Receipt(taken=2)
+        assert await hand_over(backfill, *told) == Receipt(taken=2)
         assert {"n(1)[source(a)]", "n(2)[source(a)]"} <= set(agent.beliefs)
         assert agent.prints == ["waits"]
         await agent.die()
         again = await host_on(await connect("b"), "b", program, tmp_path)
-        await served(asker, keys.inbox(FLEET, "b"))
+        await served(backfill, keys.inbox(FLEET, "b"))
         await until(lambda: again.prints == ["heard(1)", "heard(2)"], "the events come once, in their order")
-        assert await hand_over(asker, *told) == Receipt(taken=2)
+        assert await hand_over(backfill, *told) == Receipt(taken=2)
         assert again.prints == ["heard(1)", "heard(2)"]
         await again.end()
 
@@ -90,17 +90,17 @@ def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
     monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.1)
 
     async def body(connect: Connect) -> None:
-        asker = await connect("board", "commd")
+        backfill = await connect("board", "commd")
         agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await served(asker, keys.inbox(FLEET, "b"))
-        assert await hand_over(asker, numbered(1)) == Receipt(taken=1)
+        await served(backfill, keys.inbox(FLEET, "b"))
+        assert await hand_over(backfill, numbered(1)) == Receipt(taken=1)
         agent.disk.full = "no space left"
-        answer = asyncio.create_task(hand_over(asker, numbered(2)))
+        answer = asyncio.create_task(hand_over(backfill, numbered(2)))
         await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
         await agent.die()
         again = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await served(asker, keys.inbox(FLEET, "b"))
-        assert await hand_over(asker, numbered(1), numbered(2)) == Receipt(taken=2)
+        await served(backfill, keys.inbox(FLEET, "b"))
+        assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
         assert again.prints == ["got(2)"]
         answer.cancel()
         await again.end()
@@ -169,12 +169,12 @@ def test_a_save_that_does_not_end_is_told_and_no_action_waits_for_it_or_is_remem
         (note,) = agent.host.health().notes
         assert note.code == "state_not_kept"
         assert "the disk has not answered" in note.text
-        keeping = agent.host._keeping
-        assert keeping is not None
+        checkpointer = agent.host._checkpointer
+        assert checkpointer is not None
         for number in range(100):
-            assert keeping.begun(Action(id=f"b:1:{number}", agent="b", name="goto")).done()
-            keeping.ended(f"b:1:{number}")
-        assert (keeping._begun, keeping._ended) == ({}, [])
+            assert checkpointer.begun(Action(id=f"b:1:{number}", agent="b", name="goto")).done()
+            checkpointer.ended(f"b:1:{number}")
+        assert (checkpointer._begun, checkpointer._ended) == ({}, [])
         agent.disk.open.set()
         await until(lambda: agent.host.health().notes == (), "it is kept again")
         await agent.end()
@@ -189,13 +189,13 @@ def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_message
     program += "+!kqml_received(_, tell, N, _) <- .send(c, tell, N).\n"
 
     async def body(connect: Connect) -> None:
-        asker = await connect("board", "commd")
+        backfill = await connect("board", "commd")
         agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
         await until(lambda: agent.prints == ["done"], "it has counted")
         assert 2 <= len(agent.disk.savings) <= 12
         before = len(agent.disk.savings)
-        await served(asker, keys.inbox(FLEET, "b"))
-        assert await hand_over(asker, *map(numbered, range(1, 301))) == Receipt(taken=300)
+        await served(backfill, keys.inbox(FLEET, "b"))
+        assert await hand_over(backfill, *map(numbered, range(1, 301))) == Receipt(taken=300)
         assert len(agent.disk.savings) - before < 30
         assert sum(len(saving.outgoing) for saving in agent.disk.savings) == 300
         await agent.end()
@@ -213,9 +213,9 @@ def test_an_atomic_plan_is_kept_whole(endpoint: str, tmp_path: Path, monkeypatch
         seen: list[set[str]] = []
         begin = Checkpointer._begin
 
-        def look(keeping: Checkpointer) -> None:
+        def look(checkpointer: Checkpointer) -> None:
             seen.append({belief.partition("(")[2] for belief in agent.beliefs if belief[:2] in ("n(", "m(")})
-            begin(keeping)
+            begin(checkpointer)
 
         monkeypatch.setattr(Checkpointer, "_begin", look)
         agent = await host_on(await connect("b"), "b", program, tmp_path)
@@ -364,10 +364,10 @@ def test_an_atomic_plan_is_kept_whole_though(
         agent.tell(Told("b", "tell", atom("go")))
         await until(lambda: bool(agent.prints), "the plan has begun")
         if ends == "an action begins":
-            keeping = agent.host._keeping
-            assert keeping is not None
-            await keeping.begun(Action(id="a:1:1", agent="a", name="goto"))
-            assert "5000" in agent.prints or keeping.counters["actions_unkept"]
+            checkpointer = agent.host._checkpointer
+            assert checkpointer is not None
+            await checkpointer.begun(Action(id="a:1:1", agent="a", name="goto"))
+            assert "5000" in agent.prints or checkpointer.counters["actions_unkept"]
             await agent.die()
         else:
             await agent.end()

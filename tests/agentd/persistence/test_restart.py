@@ -120,9 +120,9 @@ def until_kept(fleet: Fleet) -> Daemon:
     """Start agent a, and b that asks it for something; return a when that is on disk: before, it does not answer."""
     first = fleet.start("a")
     first.says("[a] keeps 1")
-    asker = fleet.start("b", "--fresh")
-    asker.says("[b] kept ")
-    end(asker)
+    backfill = fleet.start("b", "--fresh")
+    backfill.says("[b] kept ")
+    end(backfill)
     first.says("[a] slow 7 for b")
     return first
 
@@ -177,9 +177,9 @@ def test_a_team_that_has_stopped_itself_begins_anew(tmp_path: Path, endpoint: st
     with a_fleet(tmp_path, endpoint, ONE.format(more=""), a=stops, b=asks) as fleet:
         first = fleet.start("a")
         first.says("[a] keeps 1")
-        asker = fleet.start("b")
+        backfill = fleet.start("b")
         assert first.ends() == 3
-        end(asker)
+        end(backfill)
         kept = [file.parent.name for file in (tmp_path / "state").rglob("mind.sqlite")]
         assert kept == ["b"]
         second = fleet.start("a")

@@ -304,8 +304,8 @@ class Alone:
     def __init__(self, hands: Hands) -> None:
         self.told: list[object] = []
         self.tasks: list[asyncio.Task[None]] = []
-        acting, tell = cast(ActionRequests, hands), self.told.append
-        self.performing = ActionClient("a", "2", acting, NoJournal(), tell, self._spawn, tell)
+        action_requests, tell = cast(ActionRequests, hands), self.told.append
+        self.action_client = ActionClient("a", "2", action_requests, NoJournal(), tell, self._spawn, tell)
 
     def _spawn(self, work: Any) -> None:
         self.tasks.append(asyncio.get_running_loop().create_task(work))
@@ -325,9 +325,9 @@ def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() -> None:
     async def body() -> None:
         hands = Hands()
         alone = Alone(hands)
-        assert await alone.performing.take_up([LEFT]) == []
-        alone.performing.begin(PerformAction(7, "goto", (1.0,)))
-        alone.performing.cancel(7)
+        assert await alone.action_client.take_up([LEFT]) == []
+        alone.action_client.begin(PerformAction(7, "goto", (1.0,)))
+        alone.action_client.cancel(7)
         await asyncio.sleep(0)
         hands.over.set()
         assert await alone.ended() == [DROPPED, "interrupted"]
@@ -340,13 +340,13 @@ def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_told_once_and_not_
     async def body() -> None:
         hands = Hands()
         alone = Alone(hands)
-        assert await alone.performing.take_up([LEFT]) == []
+        assert await alone.action_client.take_up([LEFT]) == []
         hands.over.set()
         waits: list[Any] = []
-        alone.performing._spawn = waits.append
-        alone.performing.begin(PerformAction(7, "goto", (1.0,)))
+        alone.action_client._spawn = waits.append
+        alone.action_client.begin(PerformAction(7, "goto", (1.0,)))
         if dropped:
-            alone.performing.cancel(7)
+            alone.action_client.cancel(7)
         await asyncio.gather(*alone.tasks)  # it has ended, before the plan's own task has begun
         await waits[0]
         assert await alone.ended() == (["interrupted", DROPPED] if dropped else [DONE])
@@ -390,7 +390,7 @@ def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
 
     async def body() -> None:
         alone = Alone(Hands())
-        alone.performing.begin(PerformAction(7, "goto", (deep,)))
+        alone.action_client.begin(PerformAction(7, "goto", (deep,)))
         if defect:
             assert await alone.ended() == [
                 ActionDone(7, False, "defect in agentd: LookupError: no such thing", "failed")

@@ -74,13 +74,13 @@ class Boards:
     async def agents(self, board: str, *names: str) -> AsyncIterator[AgentGroup]:
         """A daemon of agents, in this process."""
         async with session(self.endpoints[board], names[0]) as bus:
-            crew = AgentGroup(bus, Clock(), self.mission, self.folder / "agents", 0)
+            agent_group = AgentGroup(bus, Clock(), self.mission, self.folder / "agents", 0)
             for name in names:
-                await crew.add(prepare(self.mission, name, 0))
+                await agent_group.add(prepare(self.mission, name, 0))
             stop = asyncio.Event()
-            task = asyncio.create_task(crew.run(stop))
+            task = asyncio.create_task(agent_group.run(stop))
             try:
-                yield crew
+                yield agent_group
             finally:
                 stop.set()
                 await ended(task, f"agentd of {board}")
@@ -95,13 +95,13 @@ def run(body: Coroutine[Any, Any, None], seconds: float = 120) -> None:
     asyncio.run(asyncio.wait_for(body, seconds))
 
 
-def beliefs(crew: AgentGroup, agent: str) -> list[str]:
+def beliefs(agent_group: AgentGroup, agent: str) -> list[str]:
     """What an agent believes of who is there, and has noted of it."""
-    return [belief for belief in crew.hosts[agent].view().beliefs if not belief.startswith("kqml")]
+    return [belief for belief in agent_group.hosts[agent].view().beliefs if not belief.startswith("kqml")]
 
 
-async def believes(crew: AgentGroup, agent: str, *expected: str) -> None:
-    await until(lambda: set(beliefs(crew, agent)) >= set(expected), f"{agent} believes {expected}")
+async def believes(agent_group: AgentGroup, agent: str, *expected: str) -> None:
+    await until(lambda: set(beliefs(agent_group, agent)) >= set(expected), f"{agent} believes {expected}")
 
 
 HERE, CAME = "online(b)[board(pi2),source(percept)]", "came(b,pi2)[source(self)]"
@@ -125,14 +125,14 @@ def test_a_client_is_company_as_well_and_who_is_nobodys_agent_is_not(boards: Boa
     async def body() -> None:
         async with (
             boards.commd("pi1"),
-            boards.agents("pi1", "a") as crew,
+            boards.agents("pi1", "a") as agent_group,
             session(boards.endpoints["pi1"], "stranger") as stranger,
             session(boards.endpoints["pi1"], "console", "client") as console,
         ):
             await stranger.claim("stranger")
             await console.claim("console")
-            await believes(crew, "a", "online(console)[board(pi1),source(percept)]")
-            assert not any("stranger" in belief for belief in beliefs(crew, "a"))
+            await believes(agent_group, "a", "online(console)[board(pi1),source(percept)]")
+            assert not any("stranger" in belief for belief in beliefs(agent_group, "a"))
 
     run(body())
 

@@ -64,8 +64,10 @@ def blob(number: int, size: int = 4000) -> Heard:
 
 def recorder_of(path: Path, limits: Limits | None = None) -> Recorder:
     """A recorder that has not begun."""
-    intake = WriteQueue()
-    return Recorder(path, replace(FACTS, started=intake.now()), limits or Limits(), intake, compression="none")
+    write_queue = WriteQueue()
+    return Recorder(
+        path, replace(FACTS, started=write_queue.now()), limits or Limits(), write_queue, compression="none"
+    )
 
 
 def until_it_ends(recorder: Recorder, count: int, at_once: int) -> None:
@@ -74,8 +76,8 @@ def until_it_ends(recorder: Recorder, count: int, at_once: int) -> None:
     for number in range(0, count, at_once):
         waiting = recorder.messages
         for one in range(number, number + at_once):
-            recorder.intake.put(blob(one))
-        recorder.intake.woken.set()
+            recorder.write_queue.put(blob(one))
+        recorder.write_queue.woken.set()
         for _ in range(200):
             if recorder.messages > waiting or not recorder._thread.is_alive():
                 break

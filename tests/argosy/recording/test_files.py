@@ -168,9 +168,9 @@ def test_of_minds_it_tells_which_stretches_are_missing(tmp_path: Path) -> None:
     assert open_recording(path).lives("other") == []
 
 
-def recorded(path: Path, limits: Limits, messages: list[Heard], intake: WriteQueue | None = None) -> Recorder:
+def recorded(path: Path, limits: Limits, messages: list[Heard], write_queue: WriteQueue | None = None) -> Recorder:
     """Record messages until a limit or the end."""
-    taken = intake or WriteQueue()
+    taken = write_queue or WriteQueue()
     recorder = Recorder(path, replace(FACTS, started=taken.now()), limits, taken)
     for message in messages:
         taken.put(message)
@@ -213,9 +213,9 @@ def test_a_recording_that_is_split_is_read_as_one(tmp_path: Path) -> None:
 
 
 def test_what_does_not_fit_in_the_queue_is_counted_told_and_noted_in_the_file(tmp_path: Path) -> None:
-    intake = WriteQueue(most=10)
+    write_queue = WriteQueue(most=10)
     messages = [altitude(n, n) for n in range(25)]
-    recorder = recorded(tmp_path / "a.mcap", Limits(), messages, intake)
+    recorder = recorded(tmp_path / "a.mcap", Limits(), messages, write_queue)
     assert (recorder.messages, recorder.dropped) == (10 + 1, 15)
     recording = open_recording(tmp_path / "a.mcap")
     assert recording.end is not None

@@ -24,12 +24,12 @@ from tests.argosy.run.test_screen import in_flight, screen
 def look(recording: Recording) -> Ending | None:
     """Return whether the run of a recording has ended, an operator's order having had the time to be answered."""
     times = [1.0]
-    endings = EndConditions(
+    end_conditions = EndConditions(
         recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1]
     )
-    first = endings.look()
+    first = end_conditions.look()
     times.append(1.0 + ANSWERED)
-    return first or endings.look()
+    return first or end_conditions.look()
 
 
 def ordered(order: Order) -> Recording:
@@ -62,19 +62,19 @@ def test_hold_keeps_the_run_going_and_says_how_to_give_the_robot_back() -> None:
 def test_a_pause_is_shown_and_the_timeout_waits_for_its_end() -> None:
     recording = in_flight()
     recording.at, recording.status.timeout_at = 50.0, 60.0
-    endings = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    end_conditions = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
     recording.percept("paused", Atom("operator"))
     assert recording.lines[-1] == "uav1: paused by the operator; `argosy stop continue uav1` lets it go on"
     assert "paused (uav1)" in screen(recording)[0]
     recording.at = 500.0
-    assert endings.look() is None
+    assert end_conditions.look() is None
     recording.percept_gone("paused")
     assert recording.lines[-1] == "uav1: goes on: it is not paused any longer"
     assert "paused (" not in screen(recording)[0]
     recording.at = 509.0
-    assert endings.look() is None
+    assert end_conditions.look() is None
     recording.at = 511.0
-    assert endings.look() is not None
+    assert end_conditions.look() is not None
 
 
 def test_an_agent_that_gives_up_does_not_end_the_operators_order() -> None:
@@ -90,12 +90,12 @@ def test_a_run_is_there_until_an_order_on_the_ground_is_answered_and_ends_with_t
     recording.percept("state", "STABILIZE", True, False)
     recording.fail('mission_failed("operator: hold")[source(self)]')
     times = [1.0]
-    endings = EndConditions(
+    end_conditions = EndConditions(
         recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1]
     )
-    assert endings.look() is None
+    assert end_conditions.look() is None
     times.append(1.0 + ANSWERED)
-    assert endings.look() == Ending(1, "stopped by the operator: hold")
+    assert end_conditions.look() == Ending(1, "stopped by the operator: hold")
 
 
 @pytest.mark.parametrize("prevented", ["", "armed", "the agent acts", "intends something", "a client", "on_idle: none"])
@@ -119,12 +119,14 @@ def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(preve
             recording.status.setup.mission.robots["uav1"] = msgspec.structs.replace(
                 recording.status.setup.mission.robots["uav1"], on_idle=NO_STEPS
             )
-    endings = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: now[-1])
-    assert endings.look() is None
+    end_conditions = EndConditions(
+        recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: now[-1]
+    )
+    assert end_conditions.look() is None
     now.append(1.0 + NOTHING_LEFT)
     said = "uav1 was in the air with nobody in charge and was brought home (on_idle)"
     over = Ending(1, f"failed: {said}; no agent has anything left to do")
-    assert endings.look() == (None if prevented else over)
+    assert end_conditions.look() == (None if prevented else over)
 
 
 def test_a_lost_vehicle_is_not_down() -> None:
@@ -171,9 +173,9 @@ def ending_of(observer: Silent, restart: bool) -> Ending | None:
     """Return how a run ends in which an observer hears this."""
     recording = in_flight()
     recording.status.setup = replace(recording.status.setup, restart=restart)
-    endings = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
-    endings.observer = observer  # type: ignore[assignment]
-    return endings.look()
+    end_conditions = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    end_conditions.observer = observer  # type: ignore[assignment]
+    return end_conditions.look()
 
 
 def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again() -> None:

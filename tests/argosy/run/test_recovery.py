@@ -31,7 +31,7 @@ def outcome(
     process = next(one for one in plan(status.setup) if one.kind.name == "bridged")
     bridge = Child(process, SimpleNamespace(pid=1, returncode=None))  # type: ignore[arg-type]
     supervisor.children.append(bridge)
-    endings, watchdog = EndConditions(status, supervisor), Watchdog(status)
+    end_conditions, watchdog = EndConditions(status, supervisor), Watchdog(status)
     restarts = Restarts(supervisor, status.journal, status.restarts, on=False)
 
     async def sleep(seconds: float) -> None:
@@ -43,8 +43,8 @@ def outcome(
 
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: wall[0]))
     monkeypatch.setattr(module, "asyncio", SimpleNamespace(sleep=sleep, Event=asyncio.Event))
-    recovery = Recovery(status, supervisor, endings, watchdog, restarts)
-    ending = endings.look()
+    recovery = Recovery(status, supervisor, end_conditions, watchdog, restarts)
+    ending = end_conditions.look()
     assert ending == FAILED
     return asyncio.run(recovery.outlasts_grace(ending, lambda: "ctrl-C" if wall[0] > 500 else "")), wall[0]
 

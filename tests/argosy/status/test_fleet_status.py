@@ -51,23 +51,23 @@ class Trial:
 
     def __init__(self, mission: Mission | None) -> None:
         self.at = 100.0
-        self.roll = FleetStatus(mission, lambda: self.at)
+        self.fleet_status = FleetStatus(mission, lambda: self.at)
 
     def alive(self, name: str, daemon: str, boot: str = "x", *, there: bool = True) -> None:
-        self.roll.token(keys.alive("trial", name, daemon, boot), there)
+        self.fleet_status.token(keys.alive("trial", name, daemon, boot), there)
 
     def tells(self, name: str, daemon: str, **facts: Any) -> None:
-        self.roll.heard(keys.health("trial", name, daemon), Health(daemon=daemon, **facts))
+        self.fleet_status.heard(keys.health("trial", name, daemon), Health(daemon=daemon, **facts))
 
     def standings(self) -> dict[str, str]:
-        return {f"{row.daemon} {row.name}": row.standing for row in self.roll.rows()}
+        return {f"{row.daemon} {row.name}": row.standing for row in self.fleet_status.rows()}
 
 
 def test_who_should_be_there_is_known_from_the_mission_and_clients_may_be_away(mission: Mission) -> None:
     trial = Trial(mission)
     assert list(trial.standings()) == ["commd pi1", "agentd a", "commd pi2", "bridged uav", "agentd b"]
     assert set(trial.standings().values()) == {"missing"}
-    assert summary("trial", trial.roll.rows()) == (
+    assert summary("trial", trial.fleet_status.rows()) == (
         "fleet trial: 0 of 5 daemons are up; missing: commd pi1, agentd a, commd pi2, bridged uav, agentd b"
     )
 
@@ -88,7 +88,7 @@ def test_a_daemon_comes_tells_falls_silent_and_goes(mission: Mission) -> None:
     trial.alive("a", "agentd", "y", there=False)
     assert trial.standings()["agentd a"] == "missing", "what it told before it went holds no longer"
     trial.at += 1
-    (gone,) = [row for row in trial.roll.rows() if row.name == "a"]
+    (gone,) = [row for row in trial.fleet_status.rows() if row.name == "a"]
     assert [(note.code, note.value) for note in gone.notes] == [("missing", 1.0)]
     trial.tells("a", "agentd")
     assert trial.standings()["agentd a"] == "unclaimed", "it tells, and has no token"
@@ -102,7 +102,7 @@ def test_who_is_not_in_the_mission_is_shown_and_a_client_need_not_tell_how_it_is
     trial.alive("tool", "client")
     trial.tells("made", "agentd")
     trial.at += SILENT_AFTER - 0.1
-    rows = {row.name: row for row in trial.roll.rows()}
+    rows = {row.name: row for row in trial.fleet_status.rows()}
     assert not rows["made"].in_mission
     assert line(rows["made"]).endswith(" in_mission=no")
     assert rows["tool"].standing == "up"
@@ -113,10 +113,10 @@ def test_who_is_not_in_the_mission_is_shown_and_a_client_need_not_tell_how_it_is
 
 def test_without_a_mission_all_that_is_there_is_shown() -> None:
     trial = Trial(None)
-    assert summary("any", trial.roll.rows()) == "all fleets: nobody is there"
+    assert summary("any", trial.fleet_status.rows()) == "all fleets: nobody is there"
     trial.alive("pi1", "commd")
     trial.tells("pi1", "commd")
-    (row,) = trial.roll.rows()
+    (row,) = trial.fleet_status.rows()
     assert (row.board, row.in_mission, row.standing) == ("pi1", True, "up")
     told = "all fleets: 1 of 1 daemons are up; who else should be, a mission says: `argosy status MISSION`"
     assert summary("any", [row]) == told
@@ -126,8 +126,8 @@ def test_names_without_end_are_not_all_followed() -> None:
     trial = Trial(None)
     for number in range(MOST + 10):
         trial.alive(f"n{number}", "agentd")
-    assert (len(trial.roll.rows()), trial.roll.dropped) == (MOST, 10)
-    assert not trial.roll.settled
+    assert (len(trial.fleet_status.rows()), trial.fleet_status.dropped) == (MOST, 10)
+    assert not trial.fleet_status.settled
 
 
 def test_names_that_come_and_go_without_end_are_forgotten_and_new_ones_followed() -> None:
@@ -140,15 +140,15 @@ def test_names_that_come_and_go_without_end_are_forgotten_and_new_ones_followed(
     trial.at += SILENT_AFTER
     trial.alive("new", "agentd")
     assert trial.standings() == {"agentd new": "coming"}
-    assert trial.roll.dropped == 0
+    assert trial.fleet_status.dropped == 0
 
 
 def test_of_several_fleets_one_name_is_not_taken_for_another() -> None:
-    roll = FleetStatus(None, lambda: 100.0, several=True)
+    fleet_status = FleetStatus(None, lambda: 100.0, several=True)
     for fleet in ("alpha", "beta"):
-        roll.token(keys.alive(fleet, "uav1", "bridged", fleet), True)
-        roll.heard(keys.health(fleet, "uav1", "bridged"), Health(daemon="bridged", drops=len(fleet)))
-    rows = roll.rows()
+        fleet_status.token(keys.alive(fleet, "uav1", "bridged", fleet), True)
+        fleet_status.heard(keys.health(fleet, "uav1", "bridged"), Health(daemon="bridged", drops=len(fleet)))
+    rows = fleet_status.rows()
     assert [(row.title, row.standing) for row in rows] == [("alpha/uav1", "up"), ("beta/uav1", "up")]
     assert [one["fleet"] for one in to_json("any", rows, True)["daemons"]] == ["alpha", "beta"]
     page = Fleet("", rows, True, dropped=3).page().decode()
@@ -166,7 +166,7 @@ def test_a_line_tells_everything_in_keys_and_values_and_takes_no_line_breaks_fro
         "errors": 2,
     }
     trial.tells("uav", "bridged", restarts=4, **facts, **words)
-    (row,) = [row for row in trial.roll.rows() if row.name == "uav"]
+    (row,) = [row for row in trial.fleet_status.rows() if row.name == "uav"]
     assert line(row) == (
         "up bridged uav board=pi2 version=0.1.0 uptime=75 age=0.0 lag=0.012 drops=3 bad_input=1 restarts=4 errors=2 "
         'last_error="the \\"link\\" broke" note="no failsafe"'
@@ -180,7 +180,7 @@ def test_no_name_on_the_bus_reaches_a_terminal_as_a_command() -> None:
     trial = Trial(None)
     trial.alive("x\x1b[31m", "agentd\x07")
     trial.tells("x\x1b[31m", "agentd\x07", version="\x9b2J")
-    rows = trial.roll.rows()
+    rows = trial.fleet_status.rows()
     assert all(line(row).isprintable() for row in rows)
     assert summary("any", rows).isprintable()
     assert all(text.isprintable() for text in shown(rows).splitlines())
@@ -191,7 +191,7 @@ def test_an_older_daemon_that_tells_neither_version_nor_restarts_is_shown_all_th
     trial = Trial(mission)
     trial.alive("a", "agentd")
     trial.tells("a", "agentd")
-    rows = [row for row in trial.roll.rows() if row.name == "a"]
+    rows = [row for row in trial.fleet_status.rows() if row.name == "a"]
     assert line(rows[0]) == "up agentd a board=pi1 uptime=0 age=0.0 lag=0.000 drops=0 bad_input=0 errors=0"
     assert " ?  " in shown(rows)
 
@@ -206,14 +206,14 @@ def test_the_table_fits_a_terminal_and_tells_what_is_wrong_below_it(mission: Mis
     trial = Trial(mission)
     trial.alive("a", "agentd")
     trial.tells("a", "agentd", version="0.1.0", restarts=2, lag=3.0, last_error="disk full", last_error_age=75.0)
-    text = shown(trial.roll.rows())
+    text = shown(trial.fleet_status.rows())
     assert max(map(len, text.splitlines())) <= 80
     assert "agentd a: last error 75 s ago: disk full" in text
     assert "commd pi1, pi2: the mission has it, and it is not there" in text
     assert re.search(r"● up +0\.1\.0 +0\.0 s +3\.0 s +0 +2", text)
     assert text.startswith("fleet trial: 1 of 5 daemons are up; missing: commd pi1"), "what matters most stands first"
     assert text.count("it is not there") == 3, "what several have in common is said once"
-    assert "this is what was known last" in shown(trial.roll.rows(), away=True)
+    assert "this is what was known last" in shown(trial.fleet_status.rows(), away=True)
 
 
 @pytest.mark.parametrize(

@@ -185,10 +185,10 @@ def test_an_order_to_cancel_that_comes_before_the_action_is_given_again(
     bus = SimpleNamespace(name="ops", boot="b", header=lambda _: Header())
 
     async def body() -> int:
-        performing = asyncio.create_task(_perform(cast(Bus, bus), "f", "uav", "land", (), None))
+        action_client = asyncio.create_task(_perform(cast(Bus, bus), "f", "uav", "land", (), None))
         await asyncio.sleep(0)
-        performing.cancel()
-        return await performing
+        action_client.cancel()
+        return await action_client
 
     assert asyncio.run(body()) == 130
     assert capsys.readouterr().out.splitlines() == ["uav: land: ctrl-C, cancelling it", "uav: land cancelled"]

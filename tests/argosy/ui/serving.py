@@ -31,17 +31,17 @@ class Browser:
     """A client with a cookie jar, and what it is served by."""
 
     session: aiohttp.ClientSession
-    doors: AuthGuard
+    auth: AuthGuard
     following: FleetSession
 
     @property
     def base(self) -> str:
         """Where the server is."""
-        return f"http://127.0.0.1:{self.doors.port}"
+        return f"http://127.0.0.1:{self.auth.port}"
 
     async def enter(self) -> None:
         """Open the printed address."""
-        async with self.session.get(self.doors.url) as answer:
+        async with self.session.get(self.auth.url) as answer:
             assert answer.status == 200, await answer.text()
 
     async def get(self, path: str, **headers: str) -> tuple[int, str, Mapping[str, str]]:
@@ -110,16 +110,16 @@ async def served(
 ) -> AsyncIterator[Browser]:
     """Serve a fleet; without a place nobody looks for a router."""
     before = sessions_under_way()  # one that another test has left, and Zenoh does not end, is not the page's
-    doors = AuthGuard(listen, free_port())
+    auth = AuthGuard(listen, free_port())
     following = FleetSession(place or Where("sar", NOWHERE), mission, identity, tiles=tiles is not None)
-    runner = web.AppRunner(application(doors, following, tiles), access_log=None, shutdown_timeout=1)
+    runner = web.AppRunner(application(auth, following, tiles), access_log=None, shutdown_timeout=1)
     link = asyncio.create_task(following.link.run()) if place is not None else None
     jar = aiohttp.CookieJar(unsafe=True)  # of an address
     try:
         await runner.setup()
-        await web.TCPSite(runner, "127.0.0.1", doors.port).start()
+        await web.TCPSite(runner, "127.0.0.1", auth.port).start()
         async with aiohttp.ClientSession(cookie_jar=jar) as session, asyncio.timeout(240):
-            yield Browser(session, doors, following)
+            yield Browser(session, auth, following)
     finally:
         if link is not None:
             link.cancel()

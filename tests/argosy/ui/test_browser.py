@@ -193,7 +193,7 @@ def _quoted(text: str) -> str:
 def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router_ages_all(endpoint: str) -> None:
 
     async def body() -> None:
-        async with served(Where("sar", endpoint)) as browser, browsing(browser.doors.url) as seen:
+        async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
             await seen.shows(".banner.bad", "no router at")
             answers = {"uav1": Outcome(ok=False, reason="the vehicle stays in AUTO")}
             async with fleet(endpoint, answers) as ([uav1], _):
@@ -225,7 +225,7 @@ def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -> None
         async with (
             fleet(endpoint, {}) as (_, [scout]),
             served(Where("sar", endpoint)) as browser,
-            browsing(browser.doors.url) as seen,
+            browsing(browser.auth.url) as seen,
         ):
             await seen.shows(".row[data-agent=scout]")
             assert await seen.page.locator(".row [data-order=hold]").count() == 0
@@ -252,7 +252,7 @@ def test_an_observer_is_told_why_the_buttons_do_nothing(endpoint: str, tmp_path:
         async with (
             fleet(endpoint, {"uav1": Outcome(ok=True)}) as ([uav1], _),
             served(Where("sar", endpoint), mission, identity="eye") as browser,
-            browsing(browser.doors.url) as seen,
+            browsing(browser.auth.url) as seen,
         ):
             await seen.shows(".row[data-agent=scout]", "waiting")
             await seen.shows("header [data-order=rtl][aria-disabled=true]")

@@ -120,11 +120,11 @@ def test_the_browser_gets_an_address_that_opens_once_and_not_the_token(
 ) -> None:
     opened_: list[str] = []
     monkeypatch.setattr(command.webbrowser, "open", opened_.append)
-    doors = AuthGuard("127.0.0.1", 8080)
-    command._tell(Namespace(listen="127.0.0.1", browser=True), doors)
-    assert doors.token in capsys.readouterr().out
+    auth = AuthGuard("127.0.0.1", 8080)
+    command._tell(Namespace(listen="127.0.0.1", browser=True), auth)
+    assert auth.token in capsys.readouterr().out
     assert [one.startswith("http://127.0.0.1:8080/?token=") for one in opened_] == [True]
-    assert doors.token not in opened_[0]
+    assert auth.token not in opened_[0]
 
 
 def test_a_page_that_other_machines_reach_is_warned_of(endpoint: str) -> None:

@@ -17,7 +17,7 @@ EVIL = "http://evil.example"
 def test_the_printed_address_lets_a_browser_in_and_shows_its_token_to_no_history() -> None:
     async def body() -> None:
         async with served() as browser:
-            token = f"/?token={browser.doors.token}"
+            token = f"/?token={browser.auth.token}"
             status, _, headers = await browser.get(token)
             assert (status, headers["Location"]) == (303, "/")
             cookie = headers["Set-Cookie"]
@@ -25,7 +25,7 @@ def test_the_printed_address_lets_a_browser_in_and_shows_its_token_to_no_history
             assert "SameSite=Strict" in cookie
             status, page, _ = await browser.get("/")
             assert status == 200
-            assert browser.doors.token not in page
+            assert browser.auth.token not in page
 
     asyncio.run(body())
 
@@ -34,7 +34,7 @@ def test_the_printed_address_lets_a_browser_in_and_shows_its_token_to_no_history
 def test_without_the_cookie_nothing_is_shown(path: str) -> None:
     async def body() -> None:
         async with served() as browser:
-            status, text, _ = await browser.get(path.replace("TOKEN", browser.doors.token))
+            status, text, _ = await browser.get(path.replace("TOKEN", browser.auth.token))
             assert status == 401
             assert "open the address that it has printed" in text
 
@@ -44,7 +44,7 @@ def test_without_the_cookie_nothing_is_shown(path: str) -> None:
 def test_the_cookie_of_an_earlier_run_at_the_same_port_opens_nothing() -> None:
     async def body() -> None:
         async with served() as browser:
-            browser.session.cookie_jar.update_cookies({browser.doors.cookie: "of an earlier run"})
+            browser.session.cookie_jar.update_cookies({browser.auth.cookie: "of an earlier run"})
             assert (await browser.get("/"))[0] == 401
 
     asyncio.run(body())
@@ -69,7 +69,7 @@ def test_what_another_page_posts_is_refused_though_it_has_the_cookie(path: str, 
     async def body() -> None:
         async with served() as browser:
             await browser.enter()
-            status, text = await browser.post(path, {}, Origin=origin.replace("PORT", str(browser.doors.port)))
+            status, text = await browser.post(path, {}, Origin=origin.replace("PORT", str(browser.auth.port)))
             assert status == 403, text
             assert not browser.following.orders.last
 
@@ -162,8 +162,8 @@ def test_no_path_leads_out_of_the_static_folder(path: str, tmp_path: Path) -> No
     async def body() -> None:
         async with served(tiles=tmp_path / "tiles") as browser:
             await browser.enter()
-            reader, writer = await asyncio.open_connection("127.0.0.1", browser.doors.port)
-            cookie = f"{browser.doors.cookie}={browser.doors.token}"
+            reader, writer = await asyncio.open_connection("127.0.0.1", browser.auth.port)
+            cookie = f"{browser.auth.cookie}={browser.auth.token}"
             request = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: {cookie}\r\nConnection: close\r\n\r\n"
             writer.write(request.encode())
             answer = await asyncio.wait_for(reader.read(), 120)
@@ -220,9 +220,9 @@ def test_each_run_has_another_token_and_does_not_show_it_in_errors() -> None:
 def test_an_address_of_a_command_line_opens_once() -> None:
     async def body() -> None:
         async with served() as browser:
-            once = browser.doors.once()
-            assert browser.doors.token not in once
-            path = once.partition(f":{browser.doors.port}")[2]
+            once = browser.auth.once()
+            assert browser.auth.token not in once
+            path = once.partition(f":{browser.auth.port}")[2]
             assert (await browser.get("/?token=guessed"))[0] == 401
             assert (await browser.get(path))[0] == 303
             browser.session.cookie_jar.clear()
@@ -235,7 +235,7 @@ def test_an_address_of_a_command_line_opens_once() -> None:
 def test_bytes_that_are_no_text_are_refused_and_are_no_defect(caplog: pytest.LogCaptureFixture) -> None:
     async def body() -> None:
         async with served() as browser:
-            port, name = browser.doors.port, browser.doors.cookie.encode()
+            port, name = browser.auth.port, browser.auth.cookie.encode()
             for line, cookie in ((b"GET / ", b"\xff\xfe"), (b"GET /?token=%ff%fe ", b"x")):
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
                 head = b"HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: " + name + b"=" + cookie

@@ -153,10 +153,10 @@ def test_a_page_that_takes_nothing_costs_no_memory_and_gets_the_newest_when_it_g
         async with served() as browser:
             await browser.enter()
             following = browser.following
-            reader, writer = await asyncio.open_connection("127.0.0.1", browser.doors.port, limit=1_024)
+            reader, writer = await asyncio.open_connection("127.0.0.1", browser.auth.port, limit=1_024)
             upgrade = (
-                f"GET /feed HTTP/1.1\r\nHost: 127.0.0.1:{browser.doors.port}\r\nOrigin: {browser.base}\r\n"
-                f"Cookie: {browser.doors.cookie}={browser.doors.token}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+                f"GET /feed HTTP/1.1\r\nHost: 127.0.0.1:{browser.auth.port}\r\nOrigin: {browser.base}\r\n"
+                f"Cookie: {browser.auth.cookie}={browser.auth.token}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
                 "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OTAxMjM0NQ==\r\n\r\n"
             )
             writer.write(upgrade.encode())

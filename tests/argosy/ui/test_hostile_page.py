@@ -48,7 +48,7 @@ MADE = (
 def test_nothing_that_a_fleet_says_runs_in_the_page_or_becomes_markup(endpoint: str) -> None:
 
     async def body() -> None:
-        async with served(Where(FLEET, endpoint)) as server, browsing(server.doors.url) as seen:
+        async with served(Where(FLEET, endpoint)) as server, browsing(server.auth.url) as seen:
             answer = await seen.page.request.get(server.base)
             policy = answer.headers["content-security-policy"]
             assert "default-src 'self'" in policy
@@ -68,7 +68,7 @@ def test_nothing_that_a_secured_fleet_says_runs_in_the_operators_page() -> None:
         place = where(Namespace(mission=str(fleet.path), fleet=None, router=None, keys=fleet.keys("ops")))
         async with (
             served(place, fleet.mission, identity="ops") as server,
-            browsing(server.doors.url) as seen,
+            browsing(server.auth.url) as seen,
         ):
             await _look_into(seen, "__proto__")
             await seen.shows(".row[data-agent=__proto__][data-robot=constructor]")

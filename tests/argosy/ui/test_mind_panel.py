@@ -109,7 +109,7 @@ def test_the_panel_shows_a_mind_finds_in_it_and_tells_why(endpoint: str) -> None
     async def body() -> None:
         async with fleet(endpoint, {}) as (_, (agent,)):
             agent.view = scout()
-            async with served(Where("sar", endpoint)) as browser, browsing(browser.doors.url, 1400, 1000) as seen:
+            async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url, 1400, 1000) as seen:
                 await _panel(seen)
                 await _plans(seen)
                 await _find(seen)

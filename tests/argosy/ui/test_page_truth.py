@@ -74,7 +74,7 @@ def test_who_is_gone_is_shown_as_gone_everywhere(endpoint: str) -> None:
         async with AsyncExitStack() as stack:
             await stack.enter_async_context(router(endpoint))
             browser = await stack.enter_async_context(served(Where("sar", endpoint)))
-            seen = await stack.enter_async_context(browsing(browser.doors.url))
+            seen = await stack.enter_async_context(browsing(browser.auth.url))
             async with session(endpoint, "scout") as one, session(endpoint, "uav1") as other:
                 scout, uav1 = Agent(one, "scout"), Robot(other, "uav1", "scout", FINE)
                 telling = asyncio.create_task(_tells(scout, uav1))
@@ -104,7 +104,7 @@ async def paged(stack: AsyncExitStack, endpoint: str, *robots: str) -> tuple[lis
     """Open the page of a fleet of robots that confirm whatever they are told."""
     craft, _ = await stack.enter_async_context(fleet(endpoint, dict.fromkeys(robots, FINE)))
     browser = await stack.enter_async_context(served(Where("sar", endpoint)))
-    seen = await stack.enter_async_context(browsing(browser.doors.url))
+    seen = await stack.enter_async_context(browsing(browser.auth.url))
     for robot in robots:
         await seen.shows(f".row[data-robot={robot}]")
     return craft, browser, seen
@@ -165,7 +165,7 @@ def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
             return []
 
         monkeypatch.setattr(argosy.ui.control_requests, "bridges", nobody)
-        async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.doors.url) as seen:
+        async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
             await seen.shows("#router", "● router")
             await seen.twice(seen.page.locator("header [data-order=hold]"))
             await seen.shows(".outcome.calm", "hold all: looking for robots")
@@ -202,7 +202,7 @@ def test_the_stop_buttons_are_in_the_window_whatever_else_there_is_to_say(width:
     async def body() -> None:
         async with (
             served(Where("search-and-rescue-number-2", "tcp/127.0.0.1:9")) as browser,
-            browsing(browser.doors.url, width=width) as seen,
+            browsing(browser.auth.url, width=width) as seen,
         ):
             await seen.shows("#router", "not reached")
             await seen.page.evaluate("""() => {
@@ -264,7 +264,7 @@ def test_a_fresh_page_on_a_tablet_shows_the_newest_events_and_follows_them() -> 
             timeline = browser.following.model.timeline
             for number in range(400):
                 timeline.add(1.0 + number, "scout", "print", f"line {number} " + "x" * (number % 7 * 40))
-            async with browsing(browser.doors.url, width=768, height=1024, touch=True) as seen:
+            async with browsing(browser.auth.url, width=768, height=1024, touch=True) as seen:
                 for number in range(400, 440):
                     await seen.shows(".event", f"line {number - 1}")
                     timeline.add(1.0 + number, "scout", "print", f"line {number} " + "x" * (number % 7 * 40))
@@ -285,7 +285,7 @@ def test_a_fresh_page_on_a_tablet_shows_the_newest_events_and_follows_them() -> 
 
 def test_events_that_a_page_missed_are_counted_on_it() -> None:
     async def body() -> None:
-        async with served() as browser, browsing(browser.doors.url) as seen:
+        async with served() as browser, browsing(browser.auth.url) as seen:
             add = browser.following.model.timeline.add
             add(1.0, "scout", "print", "the first")
             await seen.shows(".event", "the first")
@@ -308,7 +308,7 @@ def test_a_page_for_which_there_is_no_room_says_so_and_comes_when_there_is() -> 
             for _ in range(15):
                 await stack.enter_async_context(browser.feed())
             await until(lambda: len(browser.following.pages) == 16, "16 pages are open")
-            seen = await stack.enter_async_context(browsing(browser.doors.url))
+            seen = await stack.enter_async_context(browsing(browser.auth.url))
             await seen.shows(".banner.bad", "argosy ui refuses this page: 16 pages are open already")
             await first.close()
             await seen.shows("#router", "router")
@@ -320,7 +320,7 @@ def test_a_page_for_which_there_is_no_room_says_so_and_comes_when_there_is() -> 
 @pytest.mark.parametrize("hash", ["#%", "#constructor/mind"])
 def test_an_address_that_somebody_has_written_by_hand_opens_the_page(hash: str) -> None:
     async def body() -> None:
-        async with served() as browser, browsing(browser.doors.url + hash) as seen:
+        async with served() as browser, browsing(browser.auth.url + hash) as seen:
             await seen.shows("#router", "not reached")
 
     runs(body)
@@ -373,7 +373,7 @@ def test_a_mission_that_is_done_is_shown_as_done_after_everybody_and_the_router_
         async with AsyncExitStack() as stack:
             browser = await stack.enter_async_context(served(Where("sar", endpoint)))
             async with fleet(endpoint, {"uav1": FINE}) as ([uav1], [_]):
-                seen = await stack.enter_async_context(browsing(browser.doors.url))
+                seen = await stack.enter_async_context(browsing(browser.auth.url))
                 uav1.tell()
                 await run_told(uav1.bus, "flying", 61.0)
                 await seen.shows("#run.good", "flying")
@@ -407,7 +407,7 @@ def test_a_mission_that_has_failed_says_why_and_who_has_died_is_gone(endpoint: s
         async with AsyncExitStack() as stack:
             ([uav1], [scout]) = await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
             browser = await stack.enter_async_context(served(Where("sar", endpoint)))
-            seen = await stack.enter_async_context(browsing(browser.doors.url))
+            seen = await stack.enter_async_context(browsing(browser.auth.url))
             uav1.tell()
             await run_told(uav1.bus, "flying", 61.0)
             await seen.shows("#run.good", "flying")
@@ -470,7 +470,7 @@ def test_the_page_shows_the_mission_that_the_fleet_runs_whatever_it_was_started_
             tell_mission(board, "local", ours)
             board.token(keys.alive("sar", "local", "commd", board.boot))
             browser = await stack.enter_async_context(served(Where("sar", endpoint), theirs))
-            seen = await stack.enter_async_context(browsing(browser.doors.url))
+            seen = await stack.enter_async_context(browsing(browser.auth.url))
             await seen.shows("header .mission", "ours")
             await seen.gone(".row[data-agent=ghost]")
             await seen.shows(".banner.warn", "The fleet runs another mission than theirs.yaml")

@@ -206,12 +206,12 @@ def test_a_duplicated_request_is_executed_once_and_both_askers_hear_the_end(sky:
     first = sky.begin("goto", *GOAL)
     sky.wait(2)
     second: list[ActionStatus] = []
-    sky.bridge.desk.ask("uav", "goto", action_of(first, attempt=2), second.append)
+    sky.bridge.action_server.ask("uav", "goto", action_of(first, attempt=2), second.append)
     assert second[0].state in ("accepted", "running")
     sky.forward(lambda: first[-1].final, "arrival")
     assert second[-1] == first[-1]
     late: list[ActionStatus] = []
-    sky.bridge.desk.ask("uav", "goto", action_of(first), late.append)
+    sky.bridge.action_server.ask("uav", "goto", action_of(first), late.append)
     assert [end_of(one) for one in late] == [end_of(first[-1])]
 
 
@@ -219,10 +219,10 @@ def test_the_newest_askers_hear_the_end_however_often_the_link_flaps(sky: Sky) -
     sky.flying()
     first = sky.begin("goto", *GOAL)
     askers: list[list[ActionStatus | None]] = [[] for _ in range(MAX_FOLLOWERS + 4)]
-    for attempt, asker in enumerate(askers, start=2):
-        sky.bridge.desk.ask("uav", "goto", action_of(first, attempt=attempt), asker.append)
+    for attempt, backfill in enumerate(askers, start=2):
+        sky.bridge.action_server.ask("uav", "goto", action_of(first, attempt=attempt), backfill.append)
     sky.forward(lambda: askers[-1][-1] is not None and askers[-1][-1].final, "arrival")
-    ends = [asker[-1].state if asker[-1] is not None else None for asker in askers]
+    ends = [backfill[-1].state if backfill[-1] is not None else None for backfill in askers]
     assert ends == [None] * 4 + ["succeeded"] * MAX_FOLLOWERS
 
 
@@ -232,9 +232,9 @@ def test_an_asker_that_asks_again_leaves_no_follower_of_its_former_query_behind(
     heard: dict[str, list[ActionStatus | None]] = {}
     for query, source, attempt in (("1st", "uav", 2), ("watcher", "anna", 1), ("2nd", "uav", 3)):
         action = replace(action_of(first, attempt=attempt), header=Header(source=source))
-        sky.bridge.desk.ask("uav", "goto", action, heard.setdefault(query, []).append)
+        sky.bridge.action_server.ask("uav", "goto", action, heard.setdefault(query, []).append)
     assert heard["1st"][-1] is None, "its query ends"
-    assert len(sky.bridge.desk._jobs[first[0].id].followers) <= 3
+    assert len(sky.bridge.action_server._jobs[first[0].id].followers) <= 3
     sky.forward(lambda: heard["2nd"][-1] is not None and heard["2nd"][-1].final, "arrival")
     assert [one.state for one in (heard["2nd"][-1], heard["watcher"][-1]) if one] == ["succeeded"] * 2
     assert len(sky.commands(dialect.MAV_CMD_NAV_TAKEOFF)) == 1, "nothing is done twice"
@@ -254,7 +254,7 @@ def test_an_id_is_not_executed_again_by_the_next_life_of_the_bridge(sky: Sky, tm
     again = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
     for known, expected in ((ended, "succeeded"), (begun[0], "failed")):
         heard: list[ActionStatus] = []
-        again.bridge.desk.ask("uav", known.name, action_of([known], attempt=2), heard.append)
+        again.bridge.action_server.ask("uav", known.name, action_of([known], attempt=2), heard.append)
         assert [one.state for one in heard] == [expected]
     assert heard[0].reason == "the bridge restarted while it ran; how it ended is not known"
     assert not again.commands(dialect.MAV_CMD_COMPONENT_ARM_DISARM)
@@ -302,20 +302,22 @@ def test_a_cancelled_motion_leaves_the_vehicle_holding(sky: Sky) -> None:
     sky.flying()
     going = sky.begin("goto", *GOAL)
     sky.wait(4)
-    cancelled = sky.bridge.desk.cancel("uav", going[0].id)
+    cancelled = sky.bridge.action_server.cancel("uav", going[0].id)
     assert (cancelled.state, cancelled.reason) == ("cancelled", "cancelled by uav")
     assert going[-1] == cancelled
     sky.wait(10)
     here = sky.belief("global_pos")
     sky.wait(5)
     assert sky.belief("global_pos") == pytest.approx(here, abs=2e-6), "20 cm"
-    assert end_of(sky.bridge.desk.cancel("uav", going[0].id)) == end_of(cancelled), "a second cancel hears the same end"
+    assert end_of(sky.bridge.action_server.cancel("uav", going[0].id)) == end_of(cancelled), (
+        "a second cancel hears the same end"
+    )
 
 
 def test_an_agent_cannot_cancel_the_action_of_another(sky: Sky) -> None:
     sky.flying()
     going = sky.begin("goto", *GOAL)
-    assert sky.bridge.desk.cancel("other", going[0].id).state == "refused"
+    assert sky.bridge.action_server.cancel("other", going[0].id).state == "refused"
     assert not going[-1].final
 
 

@@ -36,32 +36,32 @@ def test_what_does_not_move_the_robot_runs_beside_what_does(tmp_path: Path) -> N
 
 
 def test_an_action_does_not_run_beside_itself(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, 2)
-    first = desk.ask("a0")
-    assert desk.ask("a0")[-1].reason == "busy: a0 is running"
-    assert not desk.ask("a1")[-1].final
+    action_server = Desk(tmp_path, 2)
+    first = action_server.ask("a0")
+    assert action_server.ask("a0")[-1].reason == "busy: a0 is running"
+    assert not action_server.ask("a1")[-1].final
     assert not first[-1].final
 
 
 def test_only_so_many_actions_run_at_once(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, MAX_RUNNING + 1)
-    begun = [desk.ask(f"a{number}")[-1] for number in range(MAX_RUNNING)]
+    action_server = Desk(tmp_path, MAX_RUNNING + 1)
+    begun = [action_server.ask(f"a{number}")[-1] for number in range(MAX_RUNNING)]
     assert {one.state for one in begun} == {"accepted"}
-    refused = desk.ask(f"a{MAX_RUNNING}")[-1]
+    refused = action_server.ask(f"a{MAX_RUNNING}")[-1]
     assert (refused.state, refused.reason) == ("refused", f"busy: {MAX_RUNNING} actions are running")
 
 
 def test_a_driver_that_tells_more_and_more_figures_does_not_fill_the_agents_beliefs(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, 1)
-    desk.ask("a0")
+    action_server = Desk(tmp_path, 1)
+    action_server.ask("a0")
     for second in range(1, 100):
-        desk.now = float(second) * 0.5
-        desk.robot.runs[0].feedback[f"figure{second:03}"] = second
-        desk.desk.step()
-    assert desk.feedback() == MAX_FEEDBACK
-    desk.robot.runs[0].end(Outcome("succeeded"))
-    desk.desk.step()
-    assert desk.feedback() == 0
+        action_server.now = float(second) * 0.5
+        action_server.robot.runs[0].feedback[f"figure{second:03}"] = second
+        action_server.action_server.step()
+    assert action_server.feedback() == MAX_FEEDBACK
+    action_server.robot.runs[0].end(Outcome("succeeded"))
+    action_server.action_server.step()
+    assert action_server.feedback() == 0
 
 
 @pytest.mark.parametrize("times", [0, 2])
@@ -79,7 +79,7 @@ def test_a_motion_that_cannot_be_cancelled_ends_and_says_that_the_robot_goes_on(
     sky = Sky(tmp_path, manifest=copter("goto", cancel="none")).flying()
     going = sky.begin("goto", *GOAL)
     sky.wait(2)
-    status = sky.bridge.desk.cancel("uav", going[0].id)
+    status = sky.bridge.action_server.cancel("uav", going[0].id)
     assert (status.state, status.reason) == ("cancelled", "cancelled by uav; the vehicle goes on")
     before = sky.belief("global_pos")
     sky.wait(5)

@@ -111,7 +111,7 @@ def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own
         going, reeling = sky.begin("goto", *GOAL), sky.begin("reel", 5)
         await rig.until(lambda: going[-1].state == "running" and any(one.feedback for one in reeling), "both run")
         assert any(one.feedback.get("to_go") == 5 for one in reeling)
-        sky.bridge.desk.order("rtl", by_operator("rtl"), block=True, insist=True)
+        sky.bridge.action_server.order("rtl", by_operator("rtl"), block=True, insist=True)
         assert {(one[-1].state, one[-1].cause, one[-1].order) for one in (going, reeling)} == {
             ("failed", "operator", "rtl")
         }

@@ -89,7 +89,7 @@ class Turtle:
         self._ids += 1
         heard: list[ActionStatus] = []
         request = Action(id=f"{agent}:t:{self._ids}", parameters=parameters)
-        self.bridge.desk.ask(agent, name, request, lambda status: heard.append(status) if status else None)
+        self.bridge.action_server.ask(agent, name, request, lambda status: heard.append(status) if status else None)
         asked = len(self._asked)
         if name in ("goto", "pen"):
             await until(lambda: len(self._asked) > asked or heard[-1].final, f"{name} is asked")
@@ -121,7 +121,7 @@ def with_a_turtle(endpoint: str, state: Path, body: Callable[[Turtle], Coroutine
 def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on(endpoint: str, tmp_path: Path) -> None:
     async def body(turtle: Turtle) -> None:
         pen, going = await turtle.ask("a", "pen", True), await turtle.ask("a", "goto", 1.0)
-        turtle.bridge.desk.cancel("a", going[-1].id)
+        turtle.bridge.action_server.cancel("a", going[-1].id)
         await until(lambda: turtle.stops == 1, "it is told to stop")
         assert going[-1].state == "cancelled"
         turtle.bridge.step()
@@ -136,7 +136,7 @@ def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(endpoin
     async def body(turtle: Turtle) -> None:
         turtle.hears.close()
         going = await turtle.ask("a", "goto", 1.0)
-        status = turtle.bridge.desk.cancel("a", going[-1].id)
+        status = turtle.bridge.action_server.cancel("a", going[-1].id)
         assert status.reason == "cancelled by a; hold is not confirmed yet"
         await until(lambda: "may_be_moving" in turtle.notes(), "the failure is told")
         assert turtle.notes()["may_be_moving"].endswith("`stop` failed: nobody listens on t/cmd")
@@ -153,7 +153,7 @@ def test_a_hold_that_is_never_answered_is_given_up_after_its_patience(
     async def body(turtle: Turtle) -> None:
         turtle.hears.close()
         going = await turtle.ask("a", "goto", 1.0)
-        turtle.bridge.desk.cancel("a", going[-1].id)
+        turtle.bridge.action_server.cancel("a", going[-1].id)
         await until(
             lambda: turtle.notes().get("may_be_moving", "").endswith("timed out: not done within 0.3 s"),
             "the failure is told",
@@ -211,7 +211,7 @@ def test_the_order_that_ends_a_motion_cannot_be_taken_away_while_the_robot_may_b
         change = ManifestChange(remove=("orders.hold",))
         said = "orders.hold: the robot may be moving, and this order ends it; stop it first"
         assert turtle.bridge.live.change(change) == [said]
-        stopped = turtle.bridge.desk.order("hold", by_operator("hold"), block=False, insist=True)
+        stopped = turtle.bridge.action_server.order("hold", by_operator("hold"), block=False, insist=True)
         await until(lambda: stopped.over and not turtle.bridge.driver.active, "it holds")
         assert turtle.bridge.live.change(change) == []
 

@@ -101,14 +101,14 @@ def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(endpoint:
                     assert reply.record is not None, reply.error
                     running.append(reply.record)
 
-            asker = asyncio.create_task(fly())
+            backfill = asyncio.create_task(fly())
             await until(lambda: any(one.state == "running" for one in running), "it flies")
             busy = await field.do(bus, "goto", -27.601, -48.515, 20)
             assert busy.reason == "busy: goto is running"
             end = Cancel(header=Header(source="operator"), id="operator:x:1")
             ended = person.query(keys.cancel("test", "uav"), end, ActionStatus, 10)
             assert [reply.record.state async for reply in ended if reply.record] == ["cancelled"]
-            await asker
+            await backfill
             assert (running[-1].state, running[-1].reason) == ("cancelled", "cancelled by operator")
             field.stop.set()
             await daemon
@@ -140,11 +140,11 @@ def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
                     return reply.record
                 raise AssertionError("nobody answers")
 
-            asker = asyncio.create_task(fly())
+            backfill = asyncio.create_task(fly())
             await until(lambda: any(one.state == "running" for one in told), "it flies")
             if inject:
                 assert (await cancel("")).state == "cancelled"
-                await asker
+                await backfill
                 assert told[-1].reason == "cancelled by hand", "the agent is not told that it did so itself"
             else:
                 for source in ("", "operator"):
@@ -152,7 +152,7 @@ def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
                     assert (refused.state, refused.reason) == ("refused", BY_HAND)
                 assert not any(one.final for one in told), "it flies on"
                 assert (await cancel("uav")).reason == "cancelled by uav"
-                await asker
+                await backfill
             field.stop.set()
             await daemon
 

@@ -61,7 +61,7 @@ async def resume(sky: Sky) -> Outcome:
 
 
 def place(sky: Sky) -> tuple[float, float, float]:
-    here = sky.driver._conversation.vehicle.position
+    here = sky.driver._vehicle_session.vehicle.position
     assert here is not None
     return here.latitude, here.longitude, here.altitude
 
@@ -237,7 +237,7 @@ def test_continue_leaves_a_robot_to_the_operators_order(sky: Sky, order: Order, 
         assert mode_of(sky) == "BRAKE"
         assert await resume(sky) == Outcome("succeeded", f"the vehicle is in {mode}")
         await passing(sky, 5)
-        assert (mode_of(sky), sky.bridge.desk.paused) == (mode, False)
+        assert (mode_of(sky), sky.bridge.action_server.paused) == (mode, False)
         refused = sky.begin("goto", *GOAL)[-1]
         assert (refused.cause, refused.order) == ("operator", order)
 
@@ -264,7 +264,7 @@ def test_another_order_ends_the_pause_and_the_actions(sky: Sky, order: str) -> N
         await pause(sky)
         assert (await answered(sky, sky.bridge.orders.operator(order))).state == "succeeded"  # type: ignore[arg-type]
         assert (going[-1].state, going[-1].cause, going[-1].order) == ("failed", "operator", order)
-        assert not sky.bridge.desk.paused
+        assert not sky.bridge.action_server.paused
 
     flown(sky, body)
 
@@ -279,7 +279,7 @@ def test_a_pilot_who_takes_over_ends_the_pause_and_what_waits_has_failed(sky: Sk
         await passing(sky, 5)
         assert (going[-1].state, mode_of(sky)) == ("failed", "LOITER")
         assert going[-1].reason.startswith("the mode became LOITER while the operator had paused the robot")
-        assert not sky.bridge.desk.paused
+        assert not sky.bridge.action_server.paused
         assert sky.belief("override") == ("LOITER",)
 
     flown(sky, body)
@@ -290,7 +290,7 @@ def test_a_dropped_action_is_cancelled_and_not_begun_again(sky: Sky) -> None:
         going = sky.begin("goto", *FAR)
         await passing(sky, 2)
         await pause(sky)
-        assert sky.bridge.desk.cancel("uav", going[-1].id).state == "cancelled"
+        assert sky.bridge.action_server.cancel("uav", going[-1].id).state == "cancelled"
         await passing(sky, 5)
         before = place(sky)
         await resume(sky)
@@ -336,7 +336,7 @@ def test_a_restarted_bridge_keeps_the_pause_and_holds_the_robot(sky: Sky, tmp_pa
     async def body(sky: Sky) -> None:
         going = sky.begin("goto", *FAR)
         await passing(sky, 2)
-        sky.bridge.desk.pause()  # the copter is not told: the bridge is killed first
+        sky.bridge.action_server.pause()  # the copter is not told: the bridge is killed first
         again = Sky(tmp_path, mission=MISSION, vehicle=sky.vehicle, clock=sky.clock)
         again.bridge.orders.restore()
         for _ in range(40):
@@ -363,7 +363,7 @@ def test_a_vehicle_that_does_not_confirm_stays_paused(sky: Sky) -> None:
         outcome = await answered(sky, sky.bridge.orders.resume(), within=60)
         assert outcome.state == "failed"
         assert outcome.reason.startswith("no acknowledgement of MAV_CMD_DO_SET_MODE")
-        assert (sky.bridge.desk.paused, going[-1].state) == (True, "running")
+        assert (sky.bridge.action_server.paused, going[-1].state) == (True, "running")
 
     flown(sky, body)
 

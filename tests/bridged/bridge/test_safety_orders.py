@@ -331,7 +331,7 @@ def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge(
         await passing(sky, 2)
         assert asked.done()
         await leaving(sky, orders.shut_down("land"))
-        last = restarted(sky, tmp_path).bridge.desk
+        last = restarted(sky, tmp_path).bridge.action_server
         assert (last.paused, last.ordered, last.blocked) == (False, None, None)
 
     sky = Sky(tmp_path)
@@ -349,11 +349,14 @@ def test_an_order_from_before_the_machine_was_started_ends_when_the_vehicle_is_h
             await passing(sky, 1)
         monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
         again = restarted(sky, tmp_path)
-        assert again.bridge.desk.blocked
+        assert again.bridge.action_server.blocked
         for _ in range(20):
             await passing(again, 0.5)
             await asyncio.sleep(0.02)
-        assert (again.bridge.desk.ordered, bool(again.bridge.desk.blocked)) == ("hold" if armed else None, armed)
+        assert (again.bridge.action_server.ordered, bool(again.bridge.action_server.blocked)) == (
+            "hold" if armed else None,
+            armed,
+        )
 
     flown(body, sky)
 
@@ -368,7 +371,7 @@ def test_a_pause_from_before_the_machine_was_started_goes_on(tmp_path: Path, mon
         for _ in range(20):
             await passing(again, 0.5)
             await asyncio.sleep(0.02)
-        assert again.bridge.desk.paused
+        assert again.bridge.action_server.paused
 
     sky = Sky(tmp_path)
     sky.wait(2)

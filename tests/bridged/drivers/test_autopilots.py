@@ -60,7 +60,7 @@ def test_every_action_is_refused_and_the_reason_names_the_autopilot(stranger: Sk
 
 @pytest.mark.parametrize("order", ["hold", "land", "rtl"])
 def test_an_operators_order_is_refused_with_that_reason(stranger: Sky, order: Order) -> None:
-    execution = stranger.bridge.desk.order(order, by_operator(order), block=True, insist=True)
+    execution = stranger.bridge.action_server.order(order, by_operator(order), block=True, insist=True)
     stranger.wait(1)
     assert execution.outcome == Outcome("refused", SAID)
     assert heard_by(stranger) == {"HEARTBEAT"}

@@ -95,7 +95,7 @@ def test_fields_of_a_newer_sender_are_ignored_counted_and_told_once_per_key(
 
 def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        server, asker = await connect(), await connect()
+        server, backfill = await connect(), await connect()
 
         async def fly(query: Query[Action]) -> None:
             assert query.record is not None
@@ -104,9 +104,9 @@ def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
                 await asyncio.sleep(0.02)
 
         server.serve("argosy/test/uav/action/*", Action, fly)
-        await served(asker, "argosy/test/uav/action/land")
+        await served(backfill, "argosy/test/uav/action/land")
         states = []
-        async for reply in asker.query("argosy/test/uav/action/land", Action(id="uav:1:1"), ActionStatus, 10):
+        async for reply in backfill.query("argosy/test/uav/action/land", Action(id="uav:1:1"), ActionStatus, 10):
             assert reply.record is not None
             states.append(reply.record.state)
         assert states == ["accepted", "running", "succeeded"]
@@ -116,7 +116,7 @@ def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
 
 def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_parameters(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        server, asker = await connect(), await connect()
+        server, backfill = await connect(), await connect()
         got: list[tuple[str, dict[str, str]]] = []
 
         async def serve(query: Query[Action]) -> None:
@@ -128,11 +128,11 @@ def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_paramete
 
         key = "argosy/test/uav/action/arm"
         server.serve(key, Action, serve)
-        await served(asker, key)
+        await served(backfill, key)
         got.clear()
         replies = []
         for selector in (key, f"{key}?last=5;about=go", f"{key}?wrong"):
-            replies += [(reply.key, reply.error) async for reply in asker.query(selector, None, ActionStatus, 5.0)]
+            replies += [(reply.key, reply.error) async for reply in backfill.query(selector, None, ActionStatus, 5.0)]
         assert got == [(key, {}), (key, {"last": "5", "about": "go"}), (key, {"wrong": ""})]
         assert replies == [(key, ""), (key, ""), (key, "no such parameter")]
 
@@ -141,10 +141,10 @@ def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_paramete
 
 def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        asker = await connect()
+        backfill = await connect()
         async with asyncio.timeout(120):
             replies = [
-                reply async for reply in asker.query("argosy/test/uav/action/land", Action(), ActionStatus, 1000)
+                reply async for reply in backfill.query("argosy/test/uav/action/land", Action(), ActionStatus, 1000)
             ]
         assert replies == []
 
@@ -153,7 +153,7 @@ def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) ->
 
 def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        server, asker = await connect(), await connect()
+        server, backfill = await connect(), await connect()
         key = "argosy/test/uav/action"
 
         async def serve(query: Query[Action]) -> None:
@@ -167,17 +167,17 @@ def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(endpoint: 
                     await asyncio.Event().wait()
 
         server.serve(f"{key}/*", Action, serve)
-        await served(asker, f"{key}/land")
+        await served(backfill, f"{key}/land")
         async with asyncio.timeout(120):
-            assert (await asker.ask_one(f"{key}/arm", Action(), ActionStatus, 10)).id == "1"
+            assert (await backfill.ask_one(f"{key}/arm", Action(), ActionStatus, 10)).id == "1"
             with pytest.raises(QueryFailed, match="no such action") as failed:
-                await asker.ask_one(f"{key}/land", Action(), ActionStatus, 10)
+                await backfill.ask_one(f"{key}/land", Action(), ActionStatus, 10)
             assert failed.value.key == f"{key}/land"
             with pytest.raises(QueryTimeout, match=r"no answer within 0\.5 s") as late:
-                await asker.ask_one(f"{key}/hover", Action(), ActionStatus, 0.5)
+                await backfill.ask_one(f"{key}/hover", Action(), ActionStatus, 0.5)
             assert (late.value.timeout, late.value.nobody) == (0.5, False)
             with pytest.raises(QueryTimeout, match="nobody answers") as nobody:
-                await asker.ask_one("argosy/test/usv/action/arm", Action(), ActionStatus, 10)
+                await backfill.ask_one("argosy/test/usv/action/arm", Action(), ActionStatus, 10)
             assert nobody.value.nobody
 
     on_a_bus(endpoint, body)
@@ -185,7 +185,7 @@ def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(endpoint: 
 
 def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_errors(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        asker, got, both = await connect("asker"), list[tuple[str, str]](), asyncio.Event()
+        backfill, got, both = await connect("asker"), list[tuple[str, str]](), asyncio.Event()
         for name in ("uav", "usv", "auv"):
 
             async def serve(query: Query[Action], name: str = name) -> None:
@@ -197,7 +197,7 @@ def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_errors(end
                     await both.wait()  # a record is handed over before its query has ended
 
             (await connect(name)).serve(f"argosy/test/{name}/action/arm", Action, serve)
-            await served(asker, f"argosy/test/{name}/action/arm")
+            await served(backfill, f"argosy/test/{name}/action/arm")
 
         def take(key: str, status: ActionStatus) -> None:
             got.append((key, status.id))
@@ -205,7 +205,7 @@ def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_errors(end
                 both.set()
 
         async with asyncio.timeout(120):
-            errors = await asker.ask_all("argosy/test/*/action/arm", ActionStatus, 15, take)
+            errors = await backfill.ask_all("argosy/test/*/action/arm", ActionStatus, 15, take)
         assert sorted(got) == [(f"argosy/test/{name}/action/arm", name) for name in ("uav", "usv")]
         assert list(errors.values()) == ["under water"]
 
@@ -237,33 +237,33 @@ def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its_repli
 
 def test_an_abandoned_query_is_cancelled(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        server, asker = await connect(), await connect()
+        server, backfill = await connect(), await connect()
 
         async def forever(query: Query[Action]) -> None:
             query.reply(ActionStatus(id="1", state="running"))
             await asyncio.sleep(60)
 
         server.serve("argosy/test/uav/action/*", Action, forever)
-        await served(asker, "argosy/test/uav/action/a")
-        async with aclosing(asker.query("argosy/test/uav/action/a", Action(), ActionStatus, 60)) as replies:
+        await served(backfill, "argosy/test/uav/action/a")
+        async with aclosing(backfill.query("argosy/test/uav/action/a", Action(), ActionStatus, 60)) as replies:
             async for reply in replies:
                 assert reply.record is not None
                 break
-        assert await asker.tokens("argosy/**") == []  # the session still answers
+        assert await backfill.tokens("argosy/**") == []  # the session still answers
 
     on_a_bus(endpoint, body)
 
 
 def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_asker(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        server, asker = await connect(), await connect()
+        server, backfill = await connect(), await connect()
 
         async def serve(query: Query[Action]) -> None:
             query.reply_error(query.error)
 
         server.serve("argosy/test/uav/action/*", Action, serve)
-        await served(asker, "argosy/test/uav/action/a")
-        channel = asker._session.get("argosy/test/uav/action/a", payload=b'{"parameters": 5}', timeout=10)
+        await served(backfill, "argosy/test/uav/action/a")
+        channel = backfill._session.get("argosy/test/uav/action/a", payload=b'{"parameters": 5}', timeout=10)
         errors = await asyncio.to_thread(lambda: [reply.err.payload.to_string() for reply in channel])
         assert errors == ["Action: Expected `array`, got `int` - at `$.parameters`"]
 
@@ -278,16 +278,16 @@ def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, payload: bytes, code: str
 ) -> None:
     async def body(connect: Any) -> None:
-        server, asker = await connect(), await connect()
+        server, backfill = await connect(), await connect()
 
         async def serve(query: Query[Action]) -> None:
             query.reply_error(query.error)
 
         server.serve("argosy/test/uav/action/*", Action, serve)
-        await served(asker, "argosy/test/uav/action/a")
+        await served(backfill, "argosy/test/uav/action/a")
         monkeypatch.setattr(codec(Action), "encode", lambda *_: payload)
         with pytest.raises(QueryFailed) as failed:
-            await asker.ask_one("argosy/test/uav/action/a", Action(), ActionStatus, 10)
+            await backfill.ask_one("argosy/test/uav/action/a", Action(), ActionStatus, 10)
         assert failed.value.code == code
 
     on_a_bus(endpoint, body)
@@ -401,7 +401,7 @@ def test_what_is_urgent_is_served_while_all_other_queries_wait(endpoint: str, mo
     monkeypatch.setattr("commd.bus.bus.QUERIES", 3)
 
     async def body(connect: Connect) -> None:
-        asker, server = await connect(), await connect()
+        backfill, server = await connect(), await connect()
         waiting, done = list[Query[Action]](), asyncio.Event()
 
         async def slow(query: Query[Action]) -> None:
@@ -412,12 +412,12 @@ def test_what_is_urgent_is_served_while_all_other_queries_wait(endpoint: str, mo
             query.reply(ActionStatus(id="x", state="cancelled"))
 
         async def ask(key: str) -> list[Any]:
-            return [reply async for reply in asker.query(key, Action(), ActionStatus, 10)]
+            return [reply async for reply in backfill.query(key, Action(), ActionStatus, 10)]
 
         server.serve("argosy/test/uav/action/goto", Action, slow)
         server.serve("argosy/test/uav/cancel", Action, quick, urgent=True)
-        await served(asker, "argosy/test/uav/action/goto")
-        await served(asker, "argosy/test/uav/cancel")
+        await served(backfill, "argosy/test/uav/action/goto")
+        await served(backfill, "argosy/test/uav/cancel")
         asking = [asyncio.create_task(ask("argosy/test/uav/action/goto")) for _ in range(3)]
         await until(lambda: len(waiting) == 3, "all places are taken")
         assert [reply.error for reply in await ask("argosy/test/uav/action/goto")] == ["busy: too many queries at once"]
@@ -430,15 +430,15 @@ def test_what_is_urgent_is_served_while_all_other_queries_wait(endpoint: str, mo
 
 def test_a_payload_that_is_larger_than_its_server_wants_is_refused_unread(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
-        asker, server = await connect(), await connect()
+        backfill, server = await connect(), await connect()
 
         async def never(query: Query[Action]) -> None:
             raise AssertionError(query.key)
 
         server.serve("argosy/test/uav/action/goto", Action, never, at_most=100)
-        await served(asker, "argosy/test/uav/action/goto")
+        await served(backfill, "argosy/test/uav/action/goto")
         large = Action(parameters=("x" * 100,))
-        replies = [one async for one in asker.query("argosy/test/uav/action/goto", large, ActionStatus, 10)]
+        replies = [one async for one in backfill.query("argosy/test/uav/action/goto", large, ActionStatus, 10)]
         assert [one.error for one in replies] == ["Action: 119 bytes, expected at most 100"]
         assert server.counters["bad_input"] == 1
 
@@ -458,16 +458,16 @@ def test_the_admin_space_of_the_router_can_be_read(endpoint: str) -> None:
 
 def test_who_takes_longer_with_a_reply_than_the_question_lasts_is_not_cancelled(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
-        server, asker = await connect(), await connect()
+        server, backfill = await connect(), await connect()
 
         async def fly(query: Query[Action]) -> None:
             query.reply(ActionStatus(id="1", state="running"))
             query.reply(ActionStatus(id="1", state="succeeded"))
 
         server.serve("argosy/test/uav/action/*", Action, fly)
-        await served(asker, "argosy/test/uav/action/land")
+        await served(backfill, "argosy/test/uav/action/land")
         states = list[str]()
-        async with aclosing(asker.query("argosy/test/uav/action/land", None, ActionStatus, 0.2)) as replies:
+        async with aclosing(backfill.query("argosy/test/uav/action/land", None, ActionStatus, 0.2)) as replies:
             async for reply in replies:
                 assert reply.record is not None
                 states.append(reply.record.state)

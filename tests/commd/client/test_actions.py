@@ -44,10 +44,10 @@ def test_an_action_ends_with_the_bridges_own_final_status(endpoint: str) -> None
         query.reply(ActionStatus(id=query.record.id, state="refused", result=False, reason="Arm: RTL mode not armable"))
 
     async def body(connect: Connect) -> None:
-        acting, *_ = await act(connect, serve)
-        status = await acting.perform("uav:b:1", "arm_motors", (True,), 10)
+        action_requests, *_ = await act(connect, serve)
+        status = await action_requests.perform("uav:b:1", "arm_motors", (True,), 10)
         assert (status.state, status.reason) == ("refused", "Arm: RTL mode not armable")
-        assert acting.counters["asked_again"] == 0
+        assert action_requests.counters["asked_again"] == 0
 
     on_a_bus(endpoint, body)
 
@@ -64,8 +64,8 @@ def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(endpoint:
             query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
 
     async def body(connect: Connect) -> None:
-        acting, *_ = await act(connect, serve)
-        status = await acting.perform("uav:b:1", "land", (), 30)
+        action_requests, *_ = await act(connect, serve)
+        status = await action_requests.perform("uav:b:1", "land", (), 30)
         assert status.state == "succeeded"
         assert asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
 
@@ -84,8 +84,8 @@ def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_agai
         query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
 
     async def body(connect: Connect) -> None:
-        acting, *_ = await act(connect, serve)
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), 30), 5 * ACTION_ASKED_AGAIN)
+        action_requests, *_ = await act(connect, serve)
+        status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), 30), 5 * ACTION_ASKED_AGAIN)
         assert status.state == "succeeded"
         assert asked == [1, 2]
 
@@ -106,8 +106,8 @@ def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_th
         query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
 
     async def body(connect: Connect) -> None:
-        acting, *_ = await act(connect, serve)
-        status = await acting.perform("uav:b:1", "land", (), 30)
+        action_requests, *_ = await act(connect, serve)
+        status = await action_requests.perform("uav:b:1", "land", (), 30)
         assert status.state == "succeeded"
         assert asked == [1] * 6
 
@@ -118,8 +118,8 @@ def test_an_action_that_nobody_serves_fails_after_the_grace(endpoint: str, monke
     monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
 
     async def body(connect: Connect) -> None:
-        acting, *_ = await act(connect, None)
-        status = await acting.perform("uav:b:1", "land", (), 30)
+        action_requests, *_ = await act(connect, None)
+        status = await action_requests.perform("uav:b:1", "land", (), 30)
         assert (status.state, status.result) == ("failed", False)
         assert status.reason == "bridge_lost: nobody serves this action"
 
@@ -136,8 +136,8 @@ def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
     begun = asyncio.Event()
 
     async def body(connect: Connect) -> None:
-        acting, _, bridge, _ = await act(connect, serve)
-        flying = asyncio.create_task(acting.perform("uav:b:1", "goto", (1, 2, 3), 60))
+        action_requests, _, bridge, _ = await act(connect, serve)
+        flying = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (1, 2, 3), 60))
         await asyncio.wait_for(begun.wait(), 120)
         await bridge.close()
         status = await asyncio.wait_for(flying, 120)
@@ -162,7 +162,7 @@ def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str, monkeypat
                 keys.percept(FLEET, "uav", "altitude"), Perception(header=header, name="altitude", parameters=(5,))
             )
 
-        acting, perceiving, bridge, _ = await act(connect, None)
+        action_requests, perceiving, bridge, _ = await act(connect, None)
         bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
         await subscribed(bridge, keys.percept(FLEET, "uav", "altitude"))
         bridge.put(
@@ -170,7 +170,7 @@ def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str, monkeypat
             Perception(header=bridge.header("percept"), name="altitude", parameters=(0,)),
         )
         await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
-        status = await acting.perform("uav:b:1", "takeoff", (5,), 10)
+        status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
         assert status.state == "succeeded"
         assert perceiving.percepts.present()[0].parameters == (5,)
         assert perceiving.counters["late"] == 0
@@ -180,7 +180,7 @@ def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str, monkeypat
 
 def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
-        acting, perceiving, bridge, _ = await act(connect, None)
+        action_requests, perceiving, bridge, _ = await act(connect, None)
         present = [Perception(header=bridge.header("percept"), name="altitude", parameters=(0,))]
 
         async def repair(query: Query[Perception]) -> None:
@@ -198,7 +198,7 @@ def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(endp
         bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
         repairing = asyncio.create_task(perceiving.run())
         await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
-        status = await acting.perform("uav:b:1", "takeoff", (5,), 10)
+        status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
         assert status.state == "succeeded"
         assert perceiving.present()[0].parameters == (5,)
         repairing.cancel()
@@ -214,8 +214,8 @@ def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(endpoint: s
     header = Perception(name="x").header
 
     async def body(connect: Connect) -> None:
-        acting, perceiving, *_ = await act(connect, serve)
-        status = await acting.perform("uav:b:1", "takeoff", (5,), 10)
+        action_requests, perceiving, *_ = await act(connect, serve)
+        status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
         assert status.state == "succeeded"
         assert perceiving.counters["late"] == 1
 
@@ -238,13 +238,13 @@ def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_ask
         query.reply(ActionStatus(id=query.record.id, state="refused", result=False, reason="no such action"))
 
     async def body(connect: Connect) -> None:
-        acting, _, bridge, _ = await act(connect, None)
-        performing = asyncio.create_task(acting.perform("uav:b:1", "takeoff", (5,), 30))
-        await until(lambda: acting.counters["asked_again"] > 0, "the first attempt reached nobody")
+        action_requests, _, bridge, _ = await act(connect, None)
+        action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30))
+        await until(lambda: action_requests.counters["asked_again"] > 0, "the first attempt reached nobody")
         bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
         bridge.serve(keys.action(FLEET, "uav", "*"), Action, begin)
-        await acting.cancel("uav:b:1")
-        status = await asyncio.wait_for(performing, 120)
+        await action_requests.cancel("uav:b:1")
+        status = await asyncio.wait_for(action_client, 120)
         assert (status.state, begun) == ("cancelled", [])
 
     on_a_bus(endpoint, body)
@@ -257,18 +257,18 @@ def test_an_action_that_was_dropped_before_it_was_asked_for_is_cancelled_whateve
         query.reply(ActionStatus(id="uav:b:1", state="refused", result=False, reason="no such action"))
 
     async def body(connect: Connect) -> None:
-        acting, _, bridge, watch = await act(connect, None)
+        action_requests, _, bridge, watch = await act(connect, None)
         bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
         kept: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        performing = asyncio.create_task(acting.perform("uav:b:1", "takeoff", (5,), 30, kept=kept))
+        action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30, kept=kept))
         await asyncio.sleep(0)
-        await acting.cancel("uav:b:1")
+        await action_requests.cancel("uav:b:1")
         await bridge.close()
         await until(lambda: watch.gone, "the bridge is gone")
         kept.set_result(None)
-        status = await asyncio.wait_for(performing, 120)
+        status = await asyncio.wait_for(action_client, 120)
         assert (status.state, status.reason) == ("cancelled", "the agent has dropped it")
-        assert acting.counters["asked_again"] == 0
+        assert action_requests.counters["asked_again"] == 0
 
     on_a_bus(endpoint, body)
 
@@ -286,9 +286,9 @@ def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoin
             query.reply(ActionStatus(id=query.record.id, state="cancelled", result=False))
 
     async def body(connect: Connect) -> None:
-        acting, _, bridge, _ = await act(connect, None)
+        action_requests, _, bridge, _ = await act(connect, None)
         bridge.serve(keys.cancel(FLEET, "uav"), Cancel, turn_away_once)
-        await acting.cancel("uav:b:1")
+        await action_requests.cancel("uav:b:1")
         assert asked == ["uav:b:1", "uav:b:1"]
 
     on_a_bus(endpoint, body)
@@ -296,8 +296,8 @@ def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoin
 
 def test_an_argument_that_no_wire_carries_fails_the_action_at_once(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
-        acting, *_ = await act(connect, None)
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "set_mode", ("\ud800",), 30), 120)
+        action_requests, *_ = await act(connect, None)
+        status = await asyncio.wait_for(action_requests.perform("uav:b:1", "set_mode", ("\ud800",), 30), 120)
         assert status.state == "failed"
         assert status.reason.startswith("cannot be sent: Action:")
 
@@ -317,14 +317,14 @@ def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
         await asyncio.sleep(60)
 
     async def body(connect: Connect) -> None:
-        acting, *_ = await act(connect, serve)
+        action_requests, *_ = await act(connect, serve)
         began = asyncio.get_running_loop().time()
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "goto", (1, 2, 3), patience=20), 120)
+        status = await asyncio.wait_for(action_requests.perform("uav:b:1", "goto", (1, 2, 3), patience=20), 120)
         assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
         took = asyncio.get_running_loop().time() - began
         assert took > 0.8
         assert in_time(took, 10)
-        assert acting.counters["asked_again"] == 0
+        assert action_requests.counters["asked_again"] == 0
 
     on_a_bus(endpoint, body)
 
@@ -334,8 +334,8 @@ def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(endpoint: str) 
         await asyncio.sleep(60)
 
     async def body(connect: Connect) -> None:
-        acting, *_ = await act(connect, serve)
-        status = await asyncio.wait_for(acting.perform("uav:b:1", "land", (), patience=0.5), 120)
+        action_requests, *_ = await act(connect, serve)
+        status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), patience=0.5), 120)
         assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
 
     on_a_bus(endpoint, body)
@@ -352,12 +352,12 @@ def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_
         await asyncio.sleep(1000)
 
     async def body(connect: Connect) -> None:
-        acting, _, bridge, watch = await act(connect, serve)
+        action_requests, _, bridge, watch = await act(connect, serve)
         looking = asyncio.create_task(watch.run())
         key = keys.health(FLEET, "uav1", "bridged")
         await subscribed(bridge, key)
         speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
-        doing = asyncio.create_task(acting.perform("uav:b:1", "goto", (), 10))
+        doing = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (), 10))
         await asyncio.sleep(2.5)
         assert watch.up, "a bridge that speaks is not given up"
         assert not doing.done()
@@ -368,7 +368,7 @@ def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_
             "bridge_lost: the bridge is there and says nothing: it hangs",
         )
         assert not watch.up
-        status = await asyncio.wait_for(acting.perform("uav:b:2", "goto", (), 1000), 120)
+        status = await asyncio.wait_for(action_requests.perform("uav:b:2", "goto", (), 1000), 120)
         assert status.reason == "bridge_lost: the bridge is there and says nothing: it hangs"
         speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
         await until(lambda: watch.up and not watch.hangs, "the bridge is back")

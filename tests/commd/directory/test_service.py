@@ -54,11 +54,11 @@ class Fleet:
         listen, connect = ([self.link], []) if name == "pi1" else ([], [self.link])
         async with (
             session(self.endpoints[name], name, "commd", router=True, listen=listen, connect=connect) as bus,
-            open_mailroom(bus, FixedDirectory(self.mission.mailboxes), self.mission.mail, self._folder) as mailroom,
+            open_mailroom(bus, FixedDirectory(self.mission.mailboxes), self.mission.mail, self._folder) as mail_service,
         ):
             await bus.claim(name)
             clock = Clock()
-            async with open_directory(bus, name, self.mission, mailroom, clock) as directory:
+            async with open_directory(bus, name, self.mission, mail_service, clock) as directory:
                 yield directory
 
     @asynccontextmanager
@@ -342,7 +342,7 @@ def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
 def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_its_mail_up(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def unhost(mailroom: MailService, name: str) -> None:
+    async def unhost(mail_service: MailService, name: str) -> None:
         raise StoreFailed("the disk is full")
 
     async def body() -> None:

@@ -45,11 +45,11 @@ async def lanes_of(
             for number in range(1, each + 1)
         ]
         await store.write(lambda db: queries.put(db, tally, letters, 0.0, None))
-        lanes = DeliveryQueues(store, tally, MailClock(), carry, give_up, group, group)
-        lanes.begin()
-        task = asyncio.create_task(lanes.run())
+        delivery_queues = DeliveryQueues(store, tally, MailClock(), carry, give_up, group, group)
+        delivery_queues.begin()
+        task = asyncio.create_task(delivery_queues.run())
         try:
-            yield lanes, tally, refused
+            yield delivery_queues, tally, refused
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
@@ -77,14 +77,14 @@ def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what
 
     async def body() -> None:
         async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
-            pauses[len(batch)].append(lanes._lanes[line].pause)
+            pauses[len(batch)].append(delivery_queues._delivery_queues[line].pause)
             return Receipt(later=dict.fromkeys(range(len(batch)), ProgramInbox.NOT_DONE))
 
-        async with lanes_of(tmp_path, ["b"], carry) as (lanes, tally, _):
+        async with lanes_of(tmp_path, ["b"], carry) as (delivery_queues, tally, _):
             await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")
             more = [letter(message(2, "a", "b"), "b", None)]
-            await lanes._store.write(lambda db: queries.put(db, tally, more, 0.0, None))
-            lanes.more("b")
+            await delivery_queues._store.write(lambda db: queries.put(db, tally, more, 0.0, None))
+            delivery_queues.more("b")
             await until(lambda: len(pauses[2]) >= 3, "what is new is offered with it")
         assert pauses[2][:3] == [pauses[1][-1] * 2, RETRY_FIRST * 2, RETRY_FIRST * 4]
 
@@ -100,11 +100,11 @@ def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_o
         return Receipt(taken=len(batch)) if there.is_set() else NotTaken("z is away", certain=True, away=True)
 
     async def body() -> None:
-        async with lanes_of(tmp_path, ["a>z", "c>z"], carry) as (lanes, tally, _):
+        async with lanes_of(tmp_path, ["a>z", "c>z"], carry) as (delivery_queues, tally, _):
             await until(lambda: tries["a>z"] > 0 < tries["c>z"], "both know that it is away")
-            first = next(iter(lanes._away["z"].lanes))
+            first = next(iter(delivery_queues._away["z"].delivery_queues))
             empty = [place for place, line in ((1, "a>z"), (2, "c>z")) if line == first]
-            await lanes._store.write(lambda db: queries.remove(db, tally, empty))
+            await delivery_queues._store.write(lambda db: queries.remove(db, tally, empty))
             there.set()  # without a token that would tell
             await until(lambda: not tally.lines, "the other one is tried again")
 
@@ -177,8 +177,8 @@ def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path
         return answers.pop() if answers else Receipt(taken=len(batch))
 
     async def body() -> None:
-        async with lanes_of(tmp_path, ["b"], carry, each=2) as (lanes, tally, _):
+        async with lanes_of(tmp_path, ["b"], carry, each=2) as (delivery_queues, tally, _):
             await until(lambda: not tally.lines, "it is sent again")
-            assert lanes.counters["bad_receipts"] == 1
+            assert delivery_queues.counters["bad_receipts"] == 1
 
     asyncio.run(body())

@@ -35,14 +35,14 @@ def notice(receiver: str, content: object, code: str, detail: str = "") -> Struc
 
 def test_a_receiver_that_nobody_knows_is_refused_at_once(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
             batch = (message(1, receiver="nobody"), message(1), message(2, receiver="nobody"))
             assert await post(sender, *batch) == Receipt(
                 taken=1, refused={0: Refusal(code="receiver_not_found"), 2: Refusal(code="receiver_not_found")}
             )
             await until(lambda: receiver.contents == [1], "the other one arrives")
-            assert mailroom.waiting == 0
+            assert mail_service.waiting == 0
             assert (await listed(sender, "pi1")).dead == (), "the sender knows: it holds the message itself"
 
     on_a_bus(endpoint, body)
@@ -149,12 +149,12 @@ def test_the_missions_time_to_live_is_for_messages_that_bring_none(endpoint: str
     async def body(connect: Connect) -> None:
         now = Time()
         rules = MailRules(ttl=5.0)  # type: ignore[arg-type]
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, now=now, rules=rules) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, now=now, rules=rules) as mail_service:
             sender = await connect("a")
             await post(sender, message(1), message(2, ttl=60.0))
-            await until(lambda: "away" in mailroom.state_of("a", "b"), "they wait")
+            await until(lambda: "away" in mail_service.state_of("a", "b"), "they wait")
             now.seconds += 6
-            await until(lambda: mailroom.counters_now["expired"] == 1, "one is given up")
+            await until(lambda: mail_service.counters_now["expired"] == 1, "one is given up")
             receiver = Receiver(await connect("b"), "b")
             await until(lambda: receiver.contents == [2], "the other one arrives")
 
@@ -185,13 +185,13 @@ def test_what_comes_too_late_is_given_up_once_by_the_receivers_board_whatever_be
     endpoint: str, tmp_path: Path
 ) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi2", tmp_path) as mailroom:
+        async with board(connect, "pi2", tmp_path) as mail_service:
             bus, between = await connect("pi1"), keys.mail(FLEET, "b", "a")
             await served(bus, between)
             late = (message(1, ttl=0.0), message(2))
             assert await ask(bus, between, *late) == Receipt(taken=2)
             assert await ask(bus, between, *late) == Receipt(taken=2), "its answer was lost, it comes again"
-            await until(lambda: mailroom.counters_now["given_up"] == 1, "it is given up")
+            await until(lambda: mail_service.counters_now["given_up"] == 1, "it is given up")
             told = await listed(bus, "pi2")
             assert [(one.message.content, one.reason.code) for one in told.dead] == [(1, "expired")]
             assert {(queue.sender, queue.receiver) for queue in told.queues} == {("a", "b"), ("mail", "a")}
@@ -204,7 +204,7 @@ def test_what_may_have_arrived_and_whose_receiver_never_says_is_given_up_as_unkn
 ) -> None:
     async def body(connect: Connect) -> None:
         now = Time()
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, now=now) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, now=now) as mail_service:
             sender, bus = await connect("a"), await connect("b")
             told, silent = Receiver(sender, "a"), Receiver(bus, "b", lambda _: None)
             await post(sender, message(1, ttl=10.0))
@@ -212,7 +212,7 @@ def test_what_may_have_arrived_and_whose_receiver_never_says_is_given_up_as_unkn
             silent.leave()
             now.seconds += 30
             await asyncio.sleep(0.6)
-            assert mailroom.waiting == 1, "a moment is left to its receiver to say"
+            assert mail_service.waiting == 1, "a moment is left to its receiver to say"
             now.seconds += 60
             await until(lambda: len(told.got) == 1, "the sender is told")
             assert told.got[0].content == notice("b", 1, "unknown")
@@ -279,7 +279,7 @@ def message_as(number: int, like: Message) -> Message:
 
 def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             a, b = await connect("a"), await connect("b")
             Receiver(b, "b", lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), Refusal(code="no"))))
             Receiver(
@@ -288,11 +288,11 @@ def test_a_notice_that_cannot_be_delivered_makes_no_further_notice(endpoint: str
                 lambda mail: Receipt(refused=dict.fromkeys(range(len(mail.messages)), Refusal(code="no_notices"))),
             )
             await post(a, message(1))
-            await until(lambda: mailroom.counters_now["given_up"] == 2, "the message and its notice are given up")
+            await until(lambda: mail_service.counters_now["given_up"] == 2, "the message and its notice are given up")
             assert [one.reason.code for one in (await listed(a, "pi1")).dead] == ["no", "no_notices"]
             await asyncio.sleep(0.2)
-            assert mailroom.counters_now["given_up"] == 2
-            assert mailroom.waiting == 0
+            assert mail_service.counters_now["given_up"] == 2
+            assert mail_service.waiting == 0
 
     on_a_bus(endpoint, body)
 
@@ -313,23 +313,23 @@ def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_is_give
             return self.homes
 
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             sender = await connect("a")
             told = Receiver(sender, "a")
-            mailroom.directory = directory = Open()
+            mail_service.directory = directory = Open()
             assert await post(sender, message(1, receiver="guest")) == Receipt(
                 refused={0: Refusal(code="receiver_not_found")}
             )
             directory.homes["guest"] = "pi1"
-            mailroom.host("guest")
-            mailroom.host("guest")
+            mail_service.host("guest")
+            mail_service.host("guest")
             assert await post(sender, message(1, receiver="guest")) == Receipt(taken=1)
             guest = Receiver(await connect("guest"), "guest")
             await until(lambda: guest.contents == [1], "it arrives")
             guest.leave()
             assert await post(sender, message(2, receiver="guest")) == Receipt(taken=1)
             del directory.homes["guest"]
-            await mailroom.unhost("guest")
+            await mail_service.unhost("guest")
             await until(lambda: len(told.got) == 1, "the sender is told")
             assert told.got[0].content == notice("guest", 2, "receiver_left")
             assert await _answers(sender, keys.outbox(FLEET, "guest")) == 0
@@ -337,9 +337,9 @@ def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_is_give
             directory.homes["far"] = "pi9"
             assert await post(sender, message(1, receiver="far")) == Receipt(taken=1)
             del directory.homes["far"]
-            await mailroom.gone("far")
+            await mail_service.gone("far")
             await until(lambda: len(told.got) == 2, "the sender is told of the other one too")
-            assert mailroom.waiting == 0
+            assert mail_service.waiting == 0
 
     on_a_bus(endpoint, body)
 
@@ -352,11 +352,12 @@ def test_what_waits_is_listed_with_its_age_and_what_it_waits_for(endpoint: str, 
     async def body(connect: Connect) -> None:
         now = Time()
         homes = {"a": "pi1", "b": "pi2", "c": "pi1"}
-        async with board(connect, "pi1", tmp_path, homes=homes, now=now) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=homes, now=now) as mail_service:
             sender = await connect("a")
             await post(sender, message(1), message(2), message(1, receiver="c"))
             await until(
-                lambda: bool(mailroom.state_of("a", "b") and mailroom.state_of("a", "c")), "both have been tried"
+                lambda: bool(mail_service.state_of("a", "b") and mail_service.state_of("a", "c")),
+                "both have been tried",
             )
             now.seconds += 7
             found = await listed(sender, "pi1")
@@ -366,7 +367,7 @@ def test_what_waits_is_listed_with_its_age_and_what_it_waits_for(endpoint: str, 
                 ("inbox", "a", "c", 1, 7.0, "c is away"),
             ]
             assert 100 < found.queues[0].bytes < 400
-            assert mailroom.health().counters["waiting"] == 3
+            assert mail_service.health().counters["waiting"] == 3
 
     on_a_bus(endpoint, body)
 
@@ -494,11 +495,11 @@ def test_a_batch_has_as_long_for_its_receipt_as_it_needs_on_a_slow_link(
 
         other.serve(keys.mail(FLEET, "b", "*"), Mail, slow)
         other.token(keys.alive(FLEET, "pi2", "commd", other.boot))
-        async with board(connect, "pi1", tmp_path) as mailroom:
+        async with board(connect, "pi1", tmp_path) as mail_service:
             sender = await connect("a")
             await post(sender, *(message(number, content="x" * 20_000) for number in range(1, 7)))
-            await until(lambda: mailroom.waiting == 0, "all are taken")
-            assert mailroom.counters_now["unanswered"] == 0
+            await until(lambda: mail_service.waiting == 0, "all are taken")
+            assert mail_service.counters_now["unanswered"] == 0
             assert batches == [3, 3], "a batch for another board is small"
 
     on_a_bus(endpoint, body)
@@ -515,21 +516,21 @@ def test_mail_for_somebody_whom_nobody_knows_any_more_is_given_up_after_a_while(
         async with board(connect, "pi1", tmp_path):
             await post(sender, message(1))
         told = Receiver(sender, "a")
-        async with board(connect, "pi1", tmp_path, homes={"a": "pi1"}) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes={"a": "pi1"}) as mail_service:
             await until(lambda: len(told.got) == 1, "the sender is told")
             assert told.got[0].content == notice("b", 1, "receiver_left")
-            await until(lambda: mailroom.waiting == 0, "nothing waits for ever")
+            await until(lambda: mail_service.waiting == 0, "nothing waits for ever")
 
     on_a_bus(endpoint, body)
 
 
 def test_notices_of_the_board_itself_find_room_in_a_full_mailbox(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, rules=MailRules(mailbox=1)) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, rules=MailRules(mailbox=1)) as mail_service:
             await post(await connect("a"), message(1))
             told = Message(id="df.1", sender="df", performative="tell", receiver="b", content="provider")
-            assert await mailroom.take([told]) == Receipt(taken=1)
-            assert await mailroom.take([message(2)]) == Receipt(later={0: Refusal(code="mailbox_full")})
+            assert await mail_service.take([told]) == Receipt(taken=1)
+            assert await mail_service.take([message(2)]) == Receipt(later={0: Refusal(code="mailbox_full")})
 
     on_a_bus(endpoint, body)
 
@@ -539,7 +540,7 @@ def test_a_message_that_a_program_has_in_hand_when_its_time_ends_is_not_told_to_
 ) -> None:
     async def body(connect: Connect) -> None:
         now, done = Time(), asyncio.Event()
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, now=now) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD, now=now) as mail_service:
             sender, bus = await connect("a"), await connect("b")
 
             def answer(batch: Mail) -> Receipt:
@@ -556,7 +557,7 @@ def test_a_message_that_a_program_has_in_hand_when_its_time_ends_is_not_told_to_
             now.seconds += 20
             await asyncio.sleep(0.6)
             done.set()
-            await until(lambda: mailroom.waiting == 0, "the program is done with it")
-            assert (mailroom.counters_now["given_up"], told.got) == (0, [])
+            await until(lambda: mail_service.waiting == 0, "the program is done with it")
+            assert (mail_service.counters_now["given_up"], told.got) == (0, [])
 
     on_a_bus(endpoint, body)

@@ -38,22 +38,22 @@ async def two_boards(
         yield first, second
 
 
-async def sent(mailroom: MailService, count: int) -> None:
+async def sent(mail_service: MailService, count: int) -> None:
     """Wait until a board has got rid of `count` messages, in its file too."""
-    await until(lambda: mailroom.counters_now["sent"] == count, f"{count} messages are handed on")
-    await until(lambda: mailroom.waiting == 0, "nothing waits any more")
+    await until(lambda: mail_service.counters_now["sent"] == count, f"{count} messages are handed on")
+    await until(lambda: mail_service.waiting == 0, "nothing waits any more")
 
 
 def test_messages_between_agents_of_one_board_arrive_once_and_in_order(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
             for first in range(1, 1001, 100):
                 numbers = range(first, first + 100)
                 assert await post(sender, *map(message, numbers)) == Receipt(taken=100)
             await until(lambda: len(receiver.got) == 1000, "all arrive")
             assert receiver.contents == list(range(1, 1001))
-            await sent(mailroom, 1000)
+            await sent(mail_service, 1000)
 
     on_a_bus(endpoint, body)
 
@@ -90,16 +90,16 @@ def test_a_batch_that_is_posted_again_because_its_answer_was_lost_is_taken_and_n
     endpoint: str, tmp_path: Path
 ) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
             assert await post(sender, message(1), message(2)) == Receipt(taken=2)
             await until(lambda: len(receiver.got) == 2, "both arrive")
             assert await post(sender, message(1), message(2), message(3)) == Receipt(taken=3)
             assert await post(sender, message(2)) == Receipt(taken=1)
             await until(lambda: len(receiver.got) == 3, "the new one arrives")
-            await sent(mailroom, 3)
+            await sent(mail_service, 3)
             assert [len(batch) for batch in receiver.batches] in ([2, 1], [1, 1, 1])
-            assert mailroom.counters["duplicates"] == 3
+            assert mail_service.counters["duplicates"] == 3
 
     on_a_bus(endpoint, body)
 
@@ -176,14 +176,14 @@ def test_an_agent_that_took_a_batch_and_died_before_its_answer_gets_the_same_num
     endpoint: str, tmp_path: Path
 ) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             sender, bus = await connect("a"), await connect("b")
             dying = Receiver(bus, "b", lambda _: None)
             await post(sender, message(1), message(2))
             await until(lambda: bool(dying.batches), "it is handed the batch")
             dying.leave()
             receiver = Receiver(bus, "b")
-            await sent(mailroom, 2)
+            await sent(mail_service, 2)
             assert [one.header for one in receiver.got] == [one.header for one in dying.batches[0]]
 
     on_a_bus(endpoint, body)
@@ -328,10 +328,10 @@ def test_a_receiver_that_is_attached_in_the_process_is_handed_its_mail(endpoint:
                 got.extend(batch)
             return answer
 
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
-            mailroom.attach("b", deliver)
-            assert await mailroom.take([message(1, content=[1, "x"])]) == Receipt(taken=1)
-            await sent(mailroom, 1)
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
+            mail_service.attach("b", deliver)
+            assert await mail_service.take([message(1, content=[1, "x"])]) == Receipt(taken=1)
+            await sent(mail_service, 1)
             assert [one.content for one in got] == [[1, "x"]]
 
     on_a_bus(endpoint, body)
@@ -344,39 +344,39 @@ def test_what_is_taken_in_the_process_shares_a_transaction_with_what_belongs_to_
         raise ValueError("a defect")
 
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             receiver = Receiver(await connect("b"), "b")
             with pytest.raises(ValueError, match="a defect"):
-                await mailroom.take([message(1)], also=fails)
-            await mailroom.take([message(1)], also=lambda db: kv_table.keep(db, "test", "a", b"1"))
+                await mail_service.take([message(1)], also=fails)
+            await mail_service.take([message(1)], also=lambda db: kv_table.keep(db, "test", "a", b"1"))
             await until(lambda: len(receiver.got) == 1, "it arrives, once")
-            assert await mailroom.store.read(lambda db: kv_table.kept(db, "test")) == {"a": b"1"}
+            assert await mail_service.store.read(lambda db: kv_table.kept(db, "test")) == {"a": b"1"}
 
     on_a_bus(endpoint, body)
 
 
 def test_a_full_disk_acknowledges_nothing_and_loses_nothing(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
             await post(sender, message(1))
-            await sent(mailroom, 1)
-            store = mailroom.store
+            await sent(mail_service, 1)
+            store = mail_service.store
             (pages,) = await store.write(lambda db: db.execute("PRAGMA page_count").fetchone())
             await store.write(lambda db: db.execute(f"PRAGMA max_page_count = {pages + 8}").fetchone())
             big = [message(number, content="x" * 20_000) for number in range(2, 6)]
             assert await post(sender, *big) == "the disk is full"
-            assert mailroom.waiting == 0
-            assert identities(mailroom.health().notes) == [("mail_refused", "")]
-            assert "the disk is full" in mailroom.health().notes[0].text
-            assert mailroom.health().counters["db_errors"] == 1
+            assert mail_service.waiting == 0
+            assert identities(mail_service.health().notes) == [("mail_refused", "")]
+            assert "the disk is full" in mail_service.health().notes[0].text
+            assert mail_service.health().counters["db_errors"] == 1
             with pytest.raises(StoreFailed):
-                await mailroom.take(big)
+                await mail_service.take(big)
             await store.write(lambda db: db.execute("PRAGMA max_page_count = 1000000").fetchone())
             assert await post(sender, *big) == Receipt(taken=4)
-            await sent(mailroom, 5)
+            await sent(mail_service, 5)
             assert [one.header.seq for one in receiver.got] == [1, 2, 3, 4, 5]
-            assert mailroom.health().notes == ()
+            assert mail_service.health().notes == ()
 
     on_a_bus(endpoint, body)
 
@@ -385,11 +385,11 @@ def test_a_corrupt_file_costs_its_mail_and_nothing_else_and_is_told(endpoint: st
     (tmp_path / "pi1.mail").write_bytes(b"no database at all, but long enough to be read as one" * 100)
 
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             sender, receiver = await connect("a"), Receiver(await connect("b"), "b")
             assert await post(sender, message(5)) == Receipt(taken=1)
             await until(lambda: receiver.contents == [5], "mail goes on")
-            assert identities(mailroom.health().notes) == [("mail_file_set_aside", "pi1.mail.corrupt-1")]
+            assert identities(mail_service.health().notes) == [("mail_file_set_aside", "pi1.mail.corrupt-1")]
 
     on_a_bus(endpoint, body)
 
@@ -419,7 +419,7 @@ def test_a_message_that_is_typed_by_hand_is_numbered_and_delivered(endpoint: str
 
 def test_what_is_no_mail_is_answered_in_words_and_has_no_effect(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path) as mailroom:
+        async with board(connect, "pi1", tmp_path) as mail_service:
             a, b = await connect("a"), await connect("b")
             outbox, between = keys.outbox(FLEET, "a"), keys.mail(FLEET, "a", "b")
             await served(a, outbox)
@@ -436,7 +436,7 @@ def test_what_is_no_mail_is_answered_in_words_and_has_no_effect(endpoint: str, t
             assert await ask(b, between, message(1, "c", "a"), message(1, "b", "a")) == Receipt(
                 taken=1, refused={0: Refusal(code="wrong_address", text="it came as mail from b to a")}
             )
-            assert mailroom.waiting == 1
+            assert mail_service.waiting == 1
 
     on_a_bus(endpoint, body)
 
@@ -450,14 +450,14 @@ async def _ask_raw(bus: Bus, key: str, payload: bytes) -> str:
 
 def test_a_receipt_that_does_not_add_up_is_no_answer(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
             sender, bus = await connect("a"), await connect("b")
             answers = [Receipt(taken=1), Receipt(taken=2)]
             receiver = Receiver(bus, "b", lambda _: answers.pop(0))
             await post(sender, message(1), message(2))
-            await sent(mailroom, 2)
+            await sent(mail_service, 2)
             assert [len(batch) for batch in receiver.batches] == [2, 2]
-            assert mailroom.counters_now["bad_receipts"] == 1
+            assert mail_service.counters_now["bad_receipts"] == 1
 
     on_a_bus(endpoint, body)
 
@@ -465,9 +465,9 @@ def test_a_receipt_that_does_not_add_up_is_no_answer(endpoint: str, tmp_path: Pa
 def test_an_agent_that_has_moved_to_another_board_gets_there_what_waited_for_it(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
         sender = await connect("a")
-        async with board(connect, "pi1", tmp_path, homes={"a": "pi1", "b": "pi1", "c": "pi2"}) as mailroom:
+        async with board(connect, "pi1", tmp_path, homes={"a": "pi1", "b": "pi1", "c": "pi2"}) as mail_service:
             await post(sender, message(1), message(1, receiver="c"))
-            assert mailroom.waiting == 2
+            assert mail_service.waiting == 2
         moved = {"a": "pi1", "b": "pi2", "c": "pi1"}
         async with board(connect, "pi1", tmp_path, homes=moved), board(connect, "pi2", tmp_path, homes=moved):
             b, c = Receiver(await connect("b"), "b"), Receiver(await connect("c"), "c")

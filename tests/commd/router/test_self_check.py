@@ -106,10 +106,10 @@ def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited_for_b
 def test_a_question_that_does_not_decode_or_is_too_large_is_refused_in_words(endpoint: str, tmp_path: Path) -> None:
     async def body(connect: Connect) -> None:
         SelfCheck(await connect("pi1", "commd"), "pi1", ["pi1"], tmp_path)
-        asker = await connect("asker")
-        await served(asker, keys.checkup(FLEET, "pi1"))
+        backfill = await connect("asker")
+        await served(backfill, keys.checkup(FLEET, "pi1"))
         with pytest.raises(QueryFailed, match="expected at most 65536"):
-            await asker.ask_one(keys.checkup(FLEET, "pi1"), Checkup(filler="x" * 100_000), BoardReport, 10)
+            await backfill.ask_one(keys.checkup(FLEET, "pi1"), Checkup(filler="x" * 100_000), BoardReport, 10)
 
     on_a_bus(endpoint, body)
 

@@ -85,14 +85,14 @@ class Links:
         return links
 
     @asynccontextmanager
-    async def seat(self, address: LinkAddress, rider: LinkClient) -> AsyncIterator[SharedLink]:
+    async def seat(self, address: LinkAddress, link_client: LinkClient) -> AsyncIterator[SharedLink]:
         """Sit at a link while the block lasts. Raises LinkError if it cannot be opened, or the place is taken."""
         link = self._links.setdefault(str(address), SharedLink(address, self.stations))
-        await link.enter(rider)
+        await link.enter(link_client)
         try:
             yield link
         finally:
-            await link.leave(rider)
+            await link.leave(link_client)
 
 
 class SharedLink:
@@ -101,7 +101,7 @@ class SharedLink:
     def __init__(self, address: LinkAddress, stations: dict[str, GroundStation]) -> None:
         """`stations` are those of the process."""
         self.address = address
-        self.riders: dict[int, LinkClient] = {}
+        self.link_clients: dict[int, LinkClient] = {}
         self.strange = 0
         """HEARTBEATs so far of vehicles that no robot claims."""
         self.link: Link | None = None
@@ -120,34 +120,34 @@ class SharedLink:
         """Whether packets can pass."""
         return self.link is not None and self.link.up
 
-    async def enter(self, rider: LinkClient) -> None:
+    async def enter(self, link_client: LinkClient) -> None:
         """Take a robot in; the first one opens the link. Raises LinkError."""
         async with self._lock:
-            if other := self.riders.get(rider.vehicle):
-                raise LinkError(f"link {self.address}: system {rider.vehicle} is robot {other.robot} already")
-            rider.signing = self._signing(rider)
+            if other := self.link_clients.get(link_client.vehicle):
+                raise LinkError(f"link {self.address}: system {link_client.vehicle} is robot {other.robot} already")
+            link_client.signing = self._signing(link_client)
             if self.link is None:
                 self.link = await open_link(
                     self.address,
                     self._receive,
-                    system=rider.ids.system,
-                    component=rider.ids.component,
+                    system=link_client.ids.system,
+                    component=link_client.ids.component,
                     on_state=self._tell_state,
                     make_gate=lambda peer: _RiderGate(self, peer),
                 )
-            self.riders[rider.vehicle] = rider
-            for address in rider.forward:
-                self._attach(rider, address)
+            self.link_clients[link_client.vehicle] = link_client
+            for address in link_client.forward:
+                self._attach(link_client, address)
 
-    async def leave(self, rider: LinkClient) -> None:
+    async def leave(self, link_client: LinkClient) -> None:
         """Let a robot go; the last one closes the link."""
         async with self._lock:
-            if self.riders.get(rider.vehicle) is rider:
-                del self.riders[rider.vehicle]
-            rider.problems.clear()
-            while rider.stations:
-                await rider.stations.pop().detach(rider.vehicle)
-            if not self.riders and self.link is not None:
+            if self.link_clients.get(link_client.vehicle) is link_client:
+                del self.link_clients[link_client.vehicle]
+            link_client.problems.clear()
+            while link_client.stations:
+                await link_client.stations.pop().detach(link_client.vehicle)
+            if not self.link_clients and self.link is not None:
                 link, self.link = self.link, None
                 await link.close()
                 self._homes.clear()
@@ -157,39 +157,41 @@ class SharedLink:
                     self._timestamps = None
                     self._by_key.clear()
 
-    def send(self, rider: LinkClient, message: dialect.MAVLink_message) -> None:
+    def send(self, link_client: LinkClient, message: dialect.MAVLink_message) -> None:
         """Send to a robot's vehicle where it is. Raises ValueError if the message cannot be packed."""
         if self.link is None:
             return
-        if (home := rider.address.peer) is not None and not home.closed:
-            self.link.send_to([home], message, ids=rider.ids, signing=rider.signing)
+        if (home := link_client.address.peer) is not None and not home.closed:
+            self.link.send_to([home], message, ids=link_client.ids, signing=link_client.signing)
         else:
-            self.link.send(message, rider.vehicle, ids=rider.ids, signing=rider.signing)
+            self.link.send(message, link_client.vehicle, ids=link_client.ids, signing=link_client.signing)
 
-    def send_everywhere(self, rider: LinkClient, message: dialect.MAVLink_message) -> None:
+    def send_everywhere(self, link_client: LinkClient, message: dialect.MAVLink_message) -> None:
         """Send to every address where a robot's vehicle was heard lately. Raises ValueError as `send` does."""
         if self.link is not None:
-            self.link.send_to(self.link.peers_of(rider.vehicle), message, ids=rider.ids, signing=rider.signing)
+            self.link.send_to(
+                self.link.peers_of(link_client.vehicle), message, ids=link_client.ids, signing=link_client.signing
+            )
 
-    def notes(self, rider: LinkClient) -> list[Note]:
+    def notes(self, link_client: LinkClient) -> list[Note]:
         """Return the warnings of the link that hold now, and those of one robot's place at it."""
-        notes, here = [*rider.address.notes(asyncio.get_running_loop().time())], str(self.address)
+        notes, here = [*link_client.address.notes(asyncio.get_running_loop().time())], str(self.address)
         if self.link is not None and not self.link.up:
             notes.append(Note("link_down", f"link {here} is down: {self.link.why}", here))
         since = asyncio.get_running_loop().time() - STRANGE_FOR
         for system, (where, at) in self._strangers.items():
-            if at > since and system not in self.riders:
-                ours = ", ".join(map(str, sorted(self.riders)))
-                robots = f"robot is {ours}" if len(self.riders) == 1 else f"robots are {ours}"
+            if at > since and system not in self.link_clients:
+                ours = ", ".join(map(str, sorted(self.link_clients)))
+                robots = f"robot is {ours}" if len(self.link_clients) == 1 else f"robots are {ours}"
                 text = f"heard system {system} at {where}; this link's {robots}"
                 notes.append(Note("other_system", text, str(system)))
         for (system, objection, where), at in self._refused.items():
-            if at > since and system == rider.vehicle:
+            if at > since and system == link_client.vehicle:
                 text = f"{objection} packets of system {system} from {where} are not taken"
                 notes.append(Note("packets_refused", text, f"{objection} {where}"))
-        if rider.signs and rider.signing is None:
+        if link_client.signs and link_client.signing is None:
             text = (
-                f"system {rider.vehicle} signs its packets, and will not listen to unsigned ones: "
+                f"system {link_client.vehicle} signs its packets, and will not listen to unsigned ones: "
                 "the mission gives no `signing`"
             )
             notes.append(Note("signing_missing", text))
@@ -199,15 +201,15 @@ class SharedLink:
                 notes.append(Note("signatures_not_kept", f"timestamps of signatures are not kept: {problem}", of))
         if self._signed.damage:
             notes.append(Note("signatures_forgotten", self._signed.damage))
-        for station in rider.stations:
+        for station in link_client.stations:
             notes += station.notes()
-            if station.speaks_as == rider.ids:
-                ids = f"{rider.ids.system}/{rider.ids.component}"
+            if station.speaks_as == link_client.ids:
+                ids = f"{link_client.ids.system}/{link_client.ids.component}"
                 text = f"the ground station at {station.address} speaks as {ids}, as this bridge does: change `ids`"
                 notes.append(Note("station_same_ids", text, str(station.address)))
-        return notes + rider.problems
+        return notes + link_client.problems
 
-    def counters(self, rider: LinkClient) -> dict[str, float]:
+    def counters(self, link_client: LinkClient) -> dict[str, float]:
         """Figures of the link, which the robots at it share, and of the robot's ground stations."""
         if self.link is None:
             return {}
@@ -219,14 +221,14 @@ class SharedLink:
             "unreadable_packets": came.unreadable_packets,
             "unwanted_packets": came.unwanted,
             "unclaimed_vehicles": self.strange,
-            "foreign_packets": rider.address.foreign,
+            "foreign_packets": link_client.address.foreign,
             "link_dropped": came.dropped,
             "link_reopened": came.reopened,
         }
-        if rider.signing is not None:
+        if link_client.signing is not None:
             counters["refused_packets"] = came.refused
-        if rider.stations:
-            each = [station.counters for station in rider.stations]
+        if link_client.stations:
+            each = [station.counters for station in link_client.stations]
             counters["forwarded"] = sum(one.to_station for one in each)
             counters["passed_on"] = sum(one.to_vehicle for one in each)
             counters["forward_dropped"] = sum(one.dropped for one in each)
@@ -240,22 +242,22 @@ class SharedLink:
         Each part of a vehicle has one address at a time: what another address says in its name meanwhile may be our
         own copy. Where signatures are needed, an address is that of a vehicle once a packet from there was taken.
         """
-        rider = self.riders.get(system)
-        if rider is None or not rider.stations:
+        link_client = self.link_clients.get(system)
+        if link_client is None or not link_client.stations:
             return
-        if rider.signing is not None and system not in peer.systems:
+        if link_client.signing is not None and system not in peer.systems:
             return
         now = asyncio.get_running_loop().time()
         speaker = (system, component(packet))
         if speaker[1] == AUTOPILOT:
-            if rider.address.peer is not None and str(rider.address.peer) != str(peer):
+            if link_client.address.peer is not None and str(link_client.address.peer) != str(peer):
                 return
         else:
             home, at = self._homes.get(speaker, (peer, now))
             if home is not peer and now - at < HOME_AFTER and self.link is not None and home in self.link.peers:
                 return
         self._homes[speaker] = (peer, now)
-        for station in rider.stations:
+        for station in link_client.stations:
             station.copy(bytes(packet))
 
     def refuse(self, system: int, objection: str, peer: Peer) -> None:
@@ -276,59 +278,61 @@ class SharedLink:
 
         It has no route yet, so nothing else would reach it. The message itself asks for nothing but an answer.
         """
-        rider = self.riders.get(system)
-        if rider is not None and self.link is not None:
+        link_client = self.link_clients.get(system)
+        if link_client is not None and self.link is not None:
             asks = dialect.MAVLink_timesync_message(0, time.time_ns())
-            self.link.send_to([peer], asks, ids=rider.ids, signing=rider.signing)
+            self.link.send_to([peer], asks, ids=link_client.ids, signing=link_client.signing)
 
-    def _signing(self, rider: LinkClient) -> Signing | None:
+    def _signing(self, link_client: LinkClient) -> Signing | None:
         """One for each key, all with one row of timestamps: a vehicle on the air may hear what is said to others."""
-        if rider.key is None:
+        if link_client.key is None:
             return None
         try:
             if self._timestamps is None:
                 name = re.sub(r"[^A-Za-z0-9.-]+", "_", str(self.address))
-                file = None if rider.state is None else rider.state / f"{name}.signing"
+                file = None if link_client.state is None else link_client.state / f"{name}.signing"
                 self._timestamps = Timestamps(file)
                 self._signed = SignedStreams(file and file.with_name(f"{name}.signed"))
         except (OSError, SigningError) as error:
             raise LinkError(f"link {self.address}: timestamps of signatures: {error}") from error
-        return self._by_key.setdefault(rider.key, Signing(rider.key, self._timestamps, streams=self._signed))
+        return self._by_key.setdefault(
+            link_client.key, Signing(link_client.key, self._timestamps, streams=self._signed)
+        )
 
-    def _attach(self, rider: LinkClient, address: LinkAddress) -> None:
+    def _attach(self, link_client: LinkClient, address: LinkAddress) -> None:
         station = self._stations.setdefault(str(address), GroundStation(address))
         try:
-            station.attach(rider.vehicle, lambda packet: self._pass_on(rider, packet))
+            station.attach(link_client.vehicle, lambda packet: self._pass_on(link_client, packet))
         except LinkError as error:
             log.error("%s", error)
-            rider.problems.append(Note("forward_refused", str(error), str(address)))
+            link_client.problems.append(Note("forward_refused", str(error), str(address)))
         else:
-            rider.stations.append(station)
+            link_client.stations.append(station)
 
-    def _pass_on(self, rider: LinkClient, packet: bytes) -> bool:
+    def _pass_on(self, link_client: LinkClient, packet: bytes) -> bool:
         """To the autopilot, and to the other parts of the vehicle wherever they speak."""
         since = asyncio.get_running_loop().time() - STILL_THERE
         homes = {
             home
             for (system, part), (home, at) in self._homes.items()
-            if system == rider.vehicle and (part == AUTOPILOT or at > since)
+            if system == link_client.vehicle and (part == AUTOPILOT or at > since)
         }
         return self.link is not None and bool(homes) and self.link.pass_on(homes, packet, MAX_FOREIGN_BYTES)
 
     def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         system = message.get_srcSystem()
-        if rider := self.riders.get(system):
-            if not self._is_own_word(rider, message, peer):
+        if link_client := self.link_clients.get(system):
+            if not self._is_own_word(link_client, message, peer):
                 return
-            rider.signs = bool(message.get_header().incompat_flags & SIGNED)
-            rider.receive(message, peer)
+            link_client.signs = bool(message.get_header().incompat_flags & SIGNED)
+            link_client.receive(message, peer)
         elif message.get_type() == "HEARTBEAT" and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
             self.strange += 1
             self._strangers[system] = (str(peer), asyncio.get_running_loop().time())
             if len(self._strangers) > MAX_NOTED:
                 del self._strangers[next(iter(self._strangers))]
 
-    def _is_own_word(self, rider: LinkClient, message: dialect.MAVLink_message, peer: Peer) -> bool:
+    def _is_own_word(self, link_client: LinkClient, message: dialect.MAVLink_message, peer: Peer) -> bool:
         """Whether what is said in the autopilot's name comes from the vehicle; a link with one other end has no choice.
 
         Cameras and companions may speak from anywhere: what they say is not the vehicle's state.
@@ -336,15 +340,15 @@ class SharedLink:
         if message.get_srcComponent() != AUTOPILOT or not self.address.kind.endswith("in"):
             return True
         heartbeat = message.get_type() == "HEARTBEAT"
-        return rider.address.counts(peer, asyncio.get_running_loop().time(), heartbeat=heartbeat)
+        return link_client.address.counts(peer, asyncio.get_running_loop().time(), heartbeat=heartbeat)
 
     def _tell_state(self, up: bool, why: str) -> None:
         log.info("link %s %s: %s", self.address, "up" if up else "down", why)
-        for rider in list(self.riders.values()):
+        for link_client in list(self.link_clients.values()):
             try:
-                rider.on_state(up)
+                link_client.on_state(up)
             except Exception as error:  # of one robot: the link is opened again for all of them
-                what = f"{self.address}: telling {rider.robot} of the link failed"
+                what = f"{self.address}: telling {link_client.robot} of the link failed"
                 asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
 
 
@@ -355,12 +359,16 @@ class _RiderGate(Gate):
         self._link, self._peer = link, peer
 
     def wants(self, system: int, message_id: int) -> bool:
-        rider = self._link.riders.get(system)
-        return message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT if rider is None else message_id not in rider.unread
+        link_client = self._link.link_clients.get(system)
+        return (
+            message_id == dialect.MAVLINK_MSG_ID_HEARTBEAT
+            if link_client is None
+            else message_id not in link_client.unread
+        )
 
     def signing(self, system: int) -> Signing | None:
-        rider = self._link.riders.get(system)
-        return None if rider is None else rider.signing
+        link_client = self._link.link_clients.get(system)
+        return None if link_client is None else link_client.signing
 
     def refuse(self, system: int, objection: str) -> None:
         self._link.refuse(system, objection, self._peer)

@@ -213,7 +213,9 @@ def test_a_cancelled_generator_is_closed_and_its_function_can_be_called_again(
         await until(lambda: bool(heard) and heard[-1].state == "running", "it runs")
         assert workshop.cancel().state == "cancelled"
         await until(lambda: gpio()["closed"] == [1000], "it is closed")
-        await until(lambda: not driver_of(workshop).refuses(workshop.bridge.desk._manifest.actions["climb"]), "free")
+        await until(
+            lambda: not driver_of(workshop).refuses(workshop.bridge.action_server._manifest.actions["climb"]), "free"
+        )
         assert gpio()["led"] == (False, 17)  # the manifest's hold
         assert (await workshop.do("climb", 2)).state == "succeeded"
         assert workshop.bridge.health().counters["calls_late"] == 1

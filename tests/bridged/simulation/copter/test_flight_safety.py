@@ -35,12 +35,12 @@ def test_a_takeoff_that_is_cancelled_before_it_leaves_the_ground_does_not_take_o
     heard = sky.begin("takeoff", 10)
     sky.forward(lambda: sky.commands(dialect.MAV_CMD_NAV_TAKEOFF), "the command is on its way")
     sky.wait(0.3)
-    assert sky.bridge.desk.cancel("uav", heard[0].id).state == "cancelled"
+    assert sky.bridge.action_server.cancel("uav", heard[0].id).state == "cancelled"
     sky.wait(40)
     copter = sky.vehicle.copter
     assert not copter.flight.airborne or abs(copter.motion.up.velocity) < 0.2, "it stands, or it hovers"
     assert copter.motion.up.position - copter.home_on_chart.up < 5
-    assert sky.bridge.desk.running == []
+    assert sky.bridge.action_server.running == []
 
 
 def test_a_pilot_who_takes_a_vehicle_that_agents_only_moved_keeps_it(sky: Sky) -> None:
@@ -81,7 +81,7 @@ def test_a_hold_after_a_cancel_is_tried_until_the_vehicle_does_it(sky: Sky) -> N
     heard = sky.begin("goto", GOAL[0] + 0.01, GOAL[1], 20)
     sky.wait(8)
     sky.hears_us = lambda message: not is_command(message)
-    assert sky.bridge.desk.cancel("uav", heard[0].id).state == "cancelled"
+    assert sky.bridge.action_server.cancel("uav", heard[0].id).state == "cancelled"
     sky.wait(20)
     assert ("hold_failed", "") in identities(sky.bridge.health().notes)
     sky.hears_us = lambda message: True
@@ -97,7 +97,7 @@ def test_a_hold_does_not_fly_back_to_where_the_vehicle_was_long_ago(sky: Sky) ->
     sky.wait(3)
     sky.we_hear = without("GLOBAL_POSITION_INT")
     sky.wait(30)
-    sky.bridge.desk.cancel("uav", heard[0].id)
+    sky.bridge.action_server.cancel("uav", heard[0].id)
     cancelled_at = sky.vehicle.copter.motion.position.north
     sky.wait(20)
     assert sky.vehicle.copter.motion.position.north > cancelled_at - 5, "it does not fly back"
@@ -111,7 +111,7 @@ def test_an_order_does_not_believe_that_a_vehicle_stands_because_it_stood_long_a
     assert sky.do("takeoff", 10).state == "succeeded"
     sky.wait(5)
     assert sky.do("goto", *GOAL[:2], 20).state == "succeeded"
-    order = sky.bridge.desk.order("rtl", by_operator("rtl"), block=False, insist=True)
+    order = sky.bridge.action_server.order("rtl", by_operator("rtl"), block=False, insist=True)
     sky.forward(lambda: order.outcome is not None, "the order is confirmed", 30)
     assert order.outcome is not None
     assert order.outcome.state == "succeeded"

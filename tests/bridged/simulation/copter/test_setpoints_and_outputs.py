@@ -231,7 +231,7 @@ def test_a_reposition_that_is_cancelled_holds_the_copter(sky: Sky) -> None:
     sky.flying()
     heard = sky.begin("repositioned", *GOAL)
     sky.wait(3)
-    sky.bridge.desk.cancel("uav", heard[0].id)
+    sky.bridge.action_server.cancel("uav", heard[0].id)
     sky.wait(6)
     assert sky.vehicle.copter.motion.course[0] < 0.3
 

@@ -121,7 +121,7 @@ def test_an_upload_that_is_cancelled_is_broken_off_at_the_vehicle_too(sky: Sky) 
     heard = sky.begin("upload_mission", TOUR)
     sky.forward(lambda: any(one.get_type() == "MISSION_ITEM_INT" for one in sky.sent), "the first item")
     sky.wait(1)
-    final = sky.bridge.desk.cancel("uav", heard[0].id)
+    final = sky.bridge.action_server.cancel("uav", heard[0].id)
     assert final.state == "cancelled"
     assert "the upload was broken off at item 1 of 3" in final.reason
     sky.wait(0.1)
@@ -279,7 +279,7 @@ def test_a_mission_whose_vehicle_disarms_before_its_end_fails(sky: Sky) -> None:
 def test_a_mission_that_is_cancelled_holds_the_vehicle(sky: Sky) -> None:
     heard = started(sky)
     sky.forward(lambda: (heard[-1].feedback or {}).get("item") == 2, "item 2")
-    assert sky.bridge.desk.cancel("uav", heard[0].id).state == "cancelled"
+    assert sky.bridge.action_server.cancel("uav", heard[0].id).state == "cancelled"
     sky.forward(lambda: sky.belief("state") == ("GUIDED", True, True), "GUIDED", 5)
     sky.wait(3)
     assert sky.vehicle.copter.motion.course[0] < 0.3
@@ -478,7 +478,7 @@ def test_items_whose_limits_cannot_be_kept_are_refused_under_limits(tmp_path: Pa
     said = "it moves home, from where the mission's limits are measured"
     assert (final.state, final.reason) == ("refused", f"item 2 of the mission: {said}")
     [high] = read_items([TERRAIN], 3)
-    flight = sky.driver._conversation.flight  # the manifest that ships has no items with frames
+    flight = sky.driver._vehicle_session.flight  # the manifest that ships has no items with frames
     assert mission_actions.outside(flight, (high,)).startswith(
         "item 1 of the mission: an altitude above terrain cannot be"
     )

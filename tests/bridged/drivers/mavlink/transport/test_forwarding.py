@@ -83,7 +83,7 @@ def test_what_a_station_sends_reaches_the_vehicles_that_it_is_meant_for() -> Non
                 await until(lambda vehicle=vehicle: vehicle.listen() is not None and for_all in vehicle.raw, "and 0/0")
             assert for_two not in vehicles[0].raw
             station.say(command(9))
-            counters = rides[0].driver._rider.stations[0].counters
+            counters = rides[0].driver._link_client.stations[0].counters
             await until(lambda: counters.astray == 1, "a command for nobody is counted")
             for vehicle in vehicles:
                 vehicle.close()
@@ -99,7 +99,7 @@ def test_a_packet_of_the_vehicle_that_comes_back_is_not_sent_on_again() -> None:
         port, station = free_port(), Speaker(system=255, component=230)
         async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
             vehicle, mirror = Speaker(port), Speaker(port)
-            counters = ride.driver._rider.stations[0].counters
+            counters = ride.driver._link_client.stations[0].counters
             vehicle.say(BEAT)
             await until(lambda: len(station.listen()) == 1, "the station sees the vehicle")
             for _ in range(20):
@@ -169,7 +169,7 @@ def test_a_vehicle_that_comes_back_from_another_port_is_seen_again_after_a_link_
     async def body() -> None:
         port, station = free_port(), Speaker()
         async with riding(link(port, f"'udpout:127.0.0.1:{station.port}'")) as [ride]:
-            ride.driver._rider.address.link_loss = 0.2
+            ride.driver._link_client.address.link_loss = 0.2
             before, after = Speaker(port), Speaker(port)
             before.say(BEAT)
             await until(lambda: len(station.listen()) == 1, "it is seen")
@@ -226,7 +226,7 @@ def test_an_absent_station_and_one_that_does_not_read_cost_dropped_packets_only(
 
             def dropped() -> bool:
                 vehicle.send(texts)
-                counters = ride.driver._rider.stations[2].counters
+                counters = ride.driver._link_client.stations[2].counters
                 return counters.to_station > 0 and counters.dropped > 100
 
             vehicle.say(BEAT)
@@ -257,7 +257,7 @@ def test_a_station_that_floods_a_slow_vehicle_loses_its_own_packets_and_keeps_no
             await until(lambda: ride.driver.heard, "the vehicle is heard")
             lost_before = ride.driver.counters()["link_dropped"]
             station = Speaker(port, 255, 230)
-            flooded = ride.driver._rider.stations[0].counters
+            flooded = ride.driver._link_client.stations[0].counters
 
             def choked() -> bool:
                 for _ in range(50):

@@ -134,7 +134,7 @@ def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_ve
         port = free_port()
         async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
             vehicle, forger, camera = Speaker(port), Speaker(port), Speaker(port, component=100)
-            state = ride.driver._conversation.vehicle
+            state = ride.driver._vehicle_session.vehicle
             vehicle.say(FLYING, place(5.0))
             await until(lambda: state.positions == 1, "the vehicle is where it says")
             camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))

@@ -157,7 +157,7 @@ def test_a_plane_whose_motion_is_cancelled_circles(plane: Sky) -> None:
     plane.do("takeoff", 60)
     heard = plane.begin("goto", -27.64, -48.5184, 80)
     plane.wait(3)
-    plane.bridge.desk.cancel("uav", heard[0].id)
+    plane.bridge.action_server.cancel("uav", heard[0].id)
     plane.forward(lambda: plane.belief("state") == ("LOITER", True, True), "LOITER", 5)
 
 
@@ -195,7 +195,7 @@ def test_a_rover_whose_motion_is_cancelled_stops(rover: Sky) -> None:
     rover.do("arm_motors", True)
     heard = rover.begin("goto", -27.61, -48.5184)
     rover.wait(3)
-    rover.bridge.desk.cancel("uav", heard[0].id)
+    rover.bridge.action_server.cancel("uav", heard[0].id)
     rover.forward(lambda: rover.belief("state") == ("HOLD", True, True), "HOLD", 5)
 
 
