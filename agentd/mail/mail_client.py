@@ -6,6 +6,8 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable
 
+from msgspec.structs import replace
+
 from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
@@ -143,7 +145,12 @@ class MailClient:
     def _undelivered(self, message: Message, why: Refusal) -> None:
         """Tell the mind of a message that commd has refused for good."""
         notice = undelivered(message, why)
-        self.tell(Mail(OFFICE, "signal", from_wire(notice.content), notice.id))
+        try:
+            content = from_wire(notice.content)
+        except BadTerm:  # the notice matters more than what the message was
+            notice = undelivered(replace(message, content=str(message.content)), why)
+            content = from_wire(notice.content)
+        self.tell(Mail(OFFICE, "signal", content, notice.id))
 
 
 def event_of(mind: Mind, message: Message, content: object) -> str:

@@ -97,7 +97,7 @@ def _packed(installed: Distribution, folder: Path) -> Path:
     path = folder / f"argosy-{installed.version}-py3-none-any.whl"
     record = f"argosy-{installed.version}.dist-info/RECORD"
     rows = [f"{name},{file.hash.mode}={file.hash.value},{file.size}\n" for name, file in files.items() if file.hash]
-    with ZipFile(path, "w", ZIP_DEFLATED) as wheel:
+    with ZipFile(path, "w", ZIP_DEFLATED, strict_timestamps=False) as wheel:
         for name, file in files.items():
             wheel.write(str(file.locate()), name)
         wheel.writestr(record, "".join([*rows, f"{record},,\n"]))

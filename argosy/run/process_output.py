@@ -31,6 +31,8 @@ class ProcessOutput:
         kind, subjects = child.process.kind.name, child.process.subject.split()
         if kind == "agentd" and line.agent in subjects:
             self._picture.printed(line.agent, line.text)
+        elif kind == "agentd" and line.agent:  # an agent that was created at run time
+            self._journal.add(child.name, f"[{line.agent}] {line.text}", "output")
         elif kind == "bridged" and getattr(line.event, "robot", None) in subjects:
             self._reported(line.event)
         else:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
+import logging
 import math
 from collections.abc import Callable, Mapping
 from numbers import Real
 from types import MappingProxyType
+from typing import get_args
 
 from msgspec.structs import replace
 
 from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Outcome
-from schemas.wire.records import Action, ActionStatus, Header, State
+from schemas.wire.records import Action, ActionStatus, Cause, Header, State
 
+log = logging.getLogger("action")
+
+_CAUSES = frozenset(get_args(Cause))
 MAX_ID = 200
 """Characters of an action's id."""
 MAX_REASON = 1000
@@ -32,8 +38,11 @@ class Statuses:
         self._seq = 0
 
     def ended(self, action: Action, outcome: Outcome, feedback: Mapping[str, float] = NO_FIGURES) -> ActionStatus:
-        """Return how an action has ended."""
+        """Return how an action has ended. A cause that no reader of the record would know becomes `driver`."""
         succeeded = outcome.state == "succeeded"
+        if outcome.cause not in _CAUSES:  # drivers of others are not type-checked
+            log.warning("robot=%s unknown cause %r of %s: taken as driver", self._robot, outcome.cause, action.name)
+            outcome = dataclasses.replace(outcome, cause="driver")
         status = self.make(action, outcome.state, outcome.reason, feedback)
         return replace(status, result=succeeded, cause=None if succeeded else outcome.cause, order=outcome.order)
 

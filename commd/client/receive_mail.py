@@ -152,12 +152,13 @@ class ProgramInbox(ReceiveOnce):
             raise MessageRefused(Refusal(code="wrong_address", text=expected))
         if _number(message) in self._late:
             raise MessageRefused(EXPIRED)
+        answer = self._asked.get(message.in_reply_to)
+        expired = message.ttl is not None and message.ttl <= 0
+        if answer is not None and not answer.done() and not expired:
+            answer.set_result(message)  # before there is room for the message: its asker waits for nothing else
         return partial(self._queue, message)
 
     def _queue(self, message: Message) -> None:
-        answer = self._asked.get(message.in_reply_to)
-        if answer is not None and not answer.done():
-            answer.set_result(message)
         until = float("inf") if message.ttl is None else asyncio.get_running_loop().time() + message.ttl
         self._waiting.append((message, until))
 

@@ -103,7 +103,7 @@ class BridgePresence:
         self._presence.token(self._robot, boot, alive, now)
         if alive:
             self._came()
-        elif not self._there and self._judging is None:
+        elif self._judging is None and not self._there and self._presence.seems_there(self._robot):
             self._judging = asyncio.get_running_loop().create_task(self._judge())
 
     async def _judge(self) -> None:

@@ -27,6 +27,8 @@ RETRY_FIRST, RETRY_MOST = 0.05, 5.0
 """Wall seconds between two attempts, doubling."""
 LATER_MOST = 2.0
 """The same for a peer that is there and has no room."""
+MAX_CODE, MAX_TEXT = 64, 500
+"""Characters of the code and of the text of a peer's refusal that are kept."""
 WORKERS, PROBES = 32, 8
 """Batches on their way at the same time, to receivers here and as many to other boards: to peers that answer, and to
 those that did not."""
@@ -280,7 +282,7 @@ class DeliveryQueues:
 
     async def _settle(self, lane: DeliveryQueue, known: float, batch: Sequence[QueuedMessage], answer: Receipt) -> None:
         """Take out of the file what the peer has taken, and give up what it has refused."""
-        refused = {one.place: answer.refused[i] for i, one in enumerate(batch) if i in answer.refused}
+        refused = {one.place: _bounded(answer.refused[i]) for i, one in enumerate(batch) if i in answer.refused}
         taken = [one.place for i, one in enumerate(batch) if i not in answer.refused and i not in answer.later]
         self.counters["sent"] += len(taken)
         self.counters["refused"] += len(refused)
@@ -347,3 +349,8 @@ class DeliveryQueues:
     def _probe_later(self, peer: str, away: Away) -> None:
         away.timer = self._loop.call_later(away.pause, self._probe, peer)
         away.pause = min(away.pause * 2, RETRY_MOST)
+
+
+def _bounded(refusal: Refusal) -> Refusal:
+    """Return what is kept of a peer's refusal: it is stored, and travels to the sender."""
+    return Refusal(code=refusal.code[:MAX_CODE], text=refusal.text[:MAX_TEXT])

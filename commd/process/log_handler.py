@@ -102,7 +102,8 @@ class LogHandler(logging.Handler):
         if self._now() >= self._window_end:
             self.end_window()
             self._window_end = self._now() + WINDOW
-        if self._flood.passes((record.name, record.levelno, record.msg, subject), record):
+        reports = getattr(record, "event", None) is not None  # whoever started this process acts on it
+        if reports or self._flood.passes((record.name, record.levelno, record.msg, subject), record):
             self._write(record)
         elif self._timer is None:
             self._timer = threading.Timer(self._window_end - self._now(), self.end_window)

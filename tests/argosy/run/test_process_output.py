@@ -63,6 +63,11 @@ def test_nobody_prints_for_an_agent_of_another_process() -> None:
     assert not heard.recording.picture.agents["uav"].prints
 
 
+def test_what_an_agent_prints_that_was_created_at_run_time_is_shown_with_its_name() -> None:
+    found = Heard().line("agentd", "uav", LogLine(text="hello", agent="helper"))
+    assert found == ("agentd uav", "[helper] hello", "output")
+
+
 @pytest.mark.parametrize(
     ("state", "level"), [("ordered", "good"), ("disarmed", "info"), ("piloted", "warning"), ("unconfirmed", "error")]
 )

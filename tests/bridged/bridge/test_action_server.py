@@ -40,6 +40,16 @@ def test_a_reason_that_is_no_unicode_is_told_all_the_same_and_holds_up_no_other_
     assert end_of(action_server.ask("a0", id="1", attempt=2)[-1]) == ("failed", "no file ?.csv"), "and it is kept"
 
 
+def test_a_cause_that_no_reader_would_know_is_that_of_the_driver(action_server: Desk) -> None:
+    asked = action_server.ask("a0", id="1")
+    jammed: Any = "gripper_jammed"
+    action_server.robot.runs[0].end(Outcome("failed", "it is stuck", jammed))
+    action_server.action_server.step()
+    assert sent(asked[-1]).cause == "driver"
+    again = sent(action_server.ask("a0", id="1", attempt=2)[-1])
+    assert (again.cause, again.reason) == ("driver", "it is stuck"), "and it can be read from the action log"
+
+
 def test_a_reason_without_an_end_is_cut(action_server: Desk) -> None:
     asked = action_server.ask("a0")
     action_server.robot.runs[0].end(Outcome("failed", "x" * 100_000))

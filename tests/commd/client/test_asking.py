@@ -87,6 +87,22 @@ def test_who_asks_with_a_message_in_hand_has_the_answer_that_stands_behind_it(
     as_planner(endpoint, body)
 
 
+def test_an_answer_is_given_also_when_there_is_no_room_for_more_mail(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(receive_mail, "ROOM", 2)
+
+    async def body(me: Client, commd: ScriptedCommd) -> None:
+        asking = asyncio.create_task(me.ask("scout", QUESTION, patience=240))
+        await until(lambda: commd.taken, "the question")
+        offer = commd.offer(*(mail(number) for number in (1, 2, 3)), mail(4, in_reply_to=asked(commd)), patience=1000)
+        offered = asyncio.create_task(offer)
+        assert await asyncio.wait_for(asking, 120) == 4
+        offered.cancel()
+
+    as_planner(endpoint, body)
+
+
 def test_who_reads_no_mail_is_told_that_an_answer_may_stand_behind_it(endpoint: str) -> None:
     async def body(me: Client, commd: ScriptedCommd) -> None:
         offered = asyncio.create_task(commd.offer(mail(1), mail(2), mail(1, sender="rescuer")))

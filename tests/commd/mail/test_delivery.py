@@ -13,7 +13,7 @@ import pytest
 from commd.client.receive_mail import ProgramInbox
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
-from commd.mail.delivery import OF_ONE, RETRY_FIRST, DeliveryQueues, NotTaken
+from commd.mail.delivery import MAX_CODE, MAX_TEXT, OF_ONE, RETRY_FIRST, DeliveryQueues, NotTaken
 from commd.mail.message import QueuedMessage, letter
 from commd.mail.store import open_store
 from schemas.wire.records import Receipt, Refusal
@@ -163,6 +163,18 @@ def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_
             await until(lambda: not tally.lines, "the line is empty")
             assert taken == [1, 3, 4]
             assert refused == {2: Refusal(code="unreadable", text="Mail: nested too deeply")}
+
+    asyncio.run(body())
+
+
+def test_a_refusal_of_any_length_is_kept_cut(tmp_path: Path) -> None:
+    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
+        return Receipt(taken=0, refused={0: Refusal(code="c" * 1000, text="t" * 1_000_000)})
+
+    async def body() -> None:
+        async with lanes_of(tmp_path, ["b"], carry, each=1) as (_, tally, refused):
+            await until(lambda: not tally.lines, "the line is empty")
+            assert refused == {1: Refusal(code="c" * MAX_CODE, text="t" * MAX_TEXT)}
 
     asyncio.run(body())
 

@@ -178,6 +178,12 @@ def test_a_flood_of_one_kind_keeps_no_other_and_no_other_subject_from_being_told
     desk.handler.end_window()
 
 
+def test_no_event_is_suppressed(desk: Desk) -> None:
+    for number in range(BURST + 10):
+        desk.log.info("leaving %s", number, extra={"event": RobotReleased(robot=f"uav{number}")})
+    assert len(desk.said) == BURST + 10
+
+
 def test_in_each_window_as_many_lines_pass_and_its_count_precedes_the_next(desk: Desk) -> None:
     def pour(count: int) -> int:
         before = len(desk.said)
