@@ -113,7 +113,7 @@ def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3
             "PRAGMA journal_mode=WAL",
             f"PRAGMA synchronous={synchronous}",
             f"PRAGMA cache_size=-{CACHE}",
-            "PRAGMA wal_autocheckpoint=0",  # `PageSums.carry_over` does it
+            "PRAGMA wal_autocheckpoint=0",  # `PageChecksums.carry_over` does it
             f"PRAGMA journal_size_limit={LOG_PAGES * PAGE}",
             "BEGIN EXCLUSIVE",
             "COMMIT",

@@ -23,7 +23,7 @@ class ScrollPane(ScrollView, can_focus=True):
     """Rows that are scrolled through."""
 
     DEFAULT_CSS = """
-    Lines { height: 1fr; overflow-x: hidden; overflow-y: auto; scrollbar-size: 0 0; }
+    ScrollPane { height: 1fr; overflow-x: hidden; overflow-y: auto; scrollbar-size: 0 0; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "step(-1)", show=False),

@@ -59,8 +59,8 @@ def main() -> int:
     import agentd.__main__ as command
 
     daemon: Any = import_module("agentd.daemon")
-    agent_group: Any = import_module("agentd.runtime.agent_group").Crew
-    roster: Any = import_module("agentd.runtime.agent_directory").Roster
+    agent_group: Any = import_module("agentd.runtime.agent_group").AgentGroup
+    roster: Any = import_module("agentd.runtime.agent_directory").AgentDirectory
 
     mark("imports")
     open_bus = daemon.open_bus

@@ -67,7 +67,7 @@ def connect(path: Path, synchronous: str) -> sqlite3.Connection:
         db.execute("PRAGMA journal_mode = WAL")
         db.execute(f"PRAGMA cache_size = -{CACHE_KIB}")
         db.execute(f"PRAGMA synchronous = {synchronous}")
-        db.execute("PRAGMA wal_autocheckpoint = 0")  # `PageSums.carry_over` does it
+        db.execute("PRAGMA wal_autocheckpoint = 0")  # `PageChecksums.carry_over` does it
         db.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
     except sqlite3.Error:
         db.close()

@@ -33,8 +33,8 @@ def test_a_block_is_linked_by_the_heading_above_it(tmp_path: Path) -> None:
         "# Page\n<!-- figures a -->\n<!-- end of figures -->\n"
         "## Start, and `memory`\n\n<!-- figures b -->\n<!-- end of figures -->\n"
     )
-    assert pages.section("a", tmp_path) == "x.md"
-    assert pages.section("b", tmp_path) == "x.md#start-and-memory"
+    assert pages.section("a", tmp_path) == "../x.md"
+    assert pages.section("b", tmp_path) == "../x.md#start-and-memory"
     with pytest.raises(KeyError, match="c"):
         pages.section("c", tmp_path)
 

@@ -29,7 +29,7 @@ ROUTER = "tcp/127.0.0.1:7447"
 _BUS = """\
 import asyncio, sys, time
 from commd.bus.bus import open_bus
-from schemas import keys
+from schemas.wire import keys
 from schemas.wire.records import Perception
 async def main(what, endpoint, count):
     key = keys.percept("letters", "uav1", "global_pos")

@@ -38,7 +38,7 @@ from tests.support.ports import free_port
 
 SONAR = """
 import asyncio
-from bridged.drivers.simple import PlainDriver
+from bridged.drivers.simple import SimpleDriver
 from bridged.drivers.api import Execution
 
 echo, trouble, runs = asyncio.Event(), [], []
@@ -46,7 +46,7 @@ echo, trouble, runs = asyncio.Event(), [], []
 def check_manifest(manifest): return ()
 def check_robot(robot): return ()
 
-class Sonar(PlainDriver):
+class Sonar(SimpleDriver):
     def perform(self, name, entry, arguments):
         return Execution(name)
 

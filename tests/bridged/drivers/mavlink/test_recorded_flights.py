@@ -204,7 +204,9 @@ def test_a_failsafe_in_flight_fails_the_running_action_and_is_a_percept() -> Non
     replay.run((at["set_mode_guided"], "set_mode", {"mode": "GUIDED"}), (at["gcs_failsafe_rtl.seen"] - 1, "land", {}))
     assert replay.ended["set_mode"][1].state == "succeeded"
     assert replay.ended["land"][1] == Outcome(
-        "failed", "the mode became RTL, which nobody here asked for (pilot, ground station or failsafe): GCS Failsafe"
+        "failed",
+        "the mode became RTL, which nobody here asked for (pilot, ground station or failsafe): GCS Failsafe",
+        "pilot",
     )
     overrides = [one.parameters for _, one in replay.told if one.name == "override"]
     assert overrides[0] == ("RTL",)
