@@ -189,3 +189,8 @@ def test_a_manifest_is_read_once_for_all_robots_of_a_fleet_and_anew_when_its_tex
     assert load_manifest("mine.toml", tmp_path) is first
     path.write_text(path.read_text().replace("5s", "7s"))
     assert (first.robot.link_loss, load_manifest("mine.toml", tmp_path).robot.link_loss) == (5.0, 7.0)
+
+
+@pytest.mark.parametrize("name", ["arducopter", "arduplane", "ardurover"])
+def test_each_shipped_manifest_of_an_autopilot_has_the_vehicles_own_warnings(name: str) -> None:
+    assert load_manifest(name).percepts["vehicle_text"].args == ("severity", "text")
