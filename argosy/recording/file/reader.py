@@ -87,13 +87,6 @@ class Recording:
         """
         return lives_of(self._inputs(agent, Counter() if unread is None else unread))
 
-    def unread_inputs(self, agent: str | None = None) -> Counter[tuple[str, str]]:
-        """Return how many stretches of minds' inputs do not decode, by fleet and agent."""
-        unread: Counter[tuple[str, str]] = Counter()
-        for _ in self._inputs(agent, unread):
-            pass
-        return unread
-
     def _inputs(self, agent: str | None, unread: Counter[tuple[str, str]]) -> Iterator[tuple[str, MindInputs]]:
         only = f"{keys.ROOT}/*/{agent or '*'}/{PART}"
         for message in self.messages(only=(only,), records=(MindInputs,)):

@@ -63,11 +63,6 @@ class Flight:
                 return over
         return None
 
-    @property
-    def lifting(self) -> bool:
-        """Whether a takeoff was asked for and the copter still stands on the ground."""
-        return self._lift_at is not None and not self.airborne
-
     def arm(self) -> None:
         """Starts the motors."""
         self.armed, self._armed_at, self._lift_at = True, self.now, None

@@ -89,8 +89,6 @@ class Vehicle:
         self.amsl = 0.0
         self.heading: float | None = None
         """Radians from north, clockwise."""
-        self.sensors_enabled = 0
-        """MAV_SYS_STATUS_SENSOR bits; the fence is one of them."""
         self.speed = 0.0
         """m/s, over all three axes."""
         self.target: Place | None = None
@@ -159,7 +157,6 @@ class Vehicle:
                 self.target = Place(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
                 self.targets += 1
             case "SYS_STATUS":
-                self.sensors_enabled = message.onboard_control_sensors_enabled
                 self.prearm_ok = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
                 there = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
                 self._unhealthy = there & ~message.onboard_control_sensors_health
