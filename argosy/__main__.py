@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from argosy.cli.extras import EXTRAS, install_command
 from commd.process.command_line import Help, check_command
-from schemas.files.terminal import escape_line
+from schemas.humanize import escape_line
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
 LETTING_GO = 2.5

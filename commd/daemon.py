@@ -35,8 +35,7 @@ from commd.router.link_monitor import open_links
 from commd.router.link_watchdog import open_link_watchdog
 from commd.router.self_check import SelfCheck
 from commd.router.tls_rejections import hear_refusals
-from schemas.files.findings import Finding, Findings
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import Health, Note, RunningMission

@@ -1,4 +1,4 @@
-"""Texts for people: lengths of time, sizes, counts, lists, columns, JSON."""
+"""Texts for people: lengths of time, sizes, counts, lists, columns, JSON; and text of others, escaped for terminals."""
 
 from __future__ import annotations
 
@@ -6,20 +6,18 @@ import json
 import math
 from collections.abc import Container, Sequence
 
-from schemas.files.terminal import printable
-
 LONGEST = 500
-"""Characters of a text that `shortened` leaves, unless another number is given."""
+"""Default length of `shortened`, in characters."""
 
 
 def shortened(text: str, at_most: int = LONGEST) -> str:
-    """Return one line of at most `at_most` characters, which no terminal takes for a command."""
+    """Return one line of at most `at_most` characters without terminal commands."""
     line = printable(text)
     return line if len(line) <= at_most else f"{line[: at_most - 1]}…"
 
 
 def count(number: int, noun: str, plural: str = "") -> str:
-    """Return `1 message`, `2 messages`; `plural` is for a noun that does not just take an `s`."""
+    """Return `1 message`, `2 messages`; `plural` is for irregular nouns."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
@@ -59,10 +57,7 @@ def size(number: int) -> str:
 
 
 def columns(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[str]:
-    """Return each row as one line, with its cells below those of the others; those of the columns `right` flush right.
-
-    All rows have as many cells.
-    """
+    """Return each row as a line of aligned columns, the columns `right` flush right. All rows have the same length."""
     widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
 
     def cell(place: int, text: str) -> str:
@@ -72,10 +67,37 @@ def columns(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[s
 
 
 def json_lines(value: object, indent: int | None = 2) -> str:
-    """Return a value as JSON for people and programs, of which no terminal takes anything for a command."""
+    """Return a value as JSON without terminal commands."""
     return "\n".join(map(escaped, json.dumps(value, ensure_ascii=False, indent=indent).split("\n")))
 
 
 def escaped(text: str) -> str:
-    """Return a text with `\\uXXXX` in place of what a terminal may take for a command; JSON stays the same JSON."""
+    """Return a JSON text with `\\uXXXX` for each character that a terminal may interpret."""
     return text if text.isprintable() else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text)
+
+
+_DIRECTIONS = (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+"""Marks that change the direction of writing, by which a text can look like another."""
+_CONTROLS = {code: repr(chr(code))[1:-1] for code in (*range(32), *range(127, 160), 0x2028, 0x2029, *_DIRECTIONS)}
+_KEPT = {code: text for code, text in _CONTROLS.items() if chr(code) not in "\n\t"}
+
+
+def escape_line(text: str) -> str:
+    """Return a text as one line of Unicode, with `\\x1b` or the like in place of each control character."""
+    return _escaped(text, _CONTROLS)
+
+
+def escape_lines(text: str) -> str:
+    """Return `escape_line` of a text, but keep line breaks and tabs."""
+    return _escaped(text, _KEPT)
+
+
+def printable(text: str) -> str:
+    """Return a text with a blank for each character that is not printable."""
+    return "".join(char if char.isprintable() else " " for char in text)
+
+
+def _escaped(text: str, controls: dict[int, str]) -> str:
+    if text.isprintable():
+        return text
+    return text.translate(controls).encode("utf-8", "backslashreplace").decode()  # half a surrogate pair is no UTF-8

@@ -1,8 +1,7 @@
 """When a daemon, agent, robot, run or action counts as late, silent or lost: one table for all daemons and commands.
 
-All values are wall seconds. The judges read it and nothing else: `commd.liveness.presence` (liveliness tokens),
-`commd.liveness.health_timeout` (health records), `commd.liveness.bridge_presence` (both, of one robot's bridge) and
-`argosy.fleet_model` for what operators see.
+All values are wall seconds. Only these modules judge by it: `commd.liveness.presence` (liveliness tokens and health
+records), `commd.liveness.bridge_presence` (both, of one robot's bridge) and `argosy.fleet_model` (for operators).
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.gateway.gateway import TOLD_SOURCES, Gateway
-from commd.gateway.paper_node import Allowance
-from commd.mail.mail_file import mailboxes_of_file
+from commd.gateway.paper_node import Allowance, BadDatagram, read_message
+from commd.mail.inspection import mailboxes_of_file
 from commd.mail.schema import migrate
 from schemas.files.findings import Findings
 from schemas.manifest.loader import load_manifest
@@ -50,7 +50,6 @@ from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
 from schemas.wire.mind_records import MindBirth, MindInput, MindInputs, MindStep
-from schemas.wire.paper_message import BadDatagram, read_message
 from schemas.wire.records import Action, Header, Mail, Message, Perception, Record
 from schemas.wire.terms import Atom, Map, Source, Structure, Variable
 from tests.agentd.trials import TooLong, at_most

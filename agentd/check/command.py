@@ -39,8 +39,8 @@ from agentd.runtime.program_paths import SourcePaths, read_folders
 from agentd.standalone.command import add_path_argument
 from agentd.testing.discovery import TestPaths
 from schemas.files.findings import Finding, Findings
-from schemas.manifest import built_in
 from schemas.manifest.model import Parameter, Values
+from schemas.manifest.rules import BRIDGE_ACTION_ARITIES, BRIDGE_PERCEPTS
 
 EXIT_DONE = 0
 EXIT_FOUND = 1
@@ -188,8 +188,8 @@ def _robot(name: str | None) -> Robot:
 
     manifest = load_manifest(name, Path.cwd())
     parameters = {action: entry.params for action, entry in manifest.actions.items()}
-    actions = {**manifest.action_arities(), **built_in.ACTION_ARITIES}
-    percepts = {**built_in.PERCEPTS, **manifest.percept_arities()}
+    actions = {**manifest.action_arities(), **BRIDGE_ACTION_ARITIES}
+    percepts = {**BRIDGE_PERCEPTS, **manifest.percept_arities()}
     return Robot(actions, percepts, parameters, manifest.robot.values)
 
 

@@ -22,7 +22,7 @@ from agentd.mind.execution.receive_message import is_answer, told_annots
 from commd.bus.bus import Bus, boot_id
 from commd.client.receive_once import MessageRefused
 from commd.mail.message import undelivered
-from schemas.mission.mail_rights import NOT_ACCEPTED
+from schemas.mission.access_rules import NOT_ACCEPTED
 from schemas.wire.records import Message, Refusal
 
 log = logging.getLogger("mail")

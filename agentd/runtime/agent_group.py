@@ -32,10 +32,10 @@ from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.process.process import report_health
 from commd.process.systemd import Member, Unit
-from schemas.mission.mail_rights import MailRights
+from schemas.mission.access_rules import MailRights
 from schemas.mission.model import RESERVED, Mission
 from schemas.wire import keys
-from schemas.wire.names import check_name
+from schemas.wire.keys import check_name
 from schemas.wire.records import BoardServices
 
 MOST_MADE = 50

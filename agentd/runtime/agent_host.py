@@ -55,7 +55,7 @@ from commd.common.tasks import Tasks
 from commd.liveness.bridge_presence import BridgePresence
 from commd.process.output import stdout
 from commd.process.systemd import Loop
-from schemas.files.terminal import escape_line
+from schemas.humanize import escape_line
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import Health, Message, Note, Perception
 

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 from agentd.mind.introspection.decision_views import CauseView, DecisionView, FailureView, PlanView, RejectedView
-from schemas.files.terminal import escape_lines
+from schemas.humanize import escape_lines
 
 IN_FULL = 3
 """So often decisions that were made for the same reasons are told; further ones are counted."""

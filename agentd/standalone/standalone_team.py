@@ -34,7 +34,7 @@ from agentd.runtime.program_paths import SourcePaths
 from agentd.standalone.clocks import WallClock
 from agentd.standalone.deadlock_report import MOST_TOLD, stuck, stuck_note
 from agentd.standalone.service_directory import Directory, provider
-from schemas.files.terminal import escape_line, escape_lines
+from schemas.humanize import escape_line, escape_lines
 
 if TYPE_CHECKING:
     from agentd.environment import Environment

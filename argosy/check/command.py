@@ -30,11 +30,11 @@ from argosy.processes.simulators import check_simulations, only_real
 from bridged.bridge.manifest_loader import load_robot_manifest
 from bridged.bridge.robot_setup import prepare
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.shipped_files import mission_file
-from schemas.files.yaml_positions import Steps, did_you_mean
-from schemas.manifest import built_in
+from schemas.files.yaml_positions import Steps
 from schemas.manifest.loader import Manifest
+from schemas.manifest.rules import BRIDGE_ACTION_ARITIES, BRIDGE_PERCEPTS
 from schemas.mission.model import Ending, Mission, load_mission
 
 _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
@@ -212,11 +212,11 @@ def _told_by_hand(mission: Mission | None) -> bool:
 
 def _against(surveyed: Surveyed, manifest: Manifest | None, elsewhere: Elsewhere) -> list[Finding]:
     """Check a program against what its robot can do and tell, and what the mission and other agents may tell."""
-    actions = {**manifest.action_arities(), **built_in.ACTION_ARITIES} if manifest is not None else {}
+    actions = {**manifest.action_arities(), **BRIDGE_ACTION_ARITIES} if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
     parameters = {name: entry.params for name, entry in manifest.actions.items()} if manifest is not None else {}
     values = manifest.robot.values if manifest is not None else "typed"
-    robot = Robot(actions, {**built_in.PERCEPTS, **percepts}, parameters, values)
+    robot = Robot(actions, {**BRIDGE_PERCEPTS, **percepts}, parameters, values)
     return findings_of(surveyed, robot, elsewhere)
 
 
@@ -225,7 +225,7 @@ def _endings(
 ) -> list[Finding]:
     """Return what is wrong with `done` and `failed`; a belief that no program or manifest mentions is a warning."""
     findings: list[Finding] = []
-    known: set[tuple[str, int]] = {("true", 0), ("false", 0), *RAISED_BY_AGENTD, *built_in.PERCEPTS.items()}
+    known: set[tuple[str, int]] = {("true", 0), ("false", 0), *RAISED_BY_AGENTD, *BRIDGE_PERCEPTS.items()}
     for program in programs.values():
         known |= mentioned(program) if program is not None else set()
     for manifest in manifests.values():

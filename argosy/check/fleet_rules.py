@@ -14,12 +14,11 @@ from argosy.deploy.board_files import outside
 from argosy.processes.mavlink_links import address_of, peer_of
 from argosy.processes.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.transport.address import LinkAddressError
-from schemas.files.endpoints import host_and_port
-from schemas.files.findings import Finding, Findings
-from schemas.files.yaml_positions import did_you_mean
-from schemas.mission.mail_rights import MailRights
+from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.units import host_and_port
+from schemas.mission.access_rules import MailRights
 from schemas.mission.model import DEFAULT_PORT, Mission
-from schemas.wire.names import is_name
+from schemas.wire.keys import is_name
 from schemas.wire.records import Message
 
 ONLINE = ("online", 1)

@@ -6,8 +6,8 @@ import re
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 
-from schemas.files.durations import Duration
-from schemas.wire.names import check_name
+from schemas.files.units import Duration
+from schemas.wire.keys import check_name
 
 _COUNT = re.compile(r"0*[1-9][0-9]{0,8}")
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TextIO
 
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 
 KEPT = 500
 """Entries kept for the view; the log file has them all."""

@@ -20,7 +20,7 @@ from commd.bus.tls import Tls, identity_of
 from commd.process.local_runs import router_of
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, tls_of
 from schemas.files.findings import Finding, Findings
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 from schemas.mission.model import DEFAULT_ROUTER, Mission, load_mission
 from schemas.wire import keys
 

@@ -9,7 +9,7 @@ from argparse import ArgumentTypeError
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from schemas.files.endpoints import check_endpoint
+from schemas.files.units import check_endpoint
 
 if TYPE_CHECKING:
     from bridged.drivers.mavlink.transport.address import LinkAddress  # `argosy stop` must be quick

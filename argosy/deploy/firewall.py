@@ -12,7 +12,7 @@ from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from argosy.deploy.unit_files import UNITS, Board
 from commd.router.admission import ADDRESSES, AT_ONCE, UNHEARD
-from schemas.files.endpoints import host_and_port
+from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
 
 _RULES = """\

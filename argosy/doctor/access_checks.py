@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import zenoh
 
 from argosy.doctor.findings import Said
-from commd.bus.access_probe import router_name
-from commd.bus.access_trial import which_are_answered, which_come_through
+from commd.bus.access_probe import router_name, which_are_answered, which_come_through
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
 from commd.bus.router_endpoints import endpoint_of

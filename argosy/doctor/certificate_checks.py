@@ -9,8 +9,8 @@ from pathlib import Path
 
 from argosy.doctor.findings import Said
 from commd.bus.tls import SOON, Identity, Tls, day, files_in, identity_of, out_of_date, shown_by
-from schemas.files.endpoints import host_and_port
 from schemas.files.findings import Findings
+from schemas.files.units import host_and_port
 from schemas.humanize import count
 from schemas.mission.model import DEFAULT_PORT, Mission
 

@@ -27,8 +27,7 @@ from commd.bus.errors import BusClosed, BusError, QueryFailed
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from commd.router.self_check import LINKS_WITHIN, measure_all
 from schemas.files.findings import Findings
-from schemas.files.terminal import printable
-from schemas.humanize import count
+from schemas.humanize import count, printable
 from schemas.liveness import SILENT_AFTER
 from schemas.manifest.loader import load_manifest
 from schemas.mission.model import Mission, load_mission

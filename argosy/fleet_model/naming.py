@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from schemas.wire import keys
-from schemas.wire.names import check_name
+from schemas.wire.keys import check_name
 
 
 def named(key: str) -> tuple[str, str, list[str]] | None:

@@ -10,7 +10,7 @@ from argosy.cli.journal import Journal
 from argosy.cli.remedies import level_of
 from argosy.fleet_model.robots import ActionSeen, ActionsSeen, RobotSeen
 from bridged.bridge.safety_orders import UNATTENDED
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 from schemas.mission.model import Mission
 from schemas.wire import keys
 from schemas.wire.mind_records import IntentionView, MindView

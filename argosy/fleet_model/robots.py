@@ -12,8 +12,7 @@ from typing import Literal
 from argosy.cli.journal import Level
 from argosy.fleet_model.track import Track
 from bridged.drivers.mavlink.vehicle.flight_modes import COMING_HOME
-from schemas.files.terminal import printable
-from schemas.humanize import LONGEST, shortened
+from schemas.humanize import LONGEST, printable, shortened
 from schemas.wire.records import ActionStatus, Perception, State
 from schemas.wire.term_text import write
 from schemas.wire.terms import Atom, Term, to_float

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, cast
 from argosy.keys.key_index import SECRET, SOON_DAYS, Kind, Member, machine_folder, read_record, wrong
 from commd.bus.tls import CERTIFICATE, KEY, ROOT
 from commd.process.process import EXIT_DONE
-from schemas.files.endpoints import host_and_port
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
+from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission, load_mission
 
 if TYPE_CHECKING:

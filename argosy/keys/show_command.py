@@ -12,7 +12,7 @@ from argosy.keys.certificate_commands import add_dir, everybody, key_directory
 from argosy.keys.key_index import SOON_DAYS, Member, Record, believed_in, machine_folder, read_record
 from commd.bus.tls import CERTIFICATE, KEY, ROOT, day, files_in, identity_of
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.files.endpoints import host_and_port
+from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission, load_mission
 
 

@@ -12,10 +12,8 @@ import msgspec
 from argosy.cli.operator_bus import Where, add_router_argument, on_the_bus
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Finding, Findings
-from schemas.files.terminal import printable
-from schemas.files.yaml_positions import did_you_mean
-from schemas.humanize import columns, count, json_lines, shortened, size, span
+from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.humanize import columns, count, json_lines, printable, shortened, size, span
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import DeadLetter, Mailboxes, Queue
@@ -82,7 +80,7 @@ def _wanted(mission: Mission, board: str | None) -> list[str]:
 
 
 def _of_file(path: Path) -> Mailboxes:
-    from commd.mail.mail_file import mailboxes_of_file  # a query needs no SQLite
+    from commd.mail.inspection import mailboxes_of_file  # a query needs no SQLite
 
     return mailboxes_of_file(path)
 

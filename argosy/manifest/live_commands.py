@@ -14,8 +14,8 @@ from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, brid
 from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed, QueryTimeout
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import did_you_mean
 from schemas.files.toml_positions import key_parts
-from schemas.files.yaml_positions import did_you_mean
 from schemas.manifest.edit import BadPath, part_of
 from schemas.manifest.text import write_document, write_value
 from schemas.wire import keys

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from argosy.fleet_model.robots import ActionSeen, ActionsSeen, RobotSeen, finite
 from argosy.fleet_model.track import Track
-from schemas.files.terminal import printable
 from schemas.geo import distance
+from schemas.humanize import printable
 from schemas.wire import keys
 from schemas.wire.mind_records import Deed, MindDeeds
 from schemas.wire.records import ActionStatus, Perception, Record

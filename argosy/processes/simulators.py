@@ -16,8 +16,7 @@ from bridged.drivers.python.manifest_validation import names
 from bridged.drivers.python.plugins import TWINS, has_plugin
 from bridged.simulation.copter.fault_injection import Faults
 from bridged.simulation.copter.protocol.parameters import Parameters
-from schemas.files.findings import Finding, Findings
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import Mission, Robot
 

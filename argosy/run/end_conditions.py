@@ -11,7 +11,7 @@ from argosy.fleet_model.snapshot import Observer
 from argosy.processes.supervisor import Supervisor
 from argosy.run.run_status import Status
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import NO_STEPS
 

@@ -19,9 +19,8 @@ from argosy.processes.resource_usage import MEGABYTE
 from argosy.run.armed_warnings import age
 from argosy.run.run_status import Status
 from argosy.why.wording import awaited
-from schemas.files.terminal import printable
 from schemas.geo import distance
-from schemas.humanize import count
+from schemas.humanize import count, printable
 
 STYLES: dict[Level, str] = {
     "info": "",

@@ -21,9 +21,8 @@ from argosy.processes.simulators import command, machine_of, only_real, vehicle_
 from argosy.processes.supervisor import Child, Supervisor
 from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.endpoints import host_and_port
-from schemas.files.findings import Finding, Findings
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
 from schemas.wire.log_lines import LogLine
 

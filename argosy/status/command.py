@@ -14,8 +14,7 @@ from argosy.status.lines import ANY_FLEET, line, summary, to_json
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
-from schemas.files.terminal import printable
-from schemas.humanize import json_lines
+from schemas.humanize import json_lines, printable
 from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys

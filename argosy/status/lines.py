@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from argosy.fleet_model.fleet_status import Row
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 
 ANY_FLEET = "any"
 """What stands for the fleet where all on the router are shown."""

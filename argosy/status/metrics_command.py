@@ -19,8 +19,8 @@ from argosy.fleet_model.fleet_status import Row
 from argosy.status.command import add_roll_arguments, call_the_roll
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED
-from schemas.files.endpoints import host_and_port
 from schemas.files.findings import Findings
+from schemas.files.units import host_and_port
 from schemas.mission.model import load_mission
 from schemas.wire.records import Health
 

@@ -10,8 +10,7 @@ from rich.text import Text
 
 from argosy.fleet_model.fleet_status import Row, Standing
 from argosy.status.lines import summary
-from schemas.files.terminal import printable
-from schemas.humanize import latency, span
+from schemas.humanize import latency, printable, span
 from schemas.liveness import LAG_LATE
 from schemas.wire.records import Note
 

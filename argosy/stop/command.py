@@ -11,8 +11,8 @@ from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, bridges, on
 from commd.bus.bus import Bus
 from commd.bus.errors import BusError, QueryTimeout
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.files.terminal import printable
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
+from schemas.humanize import printable
 from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.records import OperatorOrder, Outcome, StopOrder

@@ -16,8 +16,8 @@ from argosy.tools.action_text import called, read_action, unknown
 from argosy.tools.output import complain, put_out
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.terminal import printable
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
+from schemas.humanize import printable
 from schemas.manifest.loader import ActionDescription
 from schemas.mission.model import Agent, Client
 from schemas.wire import keys

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
 from schemas.wire.term_text import BadTerm, read, write
 from schemas.wire.terms import Atom, Source, Structure, Term, Variable
 

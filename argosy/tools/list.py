@@ -17,7 +17,7 @@ from argosy.tools.output import complain, note, put_out
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 from schemas.manifest.loader import ActionDescription
 from schemas.wire import keys
 from schemas.wire.keys import ROOT, Channel

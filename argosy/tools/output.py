@@ -7,7 +7,7 @@ import sys
 from contextlib import suppress
 
 from argosy.cli.operator_bus import Unanswered
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 
 
 def put_out(text: str) -> bool:

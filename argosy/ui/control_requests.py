@@ -20,8 +20,8 @@ from argosy.ui.view_structs import OrderedView
 from commd.bus.bus import Bus
 from commd.bus.errors import BusError, QueryTimeout
 from schemas.wire import keys
+from schemas.wire.keys import check_name
 from schemas.wire.mind_records import MindOrder
-from schemas.wire.names import check_name
 from schemas.wire.records import OperatorOrder, Outcome
 
 WAITING = ("waiting", "")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from rich.cells import cell_len
 from rich.text import Text
 
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 
 HEAD, DIM, BAD, WARN, GOOD = "bold dim", "dim", "bold red", "yellow", "green"
 _FOLDERS = re.compile(r"[^\s(,]*/(?=[^\s/(,]+:\d)")

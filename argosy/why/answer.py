@@ -7,7 +7,7 @@ from typing import Literal
 
 import msgspec
 
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 
 Kind = Literal["now", "decision", "failure", "action", "dropped", "question", "belief", "plan", "hint"]
 

@@ -20,10 +20,10 @@ from argosy.why.question import subject_of
 from argosy.why.unanswered_questions import MailFacts, dead_letters, question_paragraph
 from argosy.why.wording import without_annotations
 from commd.bus.bus import Bus
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
 from schemas.wire import keys
+from schemas.wire.keys import is_name
 from schemas.wire.mind_records import DecisionView, MindView
-from schemas.wire.names import is_name
 from schemas.wire.records import BoardServices, Mailboxes, Record
 
 R = TypeVar("R", bound=Record)

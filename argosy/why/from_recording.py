@@ -12,7 +12,7 @@ from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.recording.file.mind_inputs import Life, in_words
 from argosy.recording.file.reader import Recording, open_recording
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
 from schemas.wire import keys
 from schemas.wire.mind_records import Deed, MindDeeds, MindInputs, MindView
 

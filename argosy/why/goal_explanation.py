@@ -12,7 +12,7 @@ from argosy.why.decisions import WITHOUT_PLAN, aftermath, decision_paragraph, gr
 from argosy.why.question import Subject, parts_of
 from argosy.why.unanswered_questions import MailFacts, question_paragraph
 from argosy.why.wording import ago, event_words, failure_words, plan_words, shown, sign_of
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
 from schemas.humanize import count, span
 from schemas.wire.mind_records import BeliefView, Deed, FailureView, IntentionView, MindView, PlanView
 

@@ -9,7 +9,7 @@ from argosy.why.answer import Line, Paragraph
 from argosy.why.decision_history import Memory
 from argosy.why.question import parts_of
 from argosy.why.wording import ago, awaited, event_words, failure_words, plan_words, raiser_words, rejected_words, shown
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
 from schemas.humanize import span
 from schemas.wire.mind_records import DecisionView, MindView, QuestionView
 from schemas.wire.records import Mailboxes

@@ -26,8 +26,8 @@ from bridged.drivers import OURS
 from bridged.drivers.api import Execution, Order, Outcome, defers
 from bridged.drivers.argument_check import BadArgument, read_arguments
 from schemas.liveness import STATUS_EVERY
-from schemas.manifest.built_in import ACTIONS
 from schemas.manifest.loader import ActionEntry, Argument, Manifest
+from schemas.manifest.rules import BRIDGE_ACTIONS
 from schemas.wire.records import Action, ActionStatus
 
 CAUSE_AFTER = 1.5
@@ -283,9 +283,9 @@ class ActionServer:
         return True
 
     def _begin(self, action: Action, follower: Follower) -> None:
-        entry = ACTIONS.get(action.name) or self._manifest.actions.get(action.name)
+        entry = BRIDGE_ACTIONS.get(action.name) or self._manifest.actions.get(action.name)
         if entry is None:
-            known = ", ".join(f"{name}/{one.arity}" for name, one in (self._manifest.actions | ACTIONS).items())
+            known = ", ".join(f"{name}/{one.arity}" for name, one in (self._manifest.actions | BRIDGE_ACTIONS).items())
             self._refuse(action, _bad(f"{self.robot} has no action {action.name}; it has {known}"), follower)
             return
         try:
@@ -301,7 +301,7 @@ class ActionServer:
         refusal = self.blocked or (
             Outcome("refused", lent, "agent_lost" if self.lease.closed else "lease") if lent else None
         )
-        if action.name in ACTIONS:
+        if action.name in BRIDGE_ACTIONS:
             self._answer_built_in(action, arguments, refusal, follower)
             return
         rival = self.lease.holder not in ("", action.agent)

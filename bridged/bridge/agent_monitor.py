@@ -12,8 +12,7 @@ from bridged.bridge.robot_setup import RobotSetup
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
-from commd.liveness.health_timeout import Silence
-from commd.liveness.presence import Presence
+from commd.liveness.presence import Presence, Silence
 from schemas.wire import keys
 from schemas.wire.records import Health
 

@@ -19,8 +19,8 @@ from bridged.drivers.api import Order
 from bridged.drivers.api import Outcome as OfOrder
 from bridged.drivers.argument_check import signature
 from commd.bus.bus import Bus, Query
-from schemas.manifest.built_in import ACTIONS
 from schemas.manifest.loader import ActionDescription, Manifest
+from schemas.manifest.rules import BRIDGE_ACTIONS
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import (
@@ -110,7 +110,7 @@ class Service:
 
     def _describe(self, agent: str, manifest: Manifest, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
-        for name, entry in (manifest.actions | ACTIONS).items():
+        for name, entry in (manifest.actions | BRIDGE_ACTIONS).items():
             key = keys.action(self._bus.fleet, agent, name)
             if asked.intersects(zenoh.KeyExpr(key)):
                 description = ActionDescription(

@@ -12,8 +12,8 @@ from bridged.bridge.manifest_loader import load_robot_manifest
 from bridged.bridge.safety_orders import Step, read_steps
 from bridged.drivers import check_manifest, check_robot, orders_of
 from bridged.drivers.api import Order
-from schemas.files.findings import Finding, Findings
-from schemas.files.yaml_positions import Steps, did_you_mean
+from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.yaml_positions import Steps
 from schemas.manifest.loader import Manifest
 from schemas.mission.model import NO_STEPS, Mission, Robot
 

@@ -17,8 +17,8 @@ from bridged.drivers.api import Execution, Order, Outcome
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
 from commd.process.log_handler import one_line
-from schemas.files.durations import Duration
 from schemas.files.findings import Findings
+from schemas.files.units import Duration
 from schemas.mission.model import NO_STEPS, Mission
 from schemas.wire.log_lines import LeftAs, OrderEnded, RobotLeft, RobotReleased
 from schemas.wire.records import Note

@@ -9,9 +9,8 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from bridged.paper_format.mavros_names import CALLS, TOPICS, Heard, Into, below_mavros
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.text_files import read_text
-from schemas.files.yaml_positions import did_you_mean
 from schemas.manifest.ini import IniAction, IniPercept, read_actions, read_percepts, value_of
 from schemas.manifest.loader import ActionEntry, Field, FieldValue, Manifest, Parameter, PerceptEntry, RobotEntry, Value
 from schemas.manifest.rules import default_problem

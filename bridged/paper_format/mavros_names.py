@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from schemas.manifest.ini import Method
 from schemas.manifest.model import ActionEntry, Field, FieldValue, ParameterType, PerceptEntry, Retry
 

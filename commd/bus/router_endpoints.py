@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from typing import Literal
 
-from schemas.files.endpoints import host_and_port
+from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
 
 _TCP = re.compile(r"(?:tcp|tls)/\[?([^\]/]+?)\]?:(\d+)")

@@ -17,8 +17,8 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
-from schemas.files.endpoints import host_and_port
 from schemas.files.findings import Finding, Findings
+from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
 
 ROOT, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"

@@ -1,7 +1,7 @@
 """Programs in Python that join a team: `join` makes a member with a mailbox, percepts and, with a robot, actions.
 
 `blocking` is the same without an event loop. The modules below are the parts of a member that agentd uses as well:
-`actions` (the action client), `percept_sync`, `percept_stream`, `manual_percepts`, `receive_once` and `receive_mail`,
+`actions` (the action client), `percept_sync`, `manual_percepts`, `receive_once` and `receive_mail`,
 `send_mail`.
 """
 

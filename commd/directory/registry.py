@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from schemas.wire.names import check_name
+from schemas.wire.keys import check_name
 from schemas.wire.records import BoardServices, Note
 
 log = logging.getLogger("directory")

@@ -22,8 +22,8 @@ from commd.bus.errors import BusClosed
 from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from commd.directory.registry import Notice, Own, Problem, Services, checked
-from commd.mail import kv_table
-from commd.mail.rollback_witness import RollbackWitness
+from commd.mail import schema
+from commd.mail.age_clock import RollbackWitness
 from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
 from schemas.liveness import FORGOTTEN_AFTER
@@ -142,7 +142,7 @@ class Directory:
         Returns False if it cannot be read now. It never begins empty then: the next change would overwrite it.
         """
         try:
-            own, others = await self._store.read(lambda db: (kv_table.kept(db, _OWN), kv_table.kept(db, _BOARDS)))
+            own, others = await self._store.read(lambda db: (schema.kept(db, _OWN), schema.kept(db, _BOARDS)))
             await self._store.read(self._witness.load)
         except StoreFailed as failed:
             if not self._unread:
@@ -252,7 +252,7 @@ class Directory:
                     raise Problem(f"{what}, and {MOST_SAID} are the most")
             if after is not before or notices:
                 own = msgspec.json.encode(after.own)
-                await self._write(notices, lambda db: kv_table.keep(db, _OWN, self._board, own))
+                await self._write(notices, lambda db: schema.keep(db, _OWN, self._board, own))
                 self._now_is(after)
             for name in set(after.own.joined) - set(before.own.joined):
                 self._mail_service.host(name)
@@ -349,7 +349,7 @@ class Directory:
             after, notices, gone = self.services.heard(said)
             kept = _BOARD.encode(said)
             try:
-                await self._write(notices, lambda db: kv_table.keep(db, _BOARDS, said.board, kept))
+                await self._write(notices, lambda db: schema.keep(db, _BOARDS, said.board, kept))
             except StoreFailed as failed:
                 log.error("board=%s what it says is not kept, it is asked again: %s", said.board, failed)
                 return

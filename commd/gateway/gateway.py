@@ -16,14 +16,13 @@ from contextlib import asynccontextmanager
 
 from msgspec.structs import replace
 
-from commd.gateway.paper_node import RATE, Allowance, Node
+from commd.gateway.paper_node import RATE, Allowance, BadDatagram, Node, read_message, write_message
 from commd.mail.message import undelivered
 from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
-from schemas.files.endpoints import host_and_port
 from schemas.files.findings import Findings
+from schemas.files.units import host_and_port
 from schemas.mission import model
-from schemas.wire.paper_message import BadDatagram, read_message, write_message
 from schemas.wire.records import Health, Message, Receipt, Refusal
 
 log = logging.getLogger("gateway")

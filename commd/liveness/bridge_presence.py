@@ -7,8 +7,7 @@ import logging
 from collections.abc import Callable
 
 from commd.bus.bus import Bus
-from commd.liveness.health_timeout import Silence
-from commd.liveness.presence import Presence
+from commd.liveness.presence import Presence, Silence
 from schemas.liveness import BRIDGE_GRACE, SILENT_AFTER
 from schemas.wire import keys
 from schemas.wire.records import Health

@@ -61,3 +61,18 @@ def migrate(db: Connection) -> None:
         raise TooNew(f"it is of version {version}, this commd knows versions up to {len(MIGRATIONS)}")
     for step in range(version, len(MIGRATIONS)):
         db.executescript(f"BEGIN IMMEDIATE; {MIGRATIONS[step]} PRAGMA user_version = {step + 1}; COMMIT;")
+
+
+def keep(db: Connection, kind: str, name: str, value: bytes) -> None:
+    """Keep a fact, instead of the one of the same kind and name."""
+    db.execute("INSERT OR REPLACE INTO facts(kind, name, value) VALUES(?, ?, ?)", (kind, name, value))
+
+
+def drop(db: Connection, kind: str, name: str) -> None:
+    """Forget a fact; nothing happens if there is none."""
+    db.execute("DELETE FROM facts WHERE kind = ? AND name = ?", (kind, name))
+
+
+def kept(db: Connection, kind: str) -> dict[str, bytes]:
+    """Return the facts of a kind by their names, in the order of the names."""
+    return dict(db.execute("SELECT name, value FROM facts WHERE kind = ? ORDER BY name", (kind,)))

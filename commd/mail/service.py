@@ -30,7 +30,7 @@ from commd.mail.transport import Air, Deliver, Directory, Peers
 from schemas.mission.model import RESERVED, MailRules
 from schemas.wire import keys
 from schemas.wire.codec import codec
-from schemas.wire.names import check_name
+from schemas.wire.keys import check_name
 from schemas.wire.records import Health, Mail, Mailboxes, Message, Note, Receipt, Refusal
 
 log = logging.getLogger("mail")

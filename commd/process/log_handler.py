@@ -19,7 +19,7 @@ from typing import Any
 
 from commd.process import output
 from commd.process.output import Output, stderr
-from schemas.files.terminal import escape_line
+from schemas.humanize import escape_line
 from schemas.wire.log_lines import cut
 
 BURST = 50

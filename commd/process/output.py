@@ -19,7 +19,7 @@ from functools import cache
 
 from msgspec.structs import replace
 
-from schemas.files.terminal import escape_lines
+from schemas.humanize import escape_lines
 from schemas.wire import log_lines
 from schemas.wire.log_lines import AnyEvent, Level, LogLine
 

@@ -12,6 +12,7 @@ import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from msgspec.structs import replace
@@ -21,13 +22,12 @@ from commd.bus.errors import AlreadyRunning, BusClosed, OtherMajor, QueryFailed
 from commd.bus.session import sessions_under_way, still_there
 from commd.bus.tls import Tls, tls_in
 from commd.common.clock import Clock
-from commd.process.hung import tell_when_aborted
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
 from commd.process.loop_lag import loop_lag
 from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import end_lives
-from schemas.files.endpoints import check_endpoint
 from schemas.files.findings import Findings
+from schemas.files.units import check_endpoint
 from schemas.liveness import HEALTH_EVERY
 from schemas.version import RELEASE
 from schemas.wire import keys
@@ -223,3 +223,44 @@ def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
     if logs is not None and error is not None:
         return error.text, round(time.monotonic() - error.at, 1), logs.errors
     return bus.former_failure, None, 0
+
+
+_OURS = str(Path(__file__).parents[2])
+_PACKAGES = ("schemas", "commd", "bridged", "agentd", "argosy")
+_LIBRARY = str(Path(os.__file__).parent)
+"""Both as frames have them, which know nothing of what a symbolic link leads to."""
+
+
+def tell_when_aborted(tell: Callable[[str], None]) -> None:
+    """Call `tell(words)` at SIGABRT, which is what a watchdog sends, and end by it.
+
+    It is told by Python, so not while C code hangs; then the process just ends.
+    """
+
+    def aborted(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGABRT, signal.SIG_DFL)
+        try:
+            tell(f"ended by SIGABRT, as by a watchdog, {where(frame)}")
+        finally:
+            os.kill(os.getpid(), signal.SIGABRT)
+
+    signal.signal(signal.SIGABRT, aborted)
+
+
+def where(frame: FrameType | None) -> str:
+    """Say in which function a frame is: the innermost one of somebody else's code, if there is one."""
+    innermost = frame
+    while frame is not None:
+        file = frame.f_code.co_filename
+        if frame.f_code.co_name != "<module>" and not file.startswith((_LIBRARY, "<")) and not _is_ours(file):
+            return f"in {_said(frame)}, which has not returned"
+        frame = frame.f_back
+    return "" if innermost is None else f"in {_said(innermost)}"
+
+
+def _said(frame: FrameType) -> str:
+    return f"{frame.f_code.co_name} ({frame.f_code.co_filename}:{frame.f_lineno})"
+
+
+def _is_ours(file: str) -> bool:
+    return file.startswith(tuple(f"{_OURS}/{package}/" for package in _PACKAGES))

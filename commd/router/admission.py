@@ -39,7 +39,7 @@ from commd.bus.bus import LOOK_UP_PATIENCE, Bus
 from commd.bus.errors import BusClosed
 from commd.bus.session import owner_of
 from commd.router import tls_rejections
-from schemas.files.endpoints import host_and_port
+from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
 from schemas.wire.records import Health, Note
 

@@ -27,7 +27,7 @@ from typing import Any
 
 from commd.bus.bus import Bus
 from commd.bus.session import owner_of
-from schemas.files.endpoints import host_and_port
+from schemas.files.units import host_and_port
 from schemas.wire import keys
 from schemas.wire.records import Health, Note
 

@@ -1,4 +1,4 @@
-"""What is wrong with a user's file, where, and what was expected: one line each."""
+"""Findings about users' files: file, line, column and what was expected, one line each."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.files.terminal import escape_line
+from schemas.humanize import escape_line
 
 
 @dataclass(frozen=True, order=True)
@@ -18,9 +18,9 @@ class Finding:
     column: int
     message: str
     severity: Literal["error", "warning", "info"] = "error"
-    """`info` is nothing that is wrong, but what could not be looked at."""
+    """`info`: nothing is wrong, but something could not be checked."""
     kind: str = ""
-    """What sort of problem it is, for tools; empty where there is no list of kinds."""
+    """The kind of problem, for tools; empty where there is no list of kinds."""
 
     def __str__(self) -> str:
         where = self.file
@@ -32,8 +32,18 @@ class Finding:
 
 
 class Findings(Exception):
-    """All problems that reading a file has found; `str` is one line each, in the order of the file."""
+    """All findings about a file; `str` has one line for each, in the order of the file."""
 
     def __init__(self, findings: Iterable[Finding]) -> None:
         self.findings = sorted(findings)
         super().__init__("\n".join(map(str, self.findings)))
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return `, did you mean `x`?` for a near miss, else the list of known names."""
+    import difflib  # not needed for files without mistakes
+
+    names = sorted(known)
+    if near := difflib.get_close_matches(word, names, 1, 0.6):
+        return f", did you mean `{near[0]}`?"
+    return f"; known are {', '.join(names)}" if names else ""

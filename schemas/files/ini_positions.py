@@ -81,7 +81,7 @@ class _Reader:
             self._section = Section("", number)  # what stands below it is read, and dropped with it
             return
         if earlier := self.sections.get(name):
-            self._problem(number, f"`[{name}]` stands there twice, first at line {earlier.line}")
+            self._problem(number, f"`[{name}]` is repeated, first at line {earlier.line}")
             self._section = Section(name, number)
             return
         self._section = self.sections[name] = Section(name, number)
@@ -94,7 +94,7 @@ class _Reader:
         elif self._section is None:
             self._problem(number, f"expected a section such as `[takeoff]` before `{text}`")
         elif earlier := self._section.options.get(name := found[1].rstrip().lower()):
-            self._problem(number, f"`{name}` stands there twice, first at line {earlier.line}")
+            self._problem(number, f"`{name}` is repeated, first at line {earlier.line}")
         else:
             self._section.options[name] = Option(found[2], number)
             self._option, self._indent = name, indent

@@ -1,39 +1,53 @@
-"""Compares plain data (what TOML or JSON holds) with a msgspec model, and tells everything that does not fit.
+"""Convert plain data (from TOML, JSON or YAML) to msgspec models, and find every mismatch.
 
-msgspec itself stops at the first problem and does not say in which entry of a mapping it is.
+msgspec itself stops at the first problem, and does not say in which entry of a mapping it is. Two threads that use a
+type for the first time at once end the process by SIGSEGV (msgspec 0.22), so types are converted, and codecs are made,
+under a lock.
 """
 
 from __future__ import annotations
 
 import re
+import threading
 import types
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
-from schemas.files import first_use
-from schemas.files.yaml_positions import did_you_mean
+from schemas.files.findings import did_you_mean
+
+T = TypeVar("T")
+
+FIRST_USE: Final = threading.RLock()
+"""Held while msgspec may inspect a type for the first time."""
+
+
+def convert(value: object, kind: type[T], dec_hook: Callable[[type, Any], Any]) -> T:
+    """Call `msgspec.convert` under the lock. Raises msgspec.ValidationError."""
+    with FIRST_USE:
+        return msgspec.convert(value, kind, dec_hook=dec_hook)
+
 
 Path = tuple[str, ...]
 Hook = Callable[[type, Any], Any]
 MAX_DEPTH = 40
-"""Values nested deeper fit no model of ours."""
+"""No model of ours is nested deeper."""
 
 
 def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[tuple[Path, str]]:
-    """Each thing that is wrong with `value`, and where: an unknown key, a missing field, a value of another kind.
+    """Yield the path and text of each mismatch: an unknown key, a missing field, a value of another kind.
 
-    What `hook` cannot decode it tells by a ValueError in words, as msgspec's `dec_hook` does.
+    `hook` is msgspec's `dec_hook`: it raises ValueError for a value that it cannot decode.
     """
     if len(path) > MAX_DEPTH:
         yield path, "nested too deeply"
         return
     options = _options(model)
-    struct = next((one for one in options if _is_struct(one)), None)
+    struct = next((one for one in options if is_struct(one)), None)
     mapping = next((one for one in options if get_origin(one) is dict), None)
     array = next((one for one in options if get_origin(one) in (tuple, list)), None)
     if isinstance(value, dict) and struct is not None:
@@ -46,7 +60,7 @@ def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[
             yield from misfits(item, get_args(array)[0], hook, (*path, str(index)))
     else:
         try:
-            first_use.convert(value, model, hook)
+            convert(value, model, hook)
         except msgspec.ValidationError as error:
             yield path, _plain(error, value, options)
 
@@ -65,12 +79,12 @@ def _fields(value: dict[str, Any], model: Any, hook: Hook, path: Path) -> Iterat
 
 @lru_cache(maxsize=64)
 def _fields_of(model: type[msgspec.Struct]) -> Mapping[str, msgspec.structs.FieldInfo]:
-    """The fields of a model by their names in files; msgspec reads the annotations anew each time it is asked."""
+    """The fields of a model by their names in files; cached, because msgspec evaluates the annotations in each call."""
     return MappingProxyType({field.encode_name: field for field in msgspec.structs.fields(model)})
 
 
 def _options(model: Any) -> tuple[Any, ...]:
-    """The members of a union, without what annotates them."""
+    """Return the members of a union without their annotations."""
     origin = get_origin(model)
     if origin is typing.Annotated:
         return _options(get_args(model)[0])
@@ -79,12 +93,12 @@ def _options(model: Any) -> tuple[Any, ...]:
     return (model,)
 
 
-def _is_struct(model: Any) -> bool:
+def is_struct(model: Any) -> bool:
     return isinstance(model, type) and issubclass(model, msgspec.Struct)
 
 
 def _plain(error: msgspec.ValidationError, value: object, options: tuple[Any, ...]) -> str:
-    """msgspec's sentence without its path, in words of files and with what came if that is short."""
+    """Return msgspec's message without its path, in the terms of files, with the value if that is short."""
     said = str(error).partition(" - at `")[0]
     choices = [choice for one in options if get_origin(one) is Literal for choice in get_args(one)]
     if said.startswith("Invalid enum") or (choices and isinstance(value, str)):
@@ -96,7 +110,7 @@ def _plain(error: msgspec.ValidationError, value: object, options: tuple[Any, ..
 
 
 def _kinds(quoted: re.Match[str]) -> str:
-    """The kinds in msgspec's backquotes, such as `str | object | null`."""
+    """Return msgspec's quoted types, such as `str | object | null`, in the terms of files."""
     names = [name for name in quoted[1].split(" | ") if name != "null"]
     return " or ".join(_WORDS.get(name, f"`{name}`") for name in names)
 

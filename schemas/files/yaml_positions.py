@@ -1,12 +1,12 @@
-"""Where things stand in a user's file, and what is wrong with them: YAML with positions, msgspec's errors as findings.
+"""Read YAML with positions, and convert it to models with msgspec's errors as findings.
 
-Files are untrusted: only plain YAML of bounded size and depth, no tags that build objects.
+Files are untrusted: only plain YAML of bounded size and depth, no tags that construct objects.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, TypeVar, get_args
 
 import msgspec
@@ -14,8 +14,9 @@ import yaml
 from yaml.composer import Composer
 from yaml.resolver import Resolver
 
-from schemas.files import first_use
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.validation import convert as _convert_value
+from schemas.files.validation import is_struct
 
 if yaml.__with_libyaml__:
     from yaml._yaml import CParser as _Parser  # five times as fast
@@ -38,7 +39,7 @@ TOO_LARGE = "nested too deeply or too large for a mission file"
 
 
 class Positions:
-    """Where each value of a file stands: line and column of the value and, for a mapping entry, of its key."""
+    """Line and column of each value of a file, and of the key of each mapping entry."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -52,13 +53,13 @@ class Positions:
         return self.values[path]
 
     def finding(self, path: Steps, message: str, *, at_key: bool = False) -> Finding:
-        """Return a finding at the value (or the key) that stands at `path`."""
+        """Return a finding at the value (or the key) at `path`."""
         line, column = self.keys.get(path, self.of(path)) if at_key else self.of(path)
         return Finding(self.file, line, column, message)
 
 
 def read_yaml(text: str, file: str) -> tuple[Any, Positions]:
-    """Return the plain values of a YAML text and their positions. Raises Findings for what is not plain YAML."""
+    """Return the plain values of a YAML text and their positions. Raises Findings."""
     positions = Positions(file)
     try:
         root = _BoundedLoader(text).get_single_node()
@@ -76,7 +77,7 @@ def read_yaml(text: str, file: str) -> tuple[Any, Positions]:
 
 
 class _BoundedLoader(Composer, _Parser, Resolver):
-    """Stops at what is too deep or too large where it stands, and not when all of it has been read."""
+    """Stops where a document becomes too deep or too large, before the rest is read."""
 
     def __init__(self, stream: str) -> None:
         _Parser.__init__(self, stream)
@@ -132,7 +133,7 @@ class _Reader:
             if not isinstance(key_node, yaml.ScalarNode):
                 self.findings.append(Finding(self.positions.file, *where, "expected a plain name as key"))
             elif key in found:
-                self.findings.append(Finding(self.positions.file, *where, f"`{key}` stands here twice"))
+                self.findings.append(Finding(self.positions.file, *where, f"`{key}` is repeated"))
             self.positions.keys[here] = where
             found[key] = self.read(value_node, here, depth + 1)
         return found
@@ -151,17 +152,17 @@ def convert(
     dec_hook: Callable[[type, Any], Any],
     at: Steps = (),
 ) -> tuple[T | None, list[Finding]]:
-    """Return the model that the value at path `at` of a file holds, and everything that is wrong with it.
+    """Return the model of the value at path `at` of a file, and all findings.
 
-    msgspec stops at the first problem, so each is taken out of the value and the rest is tried again. Mappings with
-    free keys are to be converted entry by entry: msgspec does not say in which entry a problem is.
+    msgspec stops at the first problem, so each problem is removed from the value and the rest is converted again.
+    Convert mappings with free keys entry by entry: msgspec does not say in which entry a problem is.
     """
     findings: list[Finding] = []
     removed: set[Steps] = set()
     value = _copy(value)
     for _ in range(MAX_FINDINGS):
         try:
-            found = first_use.convert(value, model, dec_hook)
+            found = _convert_value(value, model, dec_hook)
         except msgspec.ValidationError as error:
             path, finding = _explain(str(error), value, model, positions, at, removed)
             findings += [finding] if finding else []
@@ -177,7 +178,7 @@ def convert(
 def _explain(
     error: str, value: Any, model: type, positions: Positions, at: Steps, removed: set[Steps]
 ) -> tuple[Steps, Finding | None]:
-    """Return the path of what must go so that the rest can be tried, and what to say about it."""
+    """Return the path to remove before the next attempt, and the finding."""
     split = _MESSAGE.fullmatch(error)
     assert split is not None
     message, path = split[1], _resolve(split[2] or "$", value)
@@ -192,16 +193,6 @@ def _explain(
         return path, positions.finding((*at, *path), f"{name}: needs the field `{missing[1]}`", at_key=True)
     name = ".".join(map(str, (*at, *path))) or "the file"
     return path, positions.finding((*at, *path), f"{name}: {message[:1].lower()}{message[1:]}")
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return `, did you mean `x`?` for a near miss, and what there is otherwise."""
-    import difflib  # a file without mistakes is read without it
-
-    names = sorted(known)
-    if near := difflib.get_close_matches(word, names, 1, 0.6):
-        return f", did you mean `{near[0]}`?"
-    return f"; known are {', '.join(names)}" if names else ""
 
 
 def _copy(value: Any) -> Any:
@@ -235,11 +226,7 @@ def _fields(model: type, path: Steps) -> list[str]:
     """Return the field names of the struct at `path` of the model."""
     here: Any = model
     for step in path:
-        types = {field.name: field.type for field in msgspec.structs.fields(here)} if _is_struct(here) else {}
+        types = {field.name: field.type for field in msgspec.structs.fields(here)} if is_struct(here) else {}
         options = [types.get(str(step)), *get_args(types.get(str(step)))]
-        here = next((option for option in options if _is_struct(option)), None)
-    return [field.encode_name for field in msgspec.structs.fields(here)] if _is_struct(here) else []
-
-
-def _is_struct(model: Any) -> bool:
-    return isinstance(model, type) and issubclass(model, msgspec.Struct)
+        here = next((option for option in options if is_struct(option)), None)
+    return [field.encode_name for field in msgspec.structs.fields(here)] if is_struct(here) else []

@@ -6,8 +6,8 @@ import copy
 from collections.abc import Mapping
 from typing import Any
 
+from schemas.files.findings import did_you_mean
 from schemas.files.toml_positions import key_parts
-from schemas.files.yaml_positions import did_you_mean
 from schemas.manifest.loader import TABLES
 from schemas.wire.records import ManifestChange
 

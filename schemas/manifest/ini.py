@@ -1,6 +1,12 @@
-"""The paper's pair of INI files, actions and perceptions, as they are written: what ROS would do with them is not here.
+"""Read the paper's pair of INI manifests, actions and perceptions.
 
-`msg_type` and `dependencies` are read over: nothing is imported or executed because of them. Pure.
+`msg_type` and `dependencies` are ignored: nothing is imported or executed because of them. Lists are fields of a
+message, and types of parameters:
+
+    args        = mode, pose.position.x, status[](name, values[](key, value))
+    params_type = float, int[], geometry_msgs/Point[](x, y), bool
+
+Empty entries at the end of a list are ignored.
 """
 
 from __future__ import annotations
@@ -14,12 +20,120 @@ from typing import Literal, TypeVar
 
 from msgspec.structs import replace
 
-from schemas.files.findings import Finding
+from schemas.files.findings import Finding, did_you_mean
 from schemas.files.ini_positions import DEFAULT, Option, Section, read_ini
-from schemas.files.yaml_positions import MAX_FINDINGS, did_you_mean
-from schemas.manifest.ini_arguments import BadList, read_defaults, read_fields, read_names, read_parameter, split
+from schemas.files.yaml_positions import MAX_FINDINGS
 from schemas.manifest.model import Field, Parameter, ParameterType, Value
 from schemas.manifest.rules import RESERVED, needs_default
+
+MAX_DEPTH = 8
+"""Nesting of lists of structures."""
+TYPES: dict[str, ParameterType] = {
+    "str": "string",
+    "string": "string",
+    "float": "float",
+    "int": "int",
+    "long": "int",
+    "bool": "boolean",
+    "list": "list",
+}
+"""Python's names of types in `params_type`, and the manifest's."""
+ELEMENT: tuple[ParameterType, ...] = ("int", "float", "boolean", "string", "list")
+"""Types of a field in a structure: `Type[](a, b)` names fields without types."""
+
+_PATH = re.compile(r"[A-Za-z_]\w*(?:\.\w+)*", re.ASCII)
+_LISTED = re.compile(r"([^\[\](),]*)\[\s*(\d*)\s*\]\s*(?:\((.*)\))?", re.ASCII | re.DOTALL)
+_TYPE = re.compile(r"\w+(?:/\w+)*", re.ASCII)
+
+
+class BadList(ValueError):
+    """A list that cannot be read; the text says where and what was expected."""
+
+
+def read_fields(text: str) -> tuple[str | Field, ...]:
+    """Return the fields in `args`: paths, and lists of structures. Raises BadList."""
+    return tuple(_field(entry, 0) for entry in split(text))
+
+
+def read_names(text: str) -> tuple[str, ...]:
+    """Return the paths in `params_name`. Raises BadList."""
+    return tuple(_path(entry) for entry in split(text))
+
+
+def read_defaults(text: str) -> tuple[tuple[str, str], ...]:
+    """Return the fields in `defaults`, each with the text of its value. Raises BadList."""
+    found: list[tuple[str, str]] = []
+    for entry in split(text):
+        path, equals, value = entry.partition("=")
+        if not equals or not value.strip():
+            raise BadList(f"expected a field and its value such as `width=3`, got `{entry}`")
+        found.append((_path(path.strip()), value.strip()))
+    return tuple(found)
+
+
+def read_parameter(name: str, text: str) -> Parameter:
+    """Return an action's parameter of the type in `text`. Raises BadList."""
+    listed = _LISTED.fullmatch(text)
+    if listed is None:
+        if text in TYPES:
+            return Parameter(name=name, type=TYPES[text])
+        known = ", ".join(TYPES)
+        raise BadList(f"no type `{text}`; expected one of {known}, a list such as `int[]` or `Type[](a, b)`")
+    if listed[1] and not _TYPE.fullmatch(listed[1].strip()):
+        raise BadList(f"`{listed[1].strip()}` is not the name of a type, in `{text}`")
+    each = () if listed[3] is None else read_fields(listed[3])
+    if listed[3] is not None and not each:
+        raise BadList(f"expected fields between the brackets, in `{text}`")
+    return Parameter(name=name, type="list", each=tuple(_element(field) for field in each))
+
+
+def split(text: str) -> list[str]:
+    """Split a list at the commas outside brackets, without empty entries at its end. Raises BadList."""
+    entries, depth, start = [""], 0, 0
+    for at, sign in enumerate(text):
+        depth += (sign in "([") - (sign in ")]")
+        if depth < 0:
+            raise BadList(f"`{sign}` closes nothing, in `{text.strip()}`")
+        if sign == "," and depth == 0:
+            entries[-1] = text[start:at].strip()
+            entries.append("")
+            start = at + 1
+    if depth:
+        raise BadList(f"a bracket is not closed, in `{text.strip()}`")
+    entries[-1] = text[start:].strip()
+    while entries and not entries[-1]:
+        entries.pop()
+    if "" in entries:
+        raise BadList(f"entry {entries.index('') + 1} of the list is empty, in `{text.strip()}`")
+    return entries
+
+
+def _field(text: str, depth: int) -> str | Field:
+    if depth > MAX_DEPTH:
+        raise BadList(f"nested deeper than {MAX_DEPTH}")
+    if "[" not in text and "(" not in text:
+        return _path(text)
+    listed = _LISTED.fullmatch(text)
+    if listed is None:
+        raise BadList(f"expected a field such as `pose.position.x` or `status[](name, level)`, got `{text}`")
+    path = _path(listed[1].strip())
+    each = tuple(_field(entry, depth + 1) for entry in split(listed[3] or ""))
+    if not each:
+        raise BadList(f"`{text}`: expected its fields in brackets, or `{path}` for the whole list")
+    return Field(field=path, each=each)
+
+
+def _path(text: str) -> str:
+    if not _PATH.fullmatch(text):
+        raise BadList(f"`{text}` is not a field; expected a path such as `pose.position.x`")
+    return text
+
+
+def _element(field: str | Field) -> Parameter:
+    if isinstance(field, str):
+        return Parameter(name=field, type=ELEMENT)
+    return Parameter(name=field.field, type="list", each=tuple(_element(one) for one in field.each))
+
 
 ACTION_OPTIONS = ("method", "name", "msg_type", "dependencies", "params_name", "params_type", "defaults", "latch")
 PERCEPT_OPTIONS = ("name", "msg_type", "dependencies", "args", "buf", "rate", "method")
@@ -27,11 +141,11 @@ ONLY_ACTIONS, ONLY_PERCEPTS = (
     frozenset({"params_name", "params_type", "defaults", "latch"}),
     frozenset({"args", "buf", "rate"}),
 )
-"""Options by which a file shows which of the two it is."""
+"""Options of one kind of file only."""
 PAPERS_RATE = 30.0
-"""Hz at which the paper's bridge told percepts again at most, where `[DEFAULT]` names no `rate`."""
+"""Hz: the highest rate of the paper's bridge, used if `[DEFAULT]` has no `rate`."""
 TRUE, FALSE = frozenset({"true", "yes", "t", "1"}), frozenset({"false", "no", "f", "0"})
-"""Texts that are a truth value, in small letters."""
+"""Texts of a truth value, in lower case."""
 
 Method = Literal["topic", "service"]
 T = TypeVar("T")
@@ -50,7 +164,7 @@ class IniPercept:
     buf: Literal["update", "add"]
     rate: float
     lines: Mapping[str, int]
-    """Where its options stand; the section itself under the empty name."""
+    """Line of each option, and of the section under the empty name."""
 
 
 @dataclass(frozen=True)
@@ -63,15 +177,15 @@ class IniAction:
     """The topic or service, without its leading `/`."""
     params: tuple[Parameter, ...]
     typed: bool
-    """Whether `params_type` says what they are; they are texts otherwise."""
+    """Whether `params_type` has their types; otherwise they are strings."""
     latch: bool
     lines: Mapping[str, int]
     wrong: bool = False
-    """Something of it is told already as wrong; what follows from that need not be told."""
+    """A finding about it exists; findings that follow from that are left out."""
 
 
 def read_actions(text: str, file: str) -> tuple[list[IniAction], list[Finding]]:
-    """Return what an actions manifest declares as far as it reads, and everything that is wrong with it."""
+    """Return the readable actions of an actions manifest, and all findings."""
     reader = _Reader(text, file, ACTION_OPTIONS)
     if not reader.is_of(ONLY_PERCEPTS, ONLY_ACTIONS, "a perceptions manifest"):
         return [], reader.findings
@@ -79,7 +193,7 @@ def read_actions(text: str, file: str) -> tuple[list[IniAction], list[Finding]]:
 
 
 def read_percepts(text: str, file: str) -> tuple[list[IniPercept], list[Finding]]:
-    """Return what a perceptions manifest declares as far as it reads, and everything that is wrong with it."""
+    """Return the readable percepts of a perceptions manifest, and all findings."""
     reader = _Reader(text, file, PERCEPT_OPTIONS)
     if not reader.is_of(ONLY_ACTIONS, ONLY_PERCEPTS, "an actions manifest"):
         return [], reader.findings
@@ -87,13 +201,13 @@ def read_percepts(text: str, file: str) -> tuple[list[IniPercept], list[Finding]
 
 
 def truth(text: str) -> bool | None:
-    """Return the truth value that a text is, None if it is none."""
+    """Return the truth value of a text, or None."""
     small = text.strip().lower()
     return True if small in TRUE else False if small in FALSE else None
 
 
 class _Reader:
-    """One of the two files."""
+    """Reads one of the two files."""
 
     def __init__(self, text: str, file: str, known: tuple[str, ...]) -> None:
         self.ini = read_ini(text, file)
@@ -102,7 +216,7 @@ class _Reader:
         self.findings = list(self.ini.findings)
 
     def is_of(self, theirs: frozenset[str], ours: frozenset[str], other: str) -> bool:
-        """Whether this is the right file of the two; if it is the other one, that is all there is to say."""
+        """Whether this is the right file of the two. If it is the other one, that is the only finding."""
         said = {option for section in (self.ini.defaults, *self.ini.sections) for option in section.options}
         if said & theirs and not said & ours:
             order = "the actions come first: `manifest: [actions_manifest, perceptions_manifest]`"
@@ -137,7 +251,7 @@ class _Reader:
 
 
 class _Options:
-    """The options of one section, with those of `[DEFAULT]` where it has none."""
+    """The options of one section, completed by those of `[DEFAULT]`."""
 
     def __init__(self, section: Section, defaults: Section, file: str, findings: list[Finding]) -> None:
         self.section, self.file, self.findings = section, file, findings
@@ -158,7 +272,7 @@ class _Options:
         return option.value.strip() if option is not None else ""
 
     def ros_name(self) -> str:
-        """The topic or service as it stands under the robot's prefix; empty if it is none."""
+        """Return the topic or service without its leading `/`; empty, with a finding, if it is not a ROS name."""
         said = self.text("name")
         if not said:
             self.problem("`name`, the topic or service, is missing", "name" if "name" in self.options else "")
@@ -226,7 +340,7 @@ def _action(options: _Options) -> IniAction | None:
 
 
 def value_of(kind: ParameterType, text: str) -> Value | None:
-    """Return the value of a type that a text is, None if it is none."""
+    """Return the value of this type in a text, or None."""
     match kind:
         case "boolean":
             return truth(text)
@@ -240,7 +354,7 @@ def value_of(kind: ParameterType, text: str) -> Value | None:
 
 
 def _parameters(options: _Options, typed: bool) -> tuple[Parameter, ...]:
-    """The parameters that the section names, and those of `defaults` that it does not name."""
+    """Return the parameters in `params_name`, then those that only `defaults` has."""
     params = {param.name: param for param in _named_parameters(options, typed)}
     for name, text in options.listed("defaults", read_defaults):
         param = params[name] if name in params else _of_literal(name, text)
@@ -256,7 +370,7 @@ def _parameters(options: _Options, typed: bool) -> tuple[Parameter, ...]:
 
 
 def _of_literal(name: str, text: str) -> Parameter:
-    """A parameter of the type that the text of its default is."""
+    """Return a parameter with the type of its default."""
     if value_of("float", text) is not None:
         return Parameter(name=name, type=("int", "float"))
     return Parameter(name=name, type="boolean" if text.lower() in ("true", "false") else "string")
@@ -266,7 +380,7 @@ def _named_parameters(options: _Options, typed: bool) -> tuple[Parameter, ...]:
     before = len(options.findings)
     names = options.listed("params_name", read_names)
     for repeated in sorted({name for name in names if names.count(name) > 1}):
-        options.problem(f"`{repeated}` stands there twice", "params_name")
+        options.problem(f"`{repeated}` is repeated", "params_name")
     if not typed:
         return tuple(Parameter(name=name, type="string") for name in names)
     types = options.listed("params_type", lambda text: tuple(split(text)))

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, inspect
 
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from schemas.manifest.model import WAYS, ActionEntry, Manifest, PerceptEntry, RobotEntry
 from schemas.manifest.rules import FUNCTOR, RESERVED
 from schemas.manifest.text import plain

@@ -12,14 +12,13 @@ from typing import Any, TypeVar, get_args
 
 import msgspec
 
-from schemas.files import first_use
-from schemas.files.durations import decode_hook
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.shipped_files import shipped, shipped_names
 from schemas.files.text_files import read_text
 from schemas.files.toml_positions import line_of, toml_lines
-from schemas.files.validation import misfits
-from schemas.files.yaml_positions import MAX_FINDINGS, did_you_mean
+from schemas.files.units import decode_hook
+from schemas.files.validation import convert, misfits
+from schemas.files.yaml_positions import MAX_FINDINGS
 from schemas.manifest.model import (
     ActionDescription,
     ActionEntry,
@@ -176,9 +175,7 @@ class _Reader:
         wrong = list(islice(misfits(content, kind, decode_hook), MAX_FINDINGS))
         bad = {where[0] for where, _ in wrong if where}
         try:
-            entry = first_use.convert(
-                {field: value for field, value in content.items() if field not in bad}, kind, decode_hook
-            )
+            entry = convert({field: value for field, value in content.items() if field not in bad}, kind, decode_hook)
         except msgspec.ValidationError:  # a field is missing, or is needed and wrong
             entry = None
         if entry is not None:

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from schemas.files.durations import Duration
 from schemas.files.findings import Finding
 from schemas.files.toml_positions import line_of
+from schemas.files.units import Duration
 from schemas.wire.records import Order, Record
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]

@@ -1,7 +1,7 @@
-"""What the fields of one entry of a manifest must be to one another, beyond their types: a table of rules.
+"""Rules for the fields of a manifest entry beyond their types, and the names that the bridge itself provides.
 
-A rule gets an entry and yields what is wrong, each at its path below the entry. It is left out while one of the fields
-that it reads is wrong itself, so that one mistake is told once.
+A rule gets an entry and yields each problem at its path below the entry. It does not run while a field that it reads is
+wrong itself, so that one mistake is reported once.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
+from schemas.files.units import Duration
 from schemas.manifest.model import (
     ActionEntry,
     Field,
@@ -22,8 +23,29 @@ from schemas.manifest.model import (
     Value,
 )
 
+BRIDGE_ACTIONS: dict[str, ActionEntry] = {
+    "release": ActionEntry(motion=False, deadline=Duration(1)),
+    "hand_over": ActionEntry(params=(Parameter(name="agent", type="string"),), motion=False, deadline=Duration(1)),
+}
+"""Actions of every bridge: `release` ends the lease of the robot, `hand_over(Agent)` gives it to another of its agents
+(docs/reference/actions.md)."""
+BRIDGE_ACTION_ARITIES: dict[str, int] = {name: entry.arity for name, entry in BRIDGE_ACTIONS.items()}
+BRIDGE_PERCEPTS: dict[str, int] = {
+    "bridge": 1,
+    "override": 1,
+    "restarted": 1,
+    "holder": 1,
+    "feedback": 3,
+    "link": 1,
+    "paused": 1,
+}
+"""Percepts of every bridge, which a program may use although no manifest declares them, and their arities:
+`bridge(up)`, `override(Mode)`, `restarted(N)`, `holder(Agent)`, `feedback(Action, What, Value)`, `link(State)`,
+`paused(Who)`."""
+
+
 Wrong = tuple[tuple[str, ...], str]
-"""Where below the entry, and what."""
+"""Path below the entry, and the problem."""
 Rule = Callable[[Any], Iterator[Wrong]]
 
 FUNCTOR = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
@@ -39,14 +61,14 @@ RESERVED = {
         "release": "how an agent lets go of the robot",
     },
 }
-"""Names of the bridge itself, and what they are."""
+"""Names that no manifest may use, and what the bridge uses them for."""
 NUMBERS = frozenset({"float", "int"})
 MAX_NUMBER = 2**63
-"""Constants beyond it fit into no message."""
+"""No message has room for a larger constant."""
 
 
 def name_problems(table: str, name: str) -> Iterator[str]:
-    """Say why an entry cannot have this name."""
+    """Yield why an entry cannot have this name."""
     if not FUNCTOR.fullmatch(name):
         yield f"expected the name of a belief or action, such as `battery`, got `{name}`"
     elif meaning := RESERVED[table].get(name):
@@ -85,11 +107,11 @@ def _key(entry: PerceptEntry) -> Iterator[Wrong]:
             counted = "there are no arguments" if not entry.arity else f"the arguments are 0..{entry.arity - 1}"
             yield ("key", str(index)), f"no argument at position {position}; {counted}"
         elif position in entry.key[:index]:
-            yield ("key", str(index)), f"position {position} stands there twice"
+            yield ("key", str(index)), f"position {position} is repeated"
 
 
 def _kept(entry: PerceptEntry) -> Iterator[Wrong]:
-    """What only a belief that is replaced can have."""
+    """Check the fields that are for `buf = "update"` only."""
     for field, there in (("key", entry.key), ("deadband", entry.deadband)):
         if entry.buf == "add" and there:
             yield (field,), '`buf = "add"` keeps every one; this is for `update`'
@@ -111,7 +133,7 @@ def _params(entry: ActionEntry) -> Iterator[Wrong]:
 
 
 def default_problem(parameter: Parameter) -> str:
-    """Say why the default of a parameter is no such argument, empty if it is one."""
+    """Return why the default of a parameter is not a valid argument; empty if it is."""
     value, low, high = parameter.default, parameter.min, parameter.max
     if value is None:
         return ""
@@ -122,7 +144,7 @@ def default_problem(parameter: Parameter) -> str:
 
 
 def needs_default(parameters: Sequence[Parameter]) -> str:
-    """Say why the last of these needs a default and has none, empty if it has one or needs none."""
+    """Return why the last of these parameters needs a default; empty if it has one or needs none."""
     if not parameters or parameters[-1].default is not None:
         return ""
     before = next((one.name for one in parameters if one.default is not None), "")
@@ -147,7 +169,7 @@ def _parameters(parameters: tuple[Parameter, ...], where: tuple[str, ...]) -> It
         if not all(parameter.name.split(".")):
             yield (*here, "name"), f"expected a name, got `{parameter.name}`"
         elif parameter.name in names[:index]:
-            yield (*here, "name"), f"`{parameter.name}` stands there twice"
+            yield (*here, "name"), f"`{parameter.name}` is repeated"
         if not parameter.types:
             yield (*here, "type"), "expected at least one type"
         yield from _range(parameter, here)
@@ -201,7 +223,7 @@ def _feedback(entry: ActionEntry) -> Iterator[Wrong]:
         if not FUNCTOR.fullmatch(name):
             yield ("feedback", str(index)), f"expected the name of a figure, such as `distance`, got `{name}`"
         elif name in names[:index]:
-            yield ("feedback", str(index)), f"`{name}` stands there twice"
+            yield ("feedback", str(index)), f"`{name}` is repeated"
 
 
 def _deadline(entry: ActionEntry) -> Iterator[Wrong]:
@@ -229,4 +251,4 @@ RULES: dict[type, tuple[tuple[frozenset[str], Rule], ...]] = {
         (frozenset({"deadline"}), _deadline),
     ),
 }
-"""The fields that a rule reads, and the rule."""
+"""By kind of entry: the fields that a rule reads, and the rule."""

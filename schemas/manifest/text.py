@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from schemas.manifest.model import Manifest
 
 LINE = 110

@@ -1,9 +1,9 @@
-"""Who may put, serve, ask and see what, as the mission says: what routers enforce, link by link
-(docs/guides/security.md).
+"""Rights that follow from the mission and the table of channels: what routers enforce link by link, and which mail an
+agent accepts (docs/guides/security.md has both).
 
-A name lives on one board. What is said under a name comes from its board alone, what is asked under it too. Everybody
-of the fleet may look at what robots do; minds and mail are for operators, and for observers that the mission names.
-Pure data, derived from the table of channels; `commd.router.config` writes it for Zenoh.
+A name belongs to one board: only that board publishes, serves and queries under it. Everybody of the fleet may see what
+robots do; minds and mail are for operators, and for observers that the mission names. `commd.router.config` writes the
+rules for Zenoh.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ from dataclasses import dataclass, fields
 
 from schemas.files.findings import Finding, Findings
 from schemas.manifest.loader import Manifest, load_manifest
-from schemas.mission.model import Mission
+from schemas.mission.model import ALL, ANYBODY, RESERVED, Accepted, Mission
 from schemas.wire import keys
 from schemas.wire.keys import ROOT, SIGHTS, Channel, Sight
+from schemas.wire.records import Message
+from schemas.wire.terms import Structure
 
 UNDELIVERED = "mail"
 """The sender of what a board tells of mail that it gave up: it goes to senders on other boards too."""
@@ -240,3 +242,56 @@ def _spoken(manifest: Manifest) -> Iterator[str]:
 
 def _once(names: Collection[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
+
+
+NOT_ACCEPTED = "not_accepted"
+"""The reason that the sender of a refused message is told."""
+NOTICES = {"mail": ("signal", "undelivered"), "df": ("tell", "provider")}
+"""What the reserved senders are for: performative and functor."""
+PLAN_MAIL = frozenset(("tellHow", "untellHow", "askHow"))
+"""Changes a program, or reads it: refused from other boards of a secured fleet."""
+FROM_GATEWAY = frozenset(("tell",))
+"""What a node behind the gateway may send: UDP shows no key."""
+
+
+@dataclass(frozen=True)
+class MailRights:
+    """What one agent accepts."""
+
+    mission: Mission
+    agent: str
+    board: str
+    """Where the agent runs."""
+
+    def accept(self, message: Message) -> bool:
+        """Whether the agent takes a message, judged by its sender and performative."""
+        sender, performative = message.sender, message.performative
+        if sender in RESERVED:
+            content = message.content
+            return isinstance(content, Structure) and NOTICES.get(sender) == (performative, content.functor)
+        if sender == self.agent:
+            return True
+        if sender in self._named:
+            return _holds(self._named[sender], performative)
+        if ANYBODY in self._named and not _holds(self._named[ANYBODY], performative):
+            return False
+        gateway = self.mission.gateway
+        if gateway is not None and sender in gateway.nodes:
+            return performative in FROM_GATEWAY
+        if ANYBODY in self._named or not self.mission.secured or self._is_neighbour(sender):
+            return True
+        return performative not in PLAN_MAIL
+
+    @property
+    def _named(self) -> dict[str, Accepted]:
+        agent = self.mission.agents.get(self.agent)
+        return {} if agent is None else agent.accepts
+
+    def _is_neighbour(self, sender: str) -> bool:
+        """Whether a sender runs on the same board."""
+        home = self.mission.mailboxes.get(sender)
+        return sender.startswith(made_on(self.board)) if home is None else home == self.board
+
+
+def _holds(accepted: Accepted, performative: str) -> bool:
+    return accepted == ALL or performative in accepted

@@ -9,15 +9,12 @@ from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 import msgspec
 
-from schemas.files.durations import Duration, decode_hook
-from schemas.files.endpoints import check_endpoint, host_and_port
-from schemas.files.findings import Finding, Findings
+from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.shipped_files import mission_file, shipped_names
 from schemas.files.text_files import read_text
-from schemas.files.units import Distance
-from schemas.files.yaml_positions import Positions, Steps, convert, did_you_mean, read_yaml
-from schemas.wire.keys import Sight
-from schemas.wire.names import check_name
+from schemas.files.units import Distance, Duration, check_endpoint, decode_hook, host_and_port
+from schemas.files.yaml_positions import Positions, Steps, convert, read_yaml
+from schemas.wire.keys import Sight, check_name
 from schemas.wire.records import Order
 
 THIS_MACHINE = "local"
@@ -547,7 +544,7 @@ def _check_lease(mission: Mission, robot: str, wrong: Any) -> None:
             its = f"; its agents are {', '.join(sharing)}" if sharing else ""
             wrong(where, f"lease.priority: `{agent}` is no agent of robot `{robot}`{its}")
         elif agent in seen:
-            wrong(where, f"lease.priority: `{agent}` stands here twice")
+            wrong(where, f"lease.priority: `{agent}` is repeated")
         seen.add(agent)
 
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import msgspec
 
-from schemas.files.first_use import FIRST_USE
+from schemas.files.validation import FIRST_USE
 from schemas.wire.records import VERSION, Record
 from schemas.wire.terms import decode_hook
 

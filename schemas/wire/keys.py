@@ -6,6 +6,7 @@ enforced by access control.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -32,6 +33,21 @@ from schemas.wire.records import (
     ServiceRequest,
     StopOrder,
 )
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
+
+
+def is_name(text: str) -> bool:
+    """Whether a text may be a name, and so be a part of a key."""
+    return _NAME.fullmatch(text) is not None
+
+
+def check_name(name: str) -> str:
+    """Return `name`, or raise ValueError that says what a name may be (no `* $ ? # /`, not empty)."""
+    if not is_name(name):
+        raise ValueError(f"Expected a name of letters, digits, `_`, `-` or `.` that starts with a letter, got `{name}`")
+    return name
+
 
 ROOT = "argosy"
 Sight: TypeAlias = Literal["telemetry", "minds", "mail"]

@@ -156,3 +156,23 @@ def _term(value: Any) -> Any:
 _PLAIN = (bool, int, float, str)
 _TAGS = ("atom", "number", "structure", "variable", "open_list", "source", "map", "set", "queue")
 _BY_TAG: dict[str, Any] = dict(zip(_TAGS, KINDS, strict=True))
+
+
+def term_of(value: Any) -> Term:
+    """Return the term for a Python value: a number, text, boolean, list, tuple or dict (a map); terms are as they are.
+
+    A text is a string: `schemas.wire.term_text.read` makes a term of one that is written as in a program. Raises
+    TypeError.
+    """
+    match value:
+        case bool() | int() | str():
+            return value
+        case float():
+            return number(value)
+        case list() | tuple():
+            return [term_of(one) for one in value]
+        case dict():
+            return Map(tuple((term_of(key), term_of(one)) for key, one in value.items()))
+        case _ if isinstance(value, KINDS):
+            return value
+    raise TypeError(f"{value!r} cannot be a term: numbers, strings, booleans, lists, dicts and schemas.wire.terms can")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from commd.bus.bus import Bus
 from commd.client import SendTimeout
-from commd.mail.rollback_witness import WENT_BACK
+from commd.mail.age_clock import WENT_BACK
 from schemas.wire import keys
 from schemas.wire.records import BoardServices, MailSeen
 from tests.boards.disk import Disk

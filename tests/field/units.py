@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from tests.support.notify_socket import NotifySocket
 from tests.support.processes import ROOT
 

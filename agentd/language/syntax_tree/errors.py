@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from agentd.language.syntax_tree.source import Source
 from schemas.files.findings import Finding
-from schemas.files.terminal import escape_lines
+from schemas.humanize import escape_lines
 
 SYNTAX = "syntax"
 """The kind of these findings."""

@@ -12,8 +12,7 @@ from argosy.recording.file.metadata import SECOND
 from argosy.recording.file.mind_inputs import PART, Life, in_words
 from argosy.recording.file.reader import Recording
 from argosy.recording.record.minds import MOST_MISSING
-from schemas.files.terminal import printable
-from schemas.humanize import count, size
+from schemas.humanize import count, printable, size
 
 Unread = Counter[tuple[str, str]]
 """Stretches of inputs that do not decode, by fleet and agent."""

@@ -18,7 +18,7 @@ from argosy.recording.file.write_queue import Heard, WriteQueue
 from argosy.recording.file.writer import Compression, RecordingWriter
 from argosy.recording.record.filter import NOTES, Sieve
 from argosy.recording.record.minds import Minds
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from schemas.humanize import size
 
 PERIOD: Final = 1.0

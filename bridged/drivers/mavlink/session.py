@@ -27,7 +27,7 @@ from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.state import Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, Texts, Warnings
 from bridged.drivers.mavlink.vehicle.streams import Streams
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from schemas.manifest.loader import Manifest, Retry
 from schemas.mission.model import Failsafe, Limits
 from schemas.wire.records import Note

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from bridged.simulation.copter.battery import CHARGE_S
 from bridged.simulation.copter.geodesy import Place
-from schemas.files.endpoints import check_endpoint
+from schemas.files.units import check_endpoint
 from schemas.mission.model import DEFAULT_ROUTER
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from agentd.mind.data.effects import Print
 from agentd.runtime.agent_host import AgentHost
 from commd.process.log_handler import LineFormatter
 from schemas.files.findings import Finding
-from schemas.files.terminal import escape_line, escape_lines
+from schemas.humanize import escape_line, escape_lines
 from tests.agentd.teams import Stage
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\r\u009b31m\u202eERROR\nERROR bridged orders robot=uav1 lost"

@@ -8,7 +8,7 @@ from contextlib import suppress
 from argosy.cli.journal import MAX_LOGGED, Journal
 from argosy.run.end_conditions import Ending
 from argosy.run.summary import summary
-from schemas.files.terminal import printable
+from schemas.humanize import printable
 from schemas.wire import keys
 from schemas.wire.records import Note, Perception
 from tests.argosy.recorded import Recording, flight

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.bridge.action_server import MAX_RUNNING
 from bridged.bridge.feedback import MAX_FEEDBACK
 from bridged.drivers.api import Outcome
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from schemas.manifest.loader import Manifest, Retry, load_manifest
 from schemas.wire.terms import Atom
 from tests.bridged.patient import Desk

@@ -10,7 +10,7 @@ import pytest
 from bridged.paper_format.ini_manifests import translate_pair
 from bridged.paper_format.mavros_names import CALLS, TOPICS, Heard, Taken
 from schemas.files.findings import Findings
-from schemas.manifest.ini_arguments import TYPES
+from schemas.manifest.ini import TYPES
 from schemas.manifest.loader import Field
 
 PAGE = (Path(__file__).parents[3] / "docs/reference/paper-manifests.md").read_text(encoding="utf-8")

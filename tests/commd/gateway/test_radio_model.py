@@ -11,8 +11,7 @@ import pytest
 
 from commd.bus.bus import Bus, Query
 from commd.gateway.radio_model import RadioAir, RadioModel, open_air
-from schemas.files.durations import Duration
-from schemas.files.units import Distance
+from schemas.files.units import Distance, Duration
 from schemas.mission.model import Mission, Radio, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Header, Perception

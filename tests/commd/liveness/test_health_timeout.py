@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from commd.liveness.health_timeout import CATCH_UP, Silence
+from commd.liveness.presence import CATCH_UP, Silence
 from schemas.liveness import FIRST_HEALTH, SILENT_AFTER
 
 

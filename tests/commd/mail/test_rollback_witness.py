@@ -7,8 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from commd.mail.age_clock import MailClock
-from commd.mail.rollback_witness import WENT_BACK, RollbackWitness
+from commd.mail.age_clock import WENT_BACK, MailClock, RollbackWitness
 from commd.mail.schema import migrate
 from schemas.wire.records import BoardServices, Header, MailSeen
 

@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from commd.bus.bus import Bus
-from commd.mail import kv_table
+from commd.mail import schema
 from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
 from schemas.mission.model import MailRules
@@ -348,9 +348,9 @@ def test_what_is_taken_in_the_process_shares_a_transaction_with_what_belongs_to_
             receiver = Receiver(await connect("b"), "b")
             with pytest.raises(ValueError, match="a defect"):
                 await mail_service.take([message(1)], also=fails)
-            await mail_service.take([message(1)], also=lambda db: kv_table.keep(db, "test", "a", b"1"))
+            await mail_service.take([message(1)], also=lambda db: schema.keep(db, "test", "a", b"1"))
             await until(lambda: len(receiver.got) == 1, "it arrives, once")
-            assert await mail_service.store.read(lambda db: kv_table.kept(db, "test")) == {"a": b"1"}
+            assert await mail_service.store.read(lambda db: schema.kept(db, "test")) == {"a": b"1"}
 
     on_a_bus(endpoint, body)
 

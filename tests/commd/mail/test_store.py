@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from commd.mail import kv_table, schema
+from commd.mail import schema
 from commd.mail import store as store_module
 from commd.mail.store import QUEUE, Store, StoreFailed, open_store
 from schemas.files.findings import Findings
@@ -40,18 +40,18 @@ def path(tmp_path: Path) -> Path:
 
 
 def keep(name: str, value: bytes = b"x") -> Callable[[Connection], None]:
-    return lambda db: kv_table.keep(db, "test", name, value)
+    return lambda db: schema.keep(db, "test", name, value)
 
 
 def kept(db: Connection) -> dict[str, bytes]:
-    return kv_table.kept(db, "test")
+    return schema.kept(db, "test")
 
 
 def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Path) -> None:
     program = """if True:
         import asyncio, os, sys
         from pathlib import Path
-        from commd.mail import kv_table as facts
+        from commd.mail import schema as facts
         from commd.mail.store import open_store
         async def main():
             async with open_store(Path(sys.argv[1])) as store:
@@ -236,7 +236,7 @@ def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_
     program = """if True:
         import asyncio, os, sys
         from pathlib import Path
-        from commd.mail import kv_table as facts
+        from commd.mail import schema as facts
         from commd.mail.store import open_store
         async def main():
             async with open_store(Path(sys.argv[1])) as store:

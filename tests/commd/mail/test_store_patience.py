@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from commd.mail import kv_table
+from commd.mail import schema
 from commd.mail.store import StoreFailed, open_store
 from tests.support.buses import until
 
@@ -29,10 +29,10 @@ def test_what_a_caller_was_told_to_have_failed_is_not_written_later(
             hanging = asyncio.create_task(store.write(hang))
             await until(began.is_set, "the disk hangs")
             with pytest.raises(StoreFailed, match="has not answered"):
-                await store.write(lambda db: kv_table.keep(db, "test", "too late", b""))
+                await store.write(lambda db: schema.keep(db, "test", "too late", b""))
             slow.set()
             await asyncio.gather(hanging, return_exceptions=True)
-            await store.write(lambda db: kv_table.keep(db, "test", "in time", b""))
-            assert list(await store.read(lambda db: kv_table.kept(db, "test"))) == ["in time"]
+            await store.write(lambda db: schema.keep(db, "test", "in time", b""))
+            assert list(await store.read(lambda db: schema.kept(db, "test"))) == ["in time"]
 
     asyncio.run(body())

@@ -7,8 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from schemas.files.ini_positions import read_ini
-from schemas.manifest.ini import IniAction, IniPercept, read_actions, read_percepts
-from schemas.manifest.ini_arguments import BadList, read_fields, read_parameter, split
+from schemas.manifest.ini import (
+    BadList,
+    IniAction,
+    IniPercept,
+    read_actions,
+    read_fields,
+    read_parameter,
+    read_percepts,
+    split,
+)
 from schemas.manifest.loader import Field, Parameter
 from schemas.manifest.model import ParameterType
 
@@ -189,10 +197,10 @@ nonsense
         "10: [land]: no option `metod`, did you mean `method`?",
         "11: [land] latch: expected True or False, got `perhaps`",
         "12: [land] params_name: entry 2 of the list is empty, in `a,,b`",
-        "13: `[land]` stands there twice, first at line 9",
-        "17: `method` stands there twice, first at line 16",
+        "13: `[land]` is repeated, first at line 9",
+        "17: `method` is repeated, first at line 16",
         "18: [cmd] name: expected the name of a topic or service such as `/turtle1/pose`, got `no name`",
-        "19: [cmd] params_name: `a` stands there twice",
+        "19: [cmd] params_name: `a` is repeated",
         "20: [cmd] params_type: a bracket is not closed, in `float, eval, Point[](`",
         "21: expected `option = value`, got `nonsense`",
     ]

@@ -97,7 +97,7 @@ MISTAKES = [
         ["6: percepts.pose.key[0]: no argument at position 1; the arguments are 0..0"],
     ),
     (PERCEPT + "key = [0]\n", ["5: percepts.pose.key[0]: no argument at position 0; there are no arguments"]),
-    (PERCEPT + 'args = ["x"]\nkey = [0, 0]\n', ["6: percepts.pose.key[1]: position 0 stands there twice"]),
+    (PERCEPT + 'args = ["x"]\nkey = [0, 0]\n', ["6: percepts.pose.key[1]: position 0 is repeated"]),
     (PERCEPT + 'args = ["x"]\nkey = [-1]\n', ["6: percepts.pose.key[0]: expected `int` >= 0, got `-1`"]),
     (
         PERCEPT + 'args = ["x"]\nbuf = "add"\nkey = [0]\n',
@@ -136,7 +136,7 @@ MISTAKES = [
     (ACTION + 'params = [\n  {type = "int"},\n]\n', ["6: actions.go.params[0]: needs the field `name`"]),
     (
         ACTION + 'params = [\n  {name = "x"},\n  {name = "x"},\n]\n',
-        ["7: actions.go.params[1].name: `x` stands there twice"],
+        ["7: actions.go.params[1].name: `x` is repeated"],
     ),
     (ACTION + 'params = [{name = ""}]\n', ["5: actions.go.params[0].name: expected a name, got ``"]),
     (
@@ -165,7 +165,7 @@ MISTAKES = [
         ACTION + 'params = [\n  {name = "points", type = "list", each = [\n    {name = "lat"},\n    {name = "lat"},\n'
         '    {name = "lon", min = 2, max = 1},\n  ]},\n]\n',
         [
-            "8: actions.go.params[0].each[1].name: `lat` stands there twice",
+            "8: actions.go.params[0].each[1].name: `lat` is repeated",
             "9: actions.go.params[0].each[2].min: `lon` has min 2 above max 1",
         ],
     ),
@@ -217,7 +217,7 @@ MISTAKES = [
         ACTION + 'params = [{name = "x", type = "list", each = [{name = "y", default = 1}]}]\n',
         ["5: actions.go.params[0].each: only an argument can have a default"],
     ),
-    (ACTION + 'feedback = ["distance", "distance"]\n', ["5: actions.go.feedback[1]: `distance` stands there twice"]),
+    (ACTION + 'feedback = ["distance", "distance"]\n', ["5: actions.go.feedback[1]: `distance` is repeated"]),
     (ACTION + 'feedback = "distance"\n', ["5: actions.go.feedback: expected a list, got `str`"]),
     (ACTION + "latch = 1\n", ["5: actions.go.latch: expected `bool`, got `int`"]),
     (ACTION + "tolerance = 0\n", ["5: actions.go.tolerance: expected `float` > 0.0, got `0`"]),

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.files.durations import Duration
 from schemas.files.findings import Findings
 from schemas.files.shipped_files import shipped, shipped_names
+from schemas.files.units import Duration
 from schemas.manifest.json_schema import FILE, schema, schema_text
 from schemas.manifest.loader import load_manifest, read_document, read_manifest
 from schemas.manifest.model import (

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from schemas.files.findings import Findings
-from schemas.mission.mail_rights import MailRights
+from schemas.mission.access_rules import MailRights
 from schemas.mission.model import PERFORMATIVES, Mission, read_mission
 from schemas.wire.records import Message
 from schemas.wire.terms import Atom, Structure

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 import yaml
 
-from schemas.files.durations import Duration
+from schemas.files.units import Duration
 from schemas.mission.model import (
     Agent,
     Board,

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.files.durations import Duration
 from schemas.files.findings import Findings
 from schemas.files.shipped_files import shipped
+from schemas.files.units import Duration
 from schemas.mission.model import Mission, load_mission, read_mission
 
 GOOD = """\
@@ -87,7 +87,7 @@ def test_the_shipped_mission_reads() -> None:
         ("[-27.604033", "[-97.604033", "m.yaml:10:40: error: robots.uav1.simulate.home.0: expected `float` >= -90.0"),
         ('done: "uav: mission_done"', "done: mission_done", "m.yaml:11:7: error: expected `agent: formula`"),
         ('done: "uav:', 'done: "uva:', "m.yaml:11:7: error: there is no agent `uva`, did you mean `uav`?"),
-        ("speed: 5", "speed: 5\nspeed: 6", "m.yaml:14:1: error: `speed` stands here twice"),
+        ("speed: 5", "speed: 5\nspeed: 6", "m.yaml:14:1: error: `speed` is repeated"),
         ("speed: 5", "speed: [5", "m.yaml:14:1: error: not YAML: did not find expected ',' or ']'"),
         ("speed: 5", "speed: !!python/object:os.system 5", "m.yaml:13:8: error: `5` cannot be read as"),
         ("speed: 5", "speed: !!bool 5", "m.yaml:13:8: error: `5` cannot be read as"),
@@ -106,7 +106,7 @@ def test_the_shipped_mission_reads() -> None:
         (
             "    simulate:",
             "    lease: {priority: [uav, uav]}\n    simulate:",
-            "m.yaml:10:29: error: lease.priority: `uav` stands here twice",
+            "m.yaml:10:29: error: lease.priority: `uav` is repeated",
         ),
         ("  uav1:\n", "  uav:\n", "m.yaml:7:3: error: `uav` is in agents already: names are unique in a fleet"),
     ],

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from schemas.wire import keys
-from schemas.wire.names import check_name
+from schemas.wire.keys import check_name
 
 PAGE = Path(__file__).parents[3] / "docs/reference/bus-keys.md"
 
