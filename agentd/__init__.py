@@ -1,7 +1,7 @@
 """What the agent thinks: the AgentSpeak language, the mind that runs it, and the agent daemon.
 
-The names below are for programs of your own in Python: minds to embed (docs/guides/embedding.md), environments
-(docs/guides/environments.md), internal actions and functions (docs/guides/extending.md).
+The names below are for programs of your own in Python: minds to embed (docs/guides/extending.md), environments
+(docs/guides/extending.md), internal actions and functions (docs/guides/extending.md).
 """
 
 from __future__ import annotations

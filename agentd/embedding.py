@@ -1,4 +1,4 @@
-"""Programs for minds in a Python program of your own: see docs/guides/embedding.md."""
+"""Programs for minds in a Python program of your own: see docs/guides/extending.md."""
 
 from __future__ import annotations
 

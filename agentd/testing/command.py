@@ -19,7 +19,7 @@ from agentd.testing.runner import Settings, run_case
 
 DESCRIPTION = """Run the plans marked as tests, @name[test] +!goal <- ..., each in a fresh agent and on virtual time.
 They say what they expect by !assert_equals(Expected, Actual[, Tolerance]), !assert_true(Formula),
-!assert_false(Formula), !assert_contains(List, Member) and others: see docs/guides/testing.md.
+!assert_false(Formula), !assert_contains(List, Member) and others: see docs/guides/writing-programs.md.
 Exit code: 0 if all have passed, 1 if not, 2 if there is nothing to run or something cannot be read."""
 
 

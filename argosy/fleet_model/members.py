@@ -40,7 +40,7 @@ class Member:
 
     @property
     def standing(self) -> Standing:
-        """How its daemon stands (docs/guides/health.md)."""
+        """How its daemon stands (docs/guides/monitoring.md)."""
         return "missing" if self.row is None else self.row.standing
 
     @property

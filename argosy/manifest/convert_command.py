@@ -14,7 +14,7 @@ from schemas.manifest.text import write_toml
 
 HEADER = """\
 # Converted from {actions} and {percepts}.
-# `values = "text"` keeps the paper's text semantics (docs/reference/paper-manifests.md); without it true stays true.
+# `values = "text"` keeps the paper's text semantics (docs/reference/manifests.md); without it true stays true.
 
 """
 

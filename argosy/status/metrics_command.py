@@ -172,7 +172,7 @@ class Fleet(Collector):
             for labels, _, health in reported
             for name in sorted(health.counters)[:COUNTERS]
         ]
-        yield _metric("argosy_counter", "A figure of a daemon's own: see docs/guides/health.md.", counters)
+        yield _metric("argosy_counter", "A figure of a daemon's own: see docs/guides/monitoring.md.", counters)
 
     def _labels(self, row: Row) -> dict[str, str]:
         return {"fleet": row.fleet or self.name, "board": row.board, "daemon": row.daemon, "name": row.name}

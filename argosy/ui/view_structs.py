@@ -43,7 +43,7 @@ class NoteView(View, frozen=True, kw_only=True):
     """A warning of a member, or of several."""
 
     code: str
-    """The kind of warning (docs/guides/health.md)."""
+    """The kind of warning (docs/guides/monitoring.md)."""
     text: str
     about: str = ""
     level: Literal["warning", "error"] = "warning"
@@ -135,7 +135,7 @@ class AgentView(View, frozen=True, kw_only=True):
     board: str = ""
     robot: str = ""
     standing: str
-    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/guides/health.md); ended = it
+    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/guides/monitoring.md); ended = it
     has left with its run."""
     since: float | None = None
     notes: tuple[NoteView, ...] = ()

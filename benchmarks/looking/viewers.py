@@ -101,7 +101,7 @@ def pictures(_: Figures) -> dict[str, str]:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/guides/terminal-view.md and docs/guides/recording.md."""
+    """Return the figures of docs/guides/monitoring.md and docs/guides/recording.md."""
     head = [
         origin.line(),
         "",

@@ -218,7 +218,7 @@ def pictures(_: Figures) -> dict[str, str]:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/guides/web-page.md."""
+    """Return the figures of docs/guides/monitoring.md."""
     lines = [
         origin.line(),
         "",

@@ -204,7 +204,7 @@ class Driver(Protocol):
         """Figures for health."""
 
     def notes(self) -> Sequence[Note]:
-        """Return the warnings that hold now: docs/guides/health.md lists the codes."""
+        """Return the warnings that hold now: docs/guides/monitoring.md lists the codes."""
 
 
 @runtime_checkable

@@ -1,5 +1,5 @@
 """The paper's text semantics, for manifests with `values = "text"` (design section 12;
-docs/reference/paper-manifests.md).
+docs/reference/manifests.md).
 
 The paper's bridge sent each value of a percept as Python's text of it, without single quotes, and the agent read that
 text as a term; arguments of actions went the other way as texts and were converted by `params_type`.

@@ -349,7 +349,7 @@ class Note(Record, frozen=True, kw_only=False):
     """A warning that holds now: a code for programs, a text for people."""
 
     code: str
-    """The kind of warning; docs/guides/health.md lists the codes."""
+    """The kind of warning; docs/guides/monitoring.md lists the codes."""
     text: str
     """For people; it changes with releases and while the warning holds."""
     about: str = ""

@@ -12,31 +12,32 @@ from agentd import Environment
 from agentd.mind.data import registry
 from tests.agentd.teams import Stage
 
-DOCS = Path(__file__).parents[2] / "docs"
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "extending.md"
 
 
-def _blocks(page: str) -> list[tuple[str, str]]:
-    """The fenced blocks of a page: language and text."""
-    return re.findall(r"^```(\w*)[^\n]*\n(.*?)^```$", (DOCS / page).read_text(), re.MULTILINE | re.DOTALL)
+def _blocks(section: str) -> list[tuple[str, str]]:
+    """The fenced blocks of a section: language and text."""
+    text = PAGE.read_text(encoding="utf-8").split(f"\n## {section}\n")[1].split("\n## ")[0]
+    return re.findall(r"^```(\w*)[^\n]*\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
-def _run(page: str) -> dict[str, Any]:
-    """Run all Python of a page, one block after another; the names that it made."""
+def _run(section: str) -> dict[str, Any]:
+    """Run all Python of a section, one block after another; the names that it made."""
     names: dict[str, Any] = {}
-    for number, (language, text) in enumerate(_blocks(page)):
+    for number, (language, text) in enumerate(_blocks(section)):
         if language == "python":
-            exec(compile(text, f"{page}:{number}", "exec"), names)
+            exec(compile(text, f"{section}:{number}", "exec"), names)
     return names
 
 
 def test_the_embedded_mind_prints_what_its_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
-    _run("guides/embedding.md")
-    shown = [text for language, text in _blocks("guides/embedding.md") if language == "text"]
+    _run("Minds in your own program")
+    shown = [text for language, text in _blocks("Minds in your own program") if language == "text"]
     assert capsys.readouterr().out == "".join(shown)
 
 
 def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
-    room: type[Environment] = _run("guides/environments.md")["Room"]
+    room: type[Environment] = _run("Environments")["Room"]
     stage = Stage(
         {
             "bob": """
@@ -60,7 +61,7 @@ def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
 def test_the_actions_of_the_page_on_extending_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "ACTIONS", dict(registry.ACTIONS))
     monkeypatch.setattr(registry, "FUNCTIONS", dict(registry.FUNCTIONS))
-    _run("guides/extending.md")
+    _run("Internal actions and functions")
     stage = Stage(
         {
             "bob": """

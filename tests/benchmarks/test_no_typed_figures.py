@@ -33,7 +33,7 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
     "docs/architecture/decisions.md": ("10 times, 0.3 s, 0.1 s, 100 ms", "pauses, and Zenoh's own"),
     "docs/guides/drivers.md": ("0.5 s, 64 KiB, 16 MB, 500 times", "limits and pauses"),
     "docs/guides/fleets.md": ("0.2 s", _PAUSES),
-    "docs/guides/health.md": (
+    "docs/guides/monitoring.md": (
         "5.5 s, 0.25 s, 1 GB, 200 MB, 16 kB, 0.5 s, 20 kB, 5 messages/s, 1 %, 8 kB",
         "bounds between good, warning and error, and what a check sends",
     ),
@@ -48,7 +48,7 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
     "docs/reference/mind-records.md": ("0.2 s, 4 kB", _LIMITS),
     "docs/architecture/mind.md": ("100 times", _LIMITS),
     "docs/guides/recording.md": ("2 GB, 128 MB, 64 MB, 1000 times", _LIMITS),
-    "docs/guides/replay-a-mind.md": ("2 MB, 8 MB, 20 %, 45 %", "limits, and the battery of an example"),
+    "docs/guides/recording.md": ("2 MB, 8 MB, 20 %, 45 %", "limits, and the battery of an example"),
     "docs/guides/restart.md": ("0.5 s, 0.3 s, 50 times, 1 MB, 64 MB", "limits and pauses"),
     "docs/start/search-and-rescue.md": ("20 %, 1500 us", "what a rescuer goes out with, and when a latch is open"),
     "docs/guides/security.md": (
@@ -59,7 +59,7 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
         "0.02 s, 0.1 s",
         "the step of the simulation, and from when on it counts as late",
     ),
-    "docs/guides/web-page.md": ("0.25 s, 0.35 s, 0.7 s, 16 kB, 4 kB", "limits, and times of a press"),
+    "docs/guides/monitoring.md": ("0.25 s, 0.35 s, 0.7 s, 16 kB, 4 kB", "limits, and times of a press"),
 }
 """The figures that a page may type, and why."""
 

@@ -1,4 +1,4 @@
-"""docs/guides/health.md lists the code of every note that a daemon makes, and no other."""
+"""docs/guides/monitoring.md lists the code of every note that a daemon makes, and no other."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def codes() -> set[str]:
 
 
 def listed() -> list[str]:
-    page = (ROOT / "docs/guides/health.md").read_text()
+    page = (ROOT / "docs/guides/monitoring.md").read_text()
     table = page.partition("## Codes of notes")[2].partition("\n## ")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     return [code for cell in rows for code in re.findall(r"`(\w+)`", cell)]
@@ -57,5 +57,5 @@ def test_errors_and_remedies_are_of_codes_that_there_are() -> None:
 
 
 def test_the_page_marks_the_errors() -> None:
-    page = (ROOT / "docs/guides/health.md").read_text()
+    page = (ROOT / "docs/guides/monitoring.md").read_text()
     assert set(re.findall(r"\| `(\w+)` \|.*\*\*error\*\*", page)) == GRAVE

@@ -1,4 +1,4 @@
-"""Takes the pictures of docs/guides/web-page.md while a search and rescue flies: `python -m
+"""Takes the pictures of docs/guides/monitoring.md while a search and rescue flies: `python -m
 tests.argosy.ui.pictures`, 3 minutes."""
 
 from __future__ import annotations

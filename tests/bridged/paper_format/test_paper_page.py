@@ -1,4 +1,4 @@
-"""docs/reference/paper-manifests.md tells the vocabulary as it is; what it shows is what happens."""
+"""docs/reference/manifests.md tells the vocabulary as it is; what it shows is what happens."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from schemas.files.findings import Findings
 from schemas.manifest.ini import TYPES
 from schemas.manifest.loader import Field
 
-PAGE = (Path(__file__).parents[3] / "docs/reference/paper-manifests.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs/reference/manifests.md").read_text(encoding="utf-8")
 
 
 def percept_rows() -> Iterator[str]:
