@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from agentd.mind.beliefs.unification import undo, unify
     from agentd.mind.data.formula_failure import Failed
     from agentd.mind.data.registry import function, internal_action
-    from agentd.mind.execution.suspension import suspend
+    from agentd.mind.execution.waiting import suspend
     from agentd.mind.state import MindState
     from agentd.values import literal, term_of, value_of
 
@@ -28,7 +28,7 @@ _PLACES = {
     "agentd.mind": ("Mind",),
     "agentd.mind.data.formula_failure": ("Failed",),
     "agentd.mind.state": ("MindState",),
-    "agentd.mind.execution.suspension": ("suspend",),
+    "agentd.mind.execution.waiting": ("suspend",),
     "agentd.mind.beliefs.unification": ("undo", "unify"),
     "agentd.mind.data.registry": ("function", "internal_action"),
     "agentd.values": ("literal", "term_of", "value_of"),

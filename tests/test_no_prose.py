@@ -49,7 +49,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     ),
     "a code: the name that a program's handler sees": (
         "agentd/mind/execution/execution.py: failed.error == 'test_goal_failed'",
-        "agentd/mind/execution/receive_message.py: failed.error == 'no_applicable'",
+        "agentd/mind/execution/messages.py: failed.error == 'no_applicable'",
         "agentd/mind/introspection/failure_report.py: match failed.error",
         "agentd/mind/introspection/failure_report.py: failed.error in ('no_relevant', 'no_applicable')",
         "agentd/mind/introspection/failure_report.py: failed.error != 'action_failed'",

@@ -18,7 +18,7 @@ from agentd.mind import Mind
 from agentd.mind.data.effects import SendMail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
-from agentd.mind.execution.receive_message import is_answer, told_annots
+from agentd.mind.execution.messages import is_answer, told_annots
 from commd.bus.bus import Bus, boot_id
 from commd.client.receive_once import MessageRefused
 from commd.mail.message import undelivered

@@ -14,15 +14,14 @@ from agentd.mind.beliefs.belief_base import BeliefBase
 from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.effects import Effect, Log
-from agentd.mind.data.inputs import Input, TooDeep
+from agentd.mind.data.inputs import Input, SignalRaised, TooDeep
+from agentd.mind.data.registry import Library
 from agentd.mind.execution.cycle import run_cycles
 from agentd.mind.execution.dropping import fail_too_deep
 from agentd.mind.execution.event_selection import take_event, take_event_recorded
 from agentd.mind.execution.generated_code_api import RUNTIME
-from agentd.mind.execution.option_selection import RULE, by_function, by_rule
+from agentd.mind.execution.option_selection import RULE, Chooser, Selector, by_function, by_rule, selectors_of
 from agentd.mind.execution.program_loading import copy_mind, load_program
-from agentd.mind.execution.selection_functions import Chooser, Selector, selectors_of
-from agentd.mind.execution.sleep_events import fall_asleep, wake_up
 from agentd.mind.introspection.decision_log import Decisions
 from agentd.mind.introspection.decision_views import DecisionView, FailureView, view_of, views_of
 from agentd.mind.introspection.mind_snapshot import (
@@ -36,7 +35,6 @@ from agentd.mind.introspection.mind_snapshot import (
     views_of_questions,
 )
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.mind.plans.builtins import Library
 from agentd.mind.plans.nested_plans import select_first, select_nested, select_noted
 from agentd.mind.plans.plan_library import PlanLibrary, Selection
 from agentd.mind.state import MindState
@@ -59,7 +57,7 @@ class Mind(MindState):
     ``.date`` and ``.time``. ``decisions`` is how many of the last decisions and failures are remembered
     (`decision_views`); 0: none, which costs nothing. ``on_decision`` is told each of them as it is made.
     ``select_message``, ``select_event``, ``select_option`` and ``select_intention`` choose in place of the defaults; a
-    subclass may have methods of these names instead (`agentd.mind.execution.selection_functions`). ``keeper`` notes
+    subclass may have methods of these names instead (`agentd.mind.execution.option_selection`). ``keeper`` notes
     what changes, so that the mind can be kept and restored (`agentd.mind.persistence.change_tracking`).
     """
 
@@ -222,3 +220,27 @@ class Mind(MindState):
 
 
 _SELECTION: Final = Selection(select_first, select_nested, select_noted, by_rule)
+
+
+_SLEEPING: Final = SignalRaised.named("jag_sleeping")
+_AWAKING: Final = SignalRaised.named("jag_awaking")
+
+
+def wake_up(mind: MindState) -> None:
+    """Before cycles: end the sleep if there is an input, a message or a timer that is due. Its event comes first."""
+    inputs, heap = mind.inputs, mind.timers.heap
+    told = bool(inputs) and inputs[0] is _SLEEPING
+    if mind.asleep and (len(inputs) > told or mind.mailbox or (heap and heap[0].due <= mind.now)):
+        mind.asleep = False
+        inputs.insert(int(told), _AWAKING)
+
+
+def fall_asleep(mind: MindState) -> None:
+    """After cycles without effect: begin a sleep if there is nothing left to do but to wait. Once until it ends."""
+    if mind.asleep is not False or mind.atomic is not None:
+        return
+    mind.asleep = True
+    if mind.ready:
+        mind.asleep = False
+    else:
+        mind.inputs.append(_SLEEPING)

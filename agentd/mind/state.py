@@ -17,17 +17,14 @@ from typing import Any, Final, Protocol
 from agentd.language.syntax_tree.signatures import Signature
 from agentd.language.terms.source_annotations import told_by_others
 from agentd.language.terms.terms import Var
-from agentd.mind.beliefs.belief_base import BeliefBase, Predicate
-from agentd.mind.beliefs.open_beliefs import OpenBeliefs
+from agentd.mind.beliefs.belief_base import BeliefBase, OpenBeliefs, Predicate
 from agentd.mind.beliefs.unification import Trail
 from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked
 from agentd.mind.data.effects import Effect, Log, SendMail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Input, Mail, TimeRead
-from agentd.mind.data.intention import PLAN, Event, Frame, Intention, Question, Request, Step, Wait
-from agentd.mind.data.timers import Timer, Timers
-from agentd.mind.introspection.drop_counters import Drops
-from agentd.mind.plans.builtins import Library
+from agentd.mind.data.intention import PLAN, Event, Frame, Intention, Question, Request, Step, Timer, Timers, Wait
+from agentd.mind.data.registry import Library
 from agentd.mind.plans.plan_library import PlanLibrary, Relevant
 
 MOST_FOCUSES: Final = 100_000
@@ -81,6 +78,72 @@ class Perceived:
 
 def _at(key: tuple[int, ...], args: tuple[Any, ...]) -> Any:
     return args[key[0]] if len(key) == 1 else tuple([args[place] for place in key])
+
+
+PERIOD: Final = 10.0
+"""Mission seconds between two notes about what is dropped."""
+MOST_NAMES: Final = 50
+"""So many kinds of what was dropped are told apart; of further ones only the number is known."""
+
+
+@dataclass(slots=True)
+class Dropped:
+    """What was dropped of one kind: ``what`` is ``events``, ``messages`` or ``questions``.
+
+    ``name`` is the event's, such as ``+tick/1``, or the sender's.
+    ``first`` and ``last`` are mission seconds; ``reason`` says why, in words.
+    """
+
+    what: str
+    name: str
+    reason: str
+    first: float
+    last: float
+    count: int = 0
+
+
+class Drops:
+    """The drops of one mind."""
+
+    def __init__(self) -> None:
+        self.counts: dict[str, int] = {}
+        """How many were dropped: of ``events``, ``messages``, ``questions``."""
+        self._by_name: dict[tuple[str, str], Dropped] = {}
+        self._told: dict[str, tuple[int, float]] = {}
+        """How many had been dropped when that was told last, and when that was."""
+
+    @property
+    def by_name(self) -> list[Dropped]:
+        """What was dropped, by its name, in the order in which that began."""
+        return list(self._by_name.values())
+
+    def note(self, kind: str, text: str, name: str, now: float) -> Log | None:
+        """Count one that is dropped at ``now`` (mission seconds) and return what is to be logged of it, if anything.
+
+        ``text`` says of what kind and why, ``name`` which: `Dropped.name`.
+        """
+        count = self.counts[kind] = self.counts.get(kind, 0) + 1
+        self._note_name(kind, name, text, now)
+        told = self._told.get(kind)
+        if told is not None and now < told[1] + PERIOD:
+            return None
+        self._told[kind] = (count, now)
+        return Log("warning", text if told is None else f"{text} ({count} so far)")
+
+    def _note_name(self, kind: str, name: str, text: str, now: float) -> None:
+        known = self._by_name.get((kind, name))
+        if known is None:
+            if len(self._by_name) >= MOST_NAMES:
+                return
+            known = self._by_name[kind, name] = Dropped(kind, name, text, now, now)
+        known.count += 1
+        known.last = now
+
+    def untold(self, now: float) -> list[Log]:
+        """Return notes about what was dropped since the last one: for the end of a run, at ``now``."""
+        left = {kind: count for kind, count in self.counts.items() if count > self._told[kind][0]}
+        self._told.update((kind, (count, now)) for kind, count in left.items())
+        return [Log("warning", f"{count} {kind} were dropped in all") for kind, count in left.items()]
 
 
 class Recorder(Protocol):
@@ -189,7 +252,7 @@ class MindState:
     namespaces: dict[str, dict[str, Any]] = field(default_factory=dict)
     """Properties of namespaces (``.namespace_set_prop``)."""
     asleep: bool | None = False
-    """Whether nothing was left to do (`agentd.mind.execution.sleep_events`); None: whoever feeds this mind says so."""
+    """Whether nothing was left to do (`agentd.mind.mind`); None: whoever feeds this mind says so."""
     warned: dict[str, None] = field(default_factory=dict)
 
     # --- hooks: None while nobody needs them ---
@@ -354,7 +417,7 @@ class MindState:
 
     def begin_scopes(self) -> None:
         """From now on give each taken event and each rule that is asked a scope
-        (`agentd.mind.beliefs.open_beliefs`)."""
+        (`agentd.mind.beliefs.belief_base`)."""
         if not self.open_beliefs.installed:
             self.open_beliefs.installed = True
             self.plans.select_within(self.open_beliefs.select_in_scope)

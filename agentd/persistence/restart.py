@@ -10,8 +10,8 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.from_ast import Instantiation
 from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
-from agentd.mind.beliefs.annotations import with_source
-from agentd.mind.beliefs.functions import FunctionsOf
+from agentd.mind.beliefs.dynamic_formulas import FunctionsOf
+from agentd.mind.beliefs.term_copy import with_source
 from agentd.mind.execution.goal_execution import add_goal
 from agentd.mind.persistence.change_tracking import Keeper
 

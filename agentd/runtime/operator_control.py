@@ -22,7 +22,7 @@ from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.beliefs.term_copy import is_ground
 from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Input
-from agentd.mind.execution.receive_message import told_annots
+from agentd.mind.execution.messages import told_annots
 from commd.bus.bus import Bus, Query
 from schemas.wire import keys
 from schemas.wire.mind_records import MindOrder

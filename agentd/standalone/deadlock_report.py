@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from agentd.mind import Mind
 from agentd.mind.data.effects import Log
 from agentd.mind.data.intention import PLAN, Intention
-from agentd.mind.execution.concurrency import Fork
+from agentd.mind.execution.control_flow import Fork
 from agentd.mind.introspection.failure_text import brief, code_of, event_text, goal_text, written
 
 MOST_TOLD = 10

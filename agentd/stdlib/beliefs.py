@@ -8,15 +8,13 @@ from typing import Any
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Code, Literal, Open, Var, atom, deref, make_list
-from agentd.mind.beliefs.annotations import with_source
 from agentd.mind.beliefs.belief_base import Predicate, RuleClause
-from agentd.mind.beliefs.rules import add_rule
-from agentd.mind.beliefs.term_copy import Copier, detach, resolve_all, resolve_annots
+from agentd.mind.beliefs.term_copy import Copier, detach, resolve_all, resolve_annots, with_source
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import internal_action
-from agentd.mind.execution.belief_updates import believe, raise_event
-from agentd.mind.execution.percept_update import forget
+from agentd.mind.execution.belief_updates import add_rule, believe, raise_event
+from agentd.mind.execution.input_handling import forget
 from agentd.mind.state import MindState
 
 

@@ -11,9 +11,8 @@ from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.intention import Awaited, Question
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.execution import await_something
-from agentd.mind.execution.open_questions import forget_question, time_out, wrong_answer
-from agentd.mind.execution.send_message import send
-from agentd.mind.execution.waiting import milliseconds
+from agentd.mind.execution.messages import send
+from agentd.mind.execution.waiting import forget_question, milliseconds, time_out, wrong_answer
 from agentd.mind.state import MindState
 
 _ASKS = ("askOne", "askAll", "askHow", "askIf")

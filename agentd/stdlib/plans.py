@@ -8,10 +8,8 @@ from typing import Any
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.source_annotations import SELF
 from agentd.language.terms.terms import Code, Literal, Var, atom, deref, make_list
-from agentd.mind.beliefs.annotations import with_source
-from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all
+from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all, with_source
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.data.code_terms import parts_of, trigger_literal
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.waiting import hear
@@ -19,11 +17,13 @@ from agentd.mind.plans.plan_terms import (
     add_plans,
     is_label,
     label_of,
+    parts_of,
     plans_for,
     read_trigger,
     relevant_plans,
     remove_plans,
     term_of,
+    trigger_literal,
 )
 from agentd.mind.state import MindState
 

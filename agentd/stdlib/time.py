@@ -11,11 +11,10 @@ from agentd.language.terms.terms import Code, Expression, Literal, deref
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import detach, resolve_all
 from agentd.mind.beliefs.unification import Trail, unify
-from agentd.mind.data.code_terms import trigger_literal
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import function, internal_action
 from agentd.mind.execution.waiting import hear, milliseconds, wait_event, wait_time, wait_until
-from agentd.mind.plans.plan_terms import read_trigger
+from agentd.mind.plans.plan_terms import read_trigger, trigger_literal
 from agentd.mind.state import MindState
 
 

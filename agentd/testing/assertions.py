@@ -12,8 +12,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.terms.format import text
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Collection, Literal, deref, elements, proper
-from agentd.mind.beliefs.dynamic_formulas import solve
-from agentd.mind.beliefs.relations import same
+from agentd.mind.beliefs.dynamic_formulas import same, solve
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments

@@ -2,7 +2,7 @@
 
 What is kept are the inputs themselves; they become records when somebody asks. Once they take too much memory, the
 beginning is dropped whole, for a life can be lived again from its birth only. The time is noted where it has made a
-difference (`agentd.mind.data.timers.Timers.looks`), and now and then.
+difference (`agentd.mind.data.intention.Timers.looks`), and now and then.
 """
 
 from __future__ import annotations

@@ -8,15 +8,61 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from agentd.language.syntax_tree.traversal import HIDDEN
 from agentd.language.terms.terms import Literal, Var, deref
-from agentd.mind.data.timers import Timer
 
 if TYPE_CHECKING:
     from agentd.mind.plans.plan_library import Relevant
     from agentd.mind.state import MindState
+
+
+class Timer:
+    """Something to do at a mission time."""
+
+    __slots__ = ("action", "cancelled", "due", "number")
+
+    def __init__(self, due: float, number: int, action: Callable[[], None]) -> None:
+        self.due, self.number, self.action = due, number, action
+        self.cancelled = False
+
+    def __lt__(self, other: Timer) -> bool:
+        return (self.due, self.number) < (other.due, other.number)
+
+
+class Timers:
+    """What is due when. Equal times keep the order in which they were set."""
+
+    def __init__(self) -> None:
+        self.heap: list[Timer] = []
+        """The timers, the next one first; some may be cancelled."""
+        self._count = 0
+        self.looks = 0
+        """How often the time has made a difference: for those who note what a mind is given (`agentd.trace`)."""
+
+    def at(self, due: float, action: Callable[[], None]) -> Timer:
+        self._count += 1
+        self.looks += 1
+        timer = Timer(due, self._count, action)
+        heappush(self.heap, timer)
+        return timer
+
+    def next_due(self) -> float | None:
+        """When the earliest timer is due; None without any."""
+        while self.heap and self.heap[0].cancelled:
+            heappop(self.heap)
+        return self.heap[0].due if self.heap else None
+
+    def run(self, now: float) -> None:
+        """Do what is due."""
+        while self.heap and (self.heap[0].cancelled or self.heap[0].due <= now):
+            timer = heappop(self.heap)
+            if not timer.cancelled:
+                self.looks += 1
+                timer.action()
+
 
 Frame: TypeAlias = list[Any]
 
@@ -103,7 +149,7 @@ class Intention:
     action: int | None
     """The id of the external action it waits for."""
     branch: Any
-    """The `agentd.mind.execution.concurrency.Fork` that it is a branch of."""
+    """The `agentd.mind.execution.control_flow.Fork` that it is a branch of."""
     held: Event | None
     """The event of its next goal, which ``.suspend`` has taken out of the queue; with an empty stack its first one."""
 
@@ -164,7 +210,7 @@ class Wait:
 
 @dataclass(slots=True, eq=False)
 class Question:
-    """A synchronous ask (`agentd.mind.execution.open_questions`): the intention that waits, and whose answers for."""
+    """A synchronous ask (`agentd.mind.execution.waiting`): the intention that waits, and whose answers for."""
 
     intention: Intention
     answer: Any
@@ -184,7 +230,7 @@ class Question:
 
 @dataclass(slots=True, eq=False)
 class Request:
-    """A request to the team (`agentd.mind.execution.team_requests`): what is done with the answer."""
+    """A request to the team (`agentd.mind.execution.waiting`): what is done with the answer."""
 
     intention: Intention
     result: Any

@@ -1,6 +1,7 @@
-"""What runs: the reasoning cycle and all that it calls.
+"""The reasoning cycle and everything that it calls.
 
 `cycle` is the loop. `input_handling` takes inputs, `event_selection` and `option_selection` choose, `execution` runs,
-ends and fails intentions, `waiting` is ``.wait``, `goal_execution` handles goals; `receive_message` and
-`send_message` are communication, `generated_code_api` is what generated code calls.
+ends and fails intentions, `waiting` suspends and resumes them, `goal_execution` and `belief_updates` run formulas of
+plan bodies, `control_flow` their forks and loops, `messages` is communication, `generated_code_api` is what generated
+code calls.
 """

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from agentd.mind.execution.dropping import check_goal_conditions
 from agentd.mind.execution.execution import run_intention
-from agentd.mind.execution.goal_conditions import check_goal_conditions
 from agentd.mind.execution.input_handling import take_inputs
-from agentd.mind.execution.receive_message import receive
+from agentd.mind.execution.messages import receive
 from agentd.mind.execution.waiting import check_conditions
 from agentd.mind.state import MindState
 

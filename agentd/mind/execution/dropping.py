@@ -1,4 +1,4 @@
-"""Finding and ending intentions by their goals: ``.drop_intention``, ``.succeed_goal`` and relatives."""
+"""Find and end intentions by their goals: ``.drop_intention``, ``.succeed_goal``, goal conditions (``<:``, rule 94)."""
 
 from __future__ import annotations
 
@@ -24,15 +24,14 @@ from agentd.mind.data.intention import (
     Event,
     Intention,
     Question,
+    Timer,
     Wait,
     values_of,
 )
-from agentd.mind.data.timers import Timer
 from agentd.mind.execution import goal_states
-from agentd.mind.execution.execution import end_frames, fail, fail_event
+from agentd.mind.execution.execution import condition_holds, end_frames, fail, fail_event
 from agentd.mind.execution.intention_terms import ahead
-from agentd.mind.execution.open_questions import forget_question
-from agentd.mind.execution.waiting import forget
+from agentd.mind.execution.waiting import forget, forget_question
 from agentd.mind.introspection.failure_text import error_annots
 from agentd.mind.state import MindState
 
@@ -271,3 +270,32 @@ def _go_on(mind: MindState, intention: Intention) -> None:
     """The plans below a goal that is over go on."""
     if intention.stack and end_frames(mind, intention):
         mind.running.append(intention)
+
+
+# --- goal conditions ---
+
+
+_PRUNE_AT = 64
+"""With so many more goals it is looked which of them are over."""
+
+
+def watch(mind: MindState, intention: Intention, frame: Any) -> None:
+    """Ask the condition of a goal again when beliefs change. Goals that have ended otherwise are forgotten in time."""
+    watched = mind.goal_conditions
+    watched.append((intention, frame))
+    if len(watched) % _PRUNE_AT == 0:
+        watched[:] = [(other, its) for other, its in watched if any(f is its for f in other.stack)]
+
+
+def check_goal_conditions(mind: MindState) -> None:
+    """After beliefs have changed: end the goals whose conditions hold now, wherever their plans are."""
+    left = []
+    for intention, frame in mind.goal_conditions:
+        place = next((n for n, other in enumerate(intention.stack) if other is frame), None)
+        if place is None:
+            continue
+        if condition_holds(mind, intention, frame):
+            end_goal(mind, intention, place, True)
+        else:
+            left.append((intention, frame))
+    mind.goal_conditions[:] = left

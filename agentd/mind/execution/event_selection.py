@@ -12,9 +12,9 @@ from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.intention import MARK, PLAN, RELEVANT, STEP, Event, Frame, Intention
 from agentd.mind.execution import goal_states
+from agentd.mind.execution.dropping import watch
 from agentd.mind.execution.execution import condition_holds, end_frames, goal_failed, resume_waiting
-from agentd.mind.execution.goal_conditions import watch
-from agentd.mind.execution.receive_message import failed_event, handle_event
+from agentd.mind.execution.messages import failed_event, handle_event
 from agentd.mind.execution.waiting import hear
 from agentd.mind.introspection.failure_report import unhandled_report
 from agentd.mind.introspection.failure_text import context_failed, facts_of

@@ -11,14 +11,12 @@ from agentd.language.terms.terms import Literal
 from agentd.mind.beliefs.term_copy import detach, resolve_all
 from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
-from agentd.mind.data.effects import Log
+from agentd.mind.data.effects import Log, Print
 from agentd.mind.data.formula_failure import Failed, as_failed
 from agentd.mind.data.intention import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Awaited, Event, Frame, Intention, Step
 from agentd.mind.execution import goal_states
-from agentd.mind.execution.performatives import communication_error
 from agentd.mind.introspection.decision_log import MOST_FRAMES
-from agentd.mind.introspection.diagnosis import rejected_plans
-from agentd.mind.introspection.failure_report import failure_report
+from agentd.mind.introspection.failure_report import failure_report, rejected_plans
 from agentd.mind.introspection.failure_text import (
     as_they_are,
     brief,
@@ -314,3 +312,8 @@ def _handled_again(mind: MindState, intention: Intention, handler: Frame, extra:
     annots = sorted_annots((*without_facts(handler[ANNOTS]), *extra))
     mind.events.append((relevant, handler[ARGS], annots, intention))
     return True
+
+
+def communication_error(mind: MindState, error: str, message: str) -> None:
+    """Print the line that Jason prints when the handling of a message fails."""
+    mind.effects.append(Print(f"Communication error -- {error}: {message}"))

@@ -21,11 +21,8 @@ from agentd.language.terms.terms import (
     elements,
     make_list,
 )
-from agentd.mind.beliefs.annotations import annots_with_tail, with_source
-from agentd.mind.beliefs.dynamic_formulas import solve
-from agentd.mind.beliefs.functions import call
-from agentd.mind.beliefs.relations import arithmetic, order, same, univ
-from agentd.mind.beliefs.term_copy import detach, is_ground, resolve, resolve_annots
+from agentd.mind.beliefs.dynamic_formulas import arithmetic, call, order, same, solve, univ
+from agentd.mind.beliefs.term_copy import annots_with_tail, detach, is_ground, resolve, resolve_annots, with_source
 from agentd.mind.beliefs.unification import (
     bound_again,
     in_default,
@@ -38,10 +35,9 @@ from agentd.mind.beliefs.unification import (
     value,
 )
 from agentd.mind.beliefs.work_limit import too_much_work
-from agentd.mind.data.code_terms import capture
 from agentd.mind.data.formula_failure import action_said_no, constraint_failed
 from agentd.mind.execution.belief_updates import believe, change_term, disbelieve, replace
-from agentd.mind.execution.concurrency import fork, join
+from agentd.mind.execution.control_flow import begin_rounds, fork, free_again, join, next_round, present
 from agentd.mind.execution.goal_execution import (
     achieve_term,
     perform,
@@ -52,9 +48,9 @@ from agentd.mind.execution.goal_execution import (
     test_term,
 )
 from agentd.mind.execution.goal_states import pending
-from agentd.mind.execution.loops import begin_rounds, free_again, next_round, present
 from agentd.mind.execution.waiting import wait_until
 from agentd.mind.introspection.term_snapshot import held
+from agentd.mind.plans.plan_terms import capture
 
 RUNTIME: Final[dict[str, Any]] = {
     "EMPTY": EMPTY,

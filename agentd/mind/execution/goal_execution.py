@@ -7,10 +7,8 @@ from typing import Any
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import Code, Expression, Literal, Open, Var, deref
-from agentd.mind.beliefs.annotations import with_source
 from agentd.mind.beliefs.dynamic_formulas import solve
-from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots
-from agentd.mind.data.code_terms import lone_goal, trigger_literal
+from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots, with_source
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.intention import STEP, Awaited, Frame, Intention, Step
@@ -19,6 +17,7 @@ from agentd.mind.execution.execution import await_something
 from agentd.mind.execution.goal_states import pending, raise_state
 from agentd.mind.plans.nested_plans import nested_plans
 from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.plans.plan_terms import lone_goal, trigger_literal
 from agentd.mind.state import MindState
 
 

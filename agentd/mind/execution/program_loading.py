@@ -12,14 +12,13 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.language.terms.from_ast import Instantiation
 from agentd.mind.beliefs.belief_base import RuleClause
-from agentd.mind.beliefs.functions import FunctionsOf, by_rule
-from agentd.mind.beliefs.rules import SCHEMA, add_rule
+from agentd.mind.beliefs.dynamic_formulas import FunctionsOf, by_rule
 from agentd.mind.beliefs.term_copy import is_ground
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import as_failed
-from agentd.mind.execution.belief_updates import add_belief
+from agentd.mind.execution.belief_updates import SCHEMA, add_belief, add_rule
 from agentd.mind.execution.goal_execution import add_goal
-from agentd.mind.execution.percept_update import perceived
+from agentd.mind.execution.input_handling import perceived
 from agentd.mind.plans.plan_terms import refuse_label
 from agentd.mind.state import MindState
 

@@ -1,18 +1,23 @@
-"""Wait for a time, a formula or an event: ``.wait`` in its three forms."""
+"""What an intention may wait for besides its own event: times, formulas, events, answers, the team, Python code."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from agentd.language.syntax_tree import nodes
-from agentd.language.terms.terms import Code, Literal, Var, deref
+from agentd.language.terms.source_annotations import is_source, told_by
+from agentd.language.terms.terms import FALSE, Code, Literal, Var, atom, deref, make_list, proper
+from agentd.mind.beliefs.term_copy import nested_source
 from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.beliefs.work_limit import MOST_STEPS
-from agentd.mind.data.code_terms import trigger_literal
+from agentd.mind.data.effects import TeamRequest
 from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
-from agentd.mind.data.intention import Awaited, Frame, Intention, Wait
+from agentd.mind.data.inputs import Mail, TeamReply
+from agentd.mind.data.intention import Awaited, Frame, Intention, Question, Request, Wait
 from agentd.mind.execution.execution import await_something, fail_waiting, resume_waiting
 from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.plans.plan_terms import trigger_literal
 from agentd.mind.state import MindState
 
 
@@ -143,3 +148,135 @@ def hear(mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tup
             ended(mind, wait)
         else:
             undo(trail, mark)
+
+
+# --- internal actions in Python ---
+
+
+class Suspension:
+    """The running intention, waiting. It goes on, or fails, once; a dropped one does neither."""
+
+    def __init__(self, mind: MindState, reason: str) -> None:
+        self._mind, self._intention = mind, mind.own_intention
+        await_something(mind, self._intention, Awaited("python", reason), self)
+
+    @property
+    def over(self) -> bool:
+        """Whether nobody waits any more: it was ended, or its intention was dropped."""
+        return self._mind.waiting.get(self._intention.id, (None, None))[1] is not self
+
+    def resume(self) -> None:
+        """The formula has succeeded."""
+        if not self.over:
+            resume_waiting(self._mind, self._intention)
+
+    def fail(self, error: str, message: str = "") -> None:
+        """The formula has failed; ``error`` and ``message`` are what the handler sees."""
+        if not self.over:
+            fail_waiting(self._mind, self._intention, Failed(error, message))
+
+
+def suspend(mind: MindState, reason: str) -> Suspension:
+    """Suspend the intention that runs an internal action declared with ``suspends=True``; the action returns True."""
+    return Suspension(mind, reason)
+
+
+# --- requests to the team: agents to create and to end, the directory of services, files ---
+
+
+def take_reply(mind: MindState, reply: TeamReply) -> None:
+    """Let the intention that waits for a reply go on with it, or fail with its error."""
+    request = mind.requests.pop(reply.id, None)
+    if request is None:
+        return
+    intention = request.intention
+    if reply.error:
+        fail_waiting(mind, intention, Failed(reply.error, reply.message))
+        return
+    if request.use is not None:
+        try:
+            request.use(reply.value)
+        except Exception as error:  # a function of the program's may raise anything; it must not end the mind
+            fail_waiting(mind, intention, as_failed(error))
+            return
+    mark = len(intention.trail)
+    if request.result is not None and not unify(request.result, reply.value, intention.trail):
+        undo(intention.trail, mark)
+        fail_waiting(mind, intention, Failed("ia_failed"))
+        return
+    resume_waiting(mind, intention)
+
+
+def request(
+    mind: MindState, what: str, arguments: tuple[Any, ...], result: Any = None, use: Callable[[Any], None] | None = None
+) -> bool:
+    """Send a request; the running intention waits. ``result`` is unified with the answer."""
+    if not mind.has_team:
+        raise Failed("action_failed", f"nobody here can do what '{what}' asks for")
+    mind.action_count += 1
+    intention = mind.own_intention
+    mind.effects.append(TeamRequest(mind.action_count, what, arguments))
+    mind.requests[mind.action_count] = Request(intention, result, use)
+    await_something(mind, intention, Awaited("team", what), mind.action_count)
+    return True
+
+
+# --- synchronous asks, of one agent or of several ---
+
+
+def wrong_answer() -> Failed:
+    """The answer is not of the form that the fourth argument of ``.send`` asks for."""
+    return Failed("ask_failed", "the answer does not unify with what was expected")
+
+
+def _credited(answer: Any, name: str) -> Any:
+    """A literal with the agent that answered as its source, unless that has named itself already."""
+    if type(answer) is not Literal or answer == FALSE:
+        return answer
+    sources = [a.with_annots(()) for a in answer.annots if is_source(a)]
+    if sources == list(told_by(name)):
+        return answer
+    return answer.with_annots(nested_source(answer.annots, name))
+
+
+def take_answer(mind: MindState, question: Question, mail: Mail) -> None:
+    """Note an answer; the intention goes on with the last one."""
+    mind.questions.pop(mail.in_reply_to, None)
+    question.found.append(_answer(question, mail))
+    if len(question.found) == len(question.receivers):
+        _finish(mind, question, make_list(question.found) if question.many else question.found[0])
+
+
+def _answer(question: Question, mail: Mail) -> Any:
+    """An answer as the plan gets it: literals, and those in the list that answers `askAll`, name who answered."""
+    content = deref(mail.content)
+    if mail.performative == "untell" and question.performative in ("askOne", "askIf"):
+        return FALSE
+    if type(content) is Literal:
+        return _credited(content, mail.sender)
+    members = proper(content) if question.performative == "askAll" else None
+    return content if members is None else make_list([_credited(deref(m), mail.sender) for m in members])
+
+
+def time_out(mind: MindState, question: Question) -> None:
+    """Go on with the answers so far, or with ``timeout``."""
+    _finish(mind, question, make_list(question.found) if question.many else atom("timeout"))
+
+
+def forget_question(mind: MindState, question: Question) -> None:
+    """Wait for no further answer."""
+    if question.timer is not None:
+        question.timer.cancelled = True
+    for msg_id in question.ids:
+        mind.questions.pop(msg_id, None)
+
+
+def _finish(mind: MindState, question: Question, value: Any) -> None:
+    forget_question(mind, question)
+    trail = question.intention.trail
+    mark = len(trail)
+    if unify(question.answer, value, trail):
+        resume_waiting(mind, question.intention)
+    else:
+        undo(trail, mark)
+        fail_waiting(mind, question.intention, wrong_answer())

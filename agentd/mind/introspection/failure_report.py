@@ -1,21 +1,39 @@
-"""What people are told when a plan fails and nothing handles it: which formula, with its values, where and what for."""
+"""Reports of failures that nothing handles: which formula, with its values, where, for which goal, and why.
+
+In minds without decision records the reason why no plan was applicable is found at the moment of failure. A context is
+asked again only if that has no effect: beliefs, rules, comparisons, internal actions without effect. It is asked in the
+same step, so the state is that of the decision.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
+from agentd.language.compiler.constants import signature_of
 from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.terms import Literal, deref
+from agentd.mind.beliefs.belief_base import RuleClause
+from agentd.mind.beliefs.unification import undo
+from agentd.mind.beliefs.work_limit import WITHOUT_EFFECT
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.intention import PLAN, RELEVANT, Event, Frame
-from agentd.mind.data.registry import find_action
-from agentd.mind.introspection.decision_views import RejectedView, event_text, plan_view, reason_of, what_failed
-from agentd.mind.introspection.diagnosis import rejected_plans
+from agentd.mind.data.registry import ACTIONS, find_action
+from agentd.mind.introspection.decision_views import (
+    PASSED_OVER,
+    RejectedView,
+    event_text,
+    plan_view,
+    reason_of,
+    rejected_view,
+    what_failed,
+)
 from agentd.mind.introspection.failure_text import as_they_are, failure_of
 from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.plans.nested_plans import candidates
+from agentd.mind.plans.plan_library import Plan
 from agentd.mind.state import MindState
 
 _MOST_SHOWN: Final = 5
@@ -189,8 +207,6 @@ def _arguments(number: int) -> str:
 
 
 def _actions_like(action: Literal) -> Iterable[str]:
-    from agentd.mind.data.registry import ACTIONS  # the library needs the mind
-
     found = near(action.sig.functor, ACTIONS)
     if found:
         yield found.removeprefix("; ")
@@ -201,3 +217,67 @@ def _agents_like(mind: MindState, sending: Any) -> Iterable[str]:
         found = near(short_text(sending.args[0]), [name for name in mind.agents() if name != mind.name])
         if found:
             yield found.removeprefix("; ")
+
+
+# --- why no plan was applicable ---
+
+
+_RANDOM: Final = "math.random"
+
+
+def rejected_plans(mind: MindState, event: Event) -> tuple[RejectedView, ...]:
+    """Why each plan that is relevant for an event was not applicable just now."""
+    if mind.recorder is not None:
+        return tuple(rejected_view(plan, reason) for plan, reason in mind.recorder.last_rejected())
+    return tuple(_rejected(mind, plan, around, event) for plan, around in candidates(mind, event[0], event[3]))
+
+
+def _rejected(mind: MindState, plan: Plan, around: Frame | None, event: Event) -> RejectedView:
+    if not harmless(mind, plan.syntax.context):
+        return rejected_view(plan, ())
+    relevant, args, annots, intention = event
+    trail: list[Any] = [] if intention is None else intention.trail
+    mark, told = len(trail), len(mind.effects)
+    try:
+        found = plan.tracing()(mind, trail, relevant, args, annots, around)
+    except Exception as error:  # as when the plan was tried
+        found = error
+    undo(trail, mark)
+    del mind.effects[told:]
+    if type(found) is list:
+        found = PASSED_OVER if mind.compiler.form == "options" else ()
+    return rejected_view(plan, found)
+
+
+def harmless(mind: MindState, formula: Any, seen: frozenset[Any] = frozenset()) -> bool:
+    """Whether asking a formula (or building a term) has no effect."""
+    match formula:
+        case nodes.InternalAction(name=name, args=args):
+            known = name in WITHOUT_EFFECT or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
+            return known and all(harmless(mind, arg, seen) for arg in args)
+        case nodes.And(left=left, right=right) | nodes.Or(left=left, right=right):
+            return harmless(mind, left, seen) and harmless(mind, right, seen)
+        case nodes.Not(operand=operand):
+            return harmless(mind, operand, seen)
+        case nodes.Relation(left=left, right=right):
+            return harmless(mind, left, seen) and harmless(mind, right, seen)
+        case nodes.Arithmetic(operands=operands):
+            return all(harmless(mind, operand, seen) for operand in operands)
+        case nodes.Structure(args=args):
+            return all(harmless(mind, arg, seen) for arg in args) and _harmless_rules(mind, formula, seen)
+        case nodes.ListTerm(items=items):
+            return all(harmless(mind, item, seen) for item in items)
+        case nodes.Variable(namespace=None) | nodes.Number() | nodes.String() | None:
+            return True
+    return False
+
+
+def _harmless_rules(mind: MindState, formula: nodes.Structure, seen: frozenset[Any]) -> bool:
+    if isinstance(formula.namespace, nodes.Variable):
+        return False
+    sig = signature_of(formula)
+    if sig in seen:
+        return True
+    predicate = mind.beliefs.known(sig)
+    rules = [] if predicate is None else [e for e in predicate.entries.values() if type(e) is RuleClause]
+    return all(harmless(mind, rule.syntax.body, seen | {sig}) for rule in rules)

@@ -20,7 +20,7 @@ from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.source_annotations import PERCEPT, SOURCE_PERCEPT, is_source
 from agentd.language.terms.terms import Code, Literal
 from agentd.mind.beliefs.belief_base import BeliefBase, Predicate, RuleClause
-from agentd.mind.beliefs.rules import add_rule
+from agentd.mind.execution.belief_updates import add_rule
 from agentd.mind.persistence.rows import MindChanges, StoredMind
 from agentd.mind.persistence.term_codec import (
     BadBytes,

@@ -17,7 +17,7 @@ from agentd.language.terms.terms import Literal, atom
 from agentd.mind.beliefs.term_copy import detach
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Event, Intention
-from agentd.mind.execution.answer_by_plan import AnsweringPlan
+from agentd.mind.execution.messages import AnsweringPlan
 from agentd.mind.persistence.rows import PendingKey
 from agentd.mind.persistence.term_codec import BadBytes, terms_from_bytes, terms_to_bytes
 from agentd.mind.plans.plan_library import Relevant

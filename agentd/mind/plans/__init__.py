@@ -1,1 +1,1 @@
-"""The plan library: plans by trigger, plans as terms, nested plans, built-in plans, usage."""
+"""The plan library: plans by trigger, plans as terms, nested plans, usage."""

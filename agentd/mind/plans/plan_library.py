@@ -18,7 +18,7 @@ from agentd.language.terms.source_annotations import SOURCE_SELF
 from agentd.language.terms.terms import Code, Literal, atom
 from agentd.mind.beliefs.unification import Trail
 from agentd.mind.data.intention import Event, Frame, Step
-from agentd.mind.plans.builtins import Library
+from agentd.mind.data.registry import Library
 
 if TYPE_CHECKING:
     from agentd.mind.state import MindState
@@ -269,7 +269,7 @@ class PlanLibrary:
         self.has_meta = False
         self.has_nested = False
         self.sleeps = False
-        """Whether there are plans for the agent's sleep (`agentd.mind.execution.sleep_events`)."""
+        """Whether there are plans for the agent's sleep (`agentd.mind.mind`)."""
         self.kqml = self.relevant("+", "!", signature("kqml_received", 4))
         """The program's own plans for messages."""
 
@@ -446,7 +446,7 @@ def _asks_for_intention(formula: Any) -> bool:
 
 
 def _is_about_sleep(trigger: syntax.Trigger) -> bool:
-    """Whether a plan's trigger is for the events of an agent's sleep (`agentd.mind.execution.sleep_events`)."""
+    """Whether a plan's trigger is for the events of an agent's sleep (`agentd.mind.mind`)."""
     literal = trigger.literal
     return (
         isinstance(literal, syntax.Structure)

@@ -10,8 +10,8 @@ from agentd.language.parse import parse_formula
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import Var
-from agentd.mind.beliefs.annotations import with_source
 from agentd.mind.beliefs.belief_base import BeliefBase
+from agentd.mind.beliefs.term_copy import with_source
 from agentd.mind.data.inputs import PerceptAdded, PerceptRemoved, PerceptReplaced
 from tests.agentd.minds import run, term
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentd.mind.data.registry import FUNCTIONS, find_action
-from agentd.mind.plans.builtins import Library
+from agentd.mind.data.registry import FUNCTIONS, Library, find_action
 from tests.agentd.minds import World, mind_of
 
 ACTIONS = {

@@ -12,8 +12,7 @@ from agentd.language.parse import parse_program
 from agentd.mind import Mind
 from agentd.mind.data.inputs import GoalAdded, Mail
 from agentd.mind.data.intention import Intention
-from agentd.mind.execution.option_selection import Option
-from agentd.mind.execution.selection_functions import Event
+from agentd.mind.execution.option_selection import Event, Option
 from agentd.mind.introspection.decision_views import DecisionView
 from tests.agentd.minds import World, mind_of, run, term
 

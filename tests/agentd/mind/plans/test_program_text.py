@@ -12,7 +12,7 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Collection, Literal, Var, atom
 from agentd.language.terms.to_ast import NoSyntax, ToSyntax
 from agentd.mind.data.effects import Log
-from agentd.mind.plans.program_text import program_text
+from agentd.stdlib.team import program_text
 from tests.agentd.generated_programs import terms
 from tests.agentd.minds import World, mind_of, term
 from tests.support.amount import some_of

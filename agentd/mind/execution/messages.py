@@ -1,30 +1,199 @@
-"""Messages between agents: what each performative does to the mind that gets it (rules 1 to 19 of messages)."""
+"""Messages between agents: sending, answering questions, and what each performative does (message rules 1 to 19).
+
+A question is answered from beliefs and rules, or by a plan: then ``+?g`` runs in an intention whose end sends the
+answer (message rules 5, 6).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from typing import Any, Final
 
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
+from agentd.language.terms.source_annotations import SELF, SOURCE_SELF
 from agentd.language.terms.terms import FALSE, Literal, Var, atom, deref, make_list, proper
-from agentd.mind.beliefs.annotations import nested_source
-from agentd.mind.beliefs.term_copy import Copier, detach, resolve, resolve_all
-from agentd.mind.data.effects import Log
+from agentd.mind.beliefs.belief_base import Predicate
+from agentd.mind.beliefs.dynamic_formulas import solve
+from agentd.mind.beliefs.term_copy import Copier, detach, nested_source, resolve, resolve_all
+from agentd.mind.beliefs.unification import undo, unify
+from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked, QueryRefused, TooMuchWork
+from agentd.mind.data.effects import Log, SendMail
 from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
 from agentd.mind.data.inputs import Mail
-from agentd.mind.data.intention import Intention
-from agentd.mind.execution.answer_by_plan import answer_by_plan, answers
+from agentd.mind.data.intention import Intention, Step
 from agentd.mind.execution.belief_updates import believe, disbelieve
 from agentd.mind.execution.dropping import drop_desire
-from agentd.mind.execution.execution import resume_waiting
+from agentd.mind.execution.execution import communication_error, resume_waiting
 from agentd.mind.execution.goal_states import raise_state
-from agentd.mind.execution.open_questions import take_answer
-from agentd.mind.execution.performatives import communication_error
-from agentd.mind.execution.send_message import answer_of, reply, send
-from agentd.mind.execution.waiting import hear
+from agentd.mind.execution.waiting import hear, take_answer
 from agentd.mind.introspection.failure_text import error_annots
+from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.plans.plan_terms import add_plans, relevant_plans, remove_plans
 from agentd.mind.state import MindState
+
+# --- sending ---
+
+
+def send(
+    mind: MindState, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", kind: str = "mid"
+) -> str:
+    """Hand a message out; returns its id, which begins with ``kind``: ``sync`` if the sender waits for an answer.
+
+    Fails with ``message_too_large``, ``mailbox_full`` or ``not_sendable`` if the mind's post office does not take it.
+    """
+    mind.message_count += 1
+    msg_id = f"{kind}{mind.message_count}.{mind.name}"
+    mail = SendMail(receiver, performative, content, msg_id, in_reply_to)
+    if mind.post_office is None:
+        mind.effects.append(mail)
+    else:
+        mind.post_office(mail)
+    return msg_id
+
+
+def reply(mind: MindState, mail: Mail, content: Any) -> None:
+    """Answer a question: a synchronous one by a message in reply, another one by telling.
+
+    An answer that cannot be sent is told in the log; who waits for it sees its time run out.
+    """
+    if not mail.msg_id.startswith("sync") and content is FALSE:
+        return
+    try:
+        send(mind, mail.sender, "tell", content, mail.msg_id)
+    except Failed as failed:
+        mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {failed}"))
+
+
+def answer_of(mind: MindState, mail: Mail, found: Any) -> Any:
+    """What a question found, as its answer: a synchronous one names its source, others get it as what is told does."""
+    answer = Copier(fresh=True).copy(found)
+    if type(answer) is not Literal:
+        return answer
+    if mail.msg_id.startswith("sync"):
+        return answer.with_annots(nested_source(answer.annots, mind.name))
+    return answer.with_annots(tuple(a for a in answer.annots if a != SOURCE_SELF))
+
+
+# --- answers ---
+
+
+MOST_ANSWERS: Final = 10_000
+"""Answers that a question solved by formulas or rules gets."""
+_ANSWERING = signature("answer_question")
+
+
+def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Any] | None:
+    """The instances of a question that hold, with the annotations of the beliefs, ``most`` of them if rules are used.
+
+    None if the question is refused, which is told.
+    """
+    question = Copier(fresh=True).copy(mail.content)
+    predicate = None
+    if type(question) is Literal:
+        predicate = mind.beliefs.known(question.sig)
+        if predicate is None:
+            return []
+        if not predicate.rules:
+            return _believed(mind, predicate, question, None)
+    enough = 1 if most == 1 else most + 1  # one more tells that some are left out
+    trail: list[Var] = []
+    mind.asked = asked = Asked()
+    mind.steps_left = MOST_STEPS
+    try:
+        if predicate is not None:
+            found = _believed(mind, predicate, question, enough)
+        else:
+            found = []
+            for _ in solve(mind, question, trail):
+                found.append(resolve(question))
+                if len(found) == enough:
+                    break
+        asked.check()
+    except (QueryRefused, TooMuchWork) as refused:
+        mind.warn_once(f"the question of {mail.sender} is refused: {refused}")
+        return None
+    except RecursionError:
+        if predicate is not None:
+            raise  # a rule of the program's own is at fault
+        mind.warn_once(f"the question of {mail.sender} is refused: its computation is too deep")
+        return None
+    finally:
+        mind.asked = None
+        undo(trail, 0)
+    if len(found) > most:
+        mind.warn_once(f"a question of {mail.sender} has more answers than {most}: the others are left out")
+    return found[:most]
+
+
+def _believed(mind: MindState, predicate: Predicate, question: Literal, most: int | None) -> list[Any]:
+    """What a predicate answers to a literal."""
+    found: list[Any] = []
+    trail: list[Var] = []
+    for args, annots in predicate.literals((True,) * question.sig.arity, question.args, mind, trail):
+        mark = len(trail)
+        if unify(question, Literal(question.sig, args, annots), trail):
+            found.append(resolve(Literal(question.sig, args, annots)))
+        undo(trail, mark)
+        if len(found) == most:
+            break
+    undo(trail, 0)
+    return found
+
+
+class AnsweringPlan:
+    """Stands in a frame where a plan would: it asks the goal and sends what came of it."""
+
+    special = False
+    atomic = False
+    condition = None
+    outer = None
+    subplans: tuple[Any, ...] = ()
+    head = "+!answer_question"
+    slots: dict[str, int] = {}  # noqa: RUF012 - no variables, ever
+
+    def __init__(self, mail: Mail, on_failure: Callable[[MindState, Mail, Failed], None]) -> None:
+        self.mail, self._on_failure = mail, on_failure
+        self.syntax = nodes.Plan(nodes.Trigger("+", "!", nodes.Structure("answer_question")))
+
+    def on_failure(self, mind: MindState, failure: Failed) -> None:
+        """Say that the plan has found no answer."""
+        self._on_failure(mind, self.mail, failure)
+
+
+def answer_by_plan(
+    mind: MindState,
+    mail: Mail,
+    relevant: Relevant,
+    question: tuple[Literal, tuple[Any, ...]],
+    on_failure: Callable[[MindState, Mail, Failed], None],
+) -> None:
+    """Start the intention that finds the answer to a question, a literal with annotations, and tells it."""
+    literal, annots = question
+    if mind.crowded:
+        text = f"too many events and intentions: questions such as that of {mail.sender} get no answer"
+        mind.drop("questions", text, mail.sender)
+        return
+    written = nodes.Step(nodes.Operator.TEST, nodes.Structure(literal.sig.functor))
+
+    def ask(mind: MindState, intention: Intention, frame: Any) -> bool:
+        mind.events.append((relevant, literal.args, annots, intention))
+        return True
+
+    def tell(mind: MindState, intention: Intention, frame: Any) -> None:
+        reply(mind, mail, answer_of(mind, mail, resolve(literal)))
+
+    plan = AnsweringPlan(mail, on_failure)
+    first, second = Step(written, plan), Step(written, plan)
+    first.run, first.next, second.run = ask, second, tell
+    intention = mind.new_intention()
+    holder = mind.plans.relevant("+", "!", _ANSWERING)
+    intention.stack.append([first, plan, holder, (), SELF, 0])
+    mind.running.append(intention)
+
+
+# --- receiving ---
 
 
 def receive(mind: MindState, mail: Mail) -> None:
