@@ -152,9 +152,9 @@ MODULES = {
     "list": "tools.list",
     "metrics": "status.metrics_command",
     "plot": "plot.command",
-    "record": "recording.record.command",
+    "record": "recording.record_command",
     "referee": "simulate.referee",
-    "replay": "recording.replay.command",
+    "replay": "recording.replay_command",
     "units": "deploy.units_command",
     "wheelhouse": "deploy.wheelhouse_command",
 }

@@ -27,12 +27,11 @@ from agentd.conversion.term_conversion import BadTerm, from_wire
 from agentd.jason_project.project_parser import parse_project
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from argosy.mail.command import board_lines
-from argosy.recording.file.key_filter import fleet_of, is_plain
-from argosy.recording.file.metadata import End
-from argosy.recording.file.reader import BadRecording, open_recording
-from argosy.recording.file.records import RECORDS
-from argosy.recording.file.write_queue import Heard
-from argosy.recording.file.writer import COMPRESSIONS
+from argosy.recording.metadata import End
+from argosy.recording.reader import BadRecording, open_recording
+from argosy.recording.records import RECORDS, fleet_of, is_plain
+from argosy.recording.write_queue import Heard
+from argosy.recording.writer import COMPRESSIONS
 from argosy.why.explain import tell
 from argosy.why.from_recording import NotRecorded, recorded_view
 from bridged.drivers import check_manifest

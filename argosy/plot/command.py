@@ -13,8 +13,8 @@ from argosy.plot.csv_tables import write_tables
 from argosy.plot.data import Heard, Scene, SceneReader, part_of
 from argosy.plot.figure import FORMATS, NOTHING, PANELS, Panel, has, write_plot
 from argosy.plot.style import INCH, WIDTHS
-from argosy.recording.file.metadata import SECOND
-from argosy.recording.file.reader import BadRecording, Recording, open_recording
+from argosy.recording.metadata import SECOND
+from argosy.recording.reader import BadRecording, Recording, open_recording
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
 from schemas.humanize import count

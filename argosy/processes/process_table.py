@@ -14,7 +14,7 @@ from pathlib import Path
 from argosy.processes import simulators
 from argosy.processes.boards import Place
 from argosy.processes.mavlink_links import together
-from argosy.recording.record.run_recorder import RunRecording, record_command
+from argosy.recording.run_recorder import RunRecording, record_command
 from schemas.mission.model import Mission
 
 ALL = "all"

@@ -26,7 +26,7 @@ from argosy.processes.mavlink_links import address_of, bound_links, free_links, 
 from argosy.processes.process_table import Setup, real_robots
 from argosy.processes.resource_usage import Meter
 from argosy.processes.simulators import only_real, vehicle_of
-from argosy.recording.record.run_recorder import NoRecording, RunRecording, recording_of
+from argosy.recording.run_recorder import NoRecording, RunRecording, recording_of
 from argosy.run.end_conditions import Ending
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.report import FIGURE, write_report

@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from argosy.recording.file.reader import Recording
+from argosy.recording.reader import Recording
 from bridged.bridge.manifest_loader import load_robot_manifest
 from bridged.simulation.copter.servo_log import ServoMove
 from bridged.simulation.copter.world import Victim

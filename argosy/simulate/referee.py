@@ -122,7 +122,7 @@ def judge_recording(mission: Mission, file: Path) -> Verdict:
 
     Raises ValueError and OSError in words.
     """
-    from argosy.recording.file.reader import open_recording
+    from argosy.recording.reader import open_recording
     from argosy.simulate.recorded_drops import copters_of, latch_field  # needs the extra `record`, which logs do not
 
     recording = open_recording(file)

@@ -61,7 +61,7 @@ def run(args: Namespace) -> int:
 
 
 def _of_recording(args: Namespace) -> int:
-    from argosy.recording.file.reader import BadRecording  # a running fleet needs no mcap
+    from argosy.recording.reader import BadRecording  # a running fleet needs no mcap
     from argosy.why.from_recording import NotRecorded, recorded_view
 
     try:

@@ -10,8 +10,8 @@ from agentd.conversion.introspection import MOST_BELIEFS, Look
 from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, drops_of, events_of, intentions_of, questions_of
 from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
-from argosy.recording.file.mind_inputs import Life, in_words
-from argosy.recording.file.reader import Recording, open_recording
+from argosy.recording.mind_inputs import Life, in_words
+from argosy.recording.reader import Recording, open_recording
 from schemas.files.findings import did_you_mean
 from schemas.wire import keys
 from schemas.wire.mind_records import Deed, MindDeeds, MindInputs, MindView

@@ -11,10 +11,10 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.plot.command import read_scene
-from argosy.recording.file.metadata import End, Facts
-from argosy.recording.file.reader import open_recording
-from argosy.recording.file.write_queue import Heard
-from argosy.recording.file.writer import RecordingWriter
+from argosy.recording.metadata import End, Facts
+from argosy.recording.reader import open_recording
+from argosy.recording.write_queue import Heard
+from argosy.recording.writer import RecordingWriter
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.mind_records import Deed, MindDeeds
@@ -254,7 +254,7 @@ def recordings(flown: Path, tmp_path: Path) -> None:
         ("empty.mcap --panels actions", 1, "it has no actions; 2 robots, 0 actions, 0 messages"),
         ("empty.mcap --csv tables", 1, "it has no positions"),
         ("two.mcap", 2, "there are several fleets in it, say which by --fleet: other, sar"),
-        ("text.mcap", 2, "text.mcap: no MCAP file"),
+        ("text.mcap", 2, "text.mcap: not an MCAP file"),
         ("none.mcap", 2, "none.mcap: No such file or directory"),
     ],
 )

@@ -10,9 +10,9 @@ from typing import Any
 import jsonschema
 from mcap.reader import make_reader
 
-from argosy.recording.file.metadata import Facts
-from argosy.recording.file.write_queue import Heard
-from argosy.recording.file.writer import Compression, RecordingWriter
+from argosy.recording.metadata import Facts
+from argosy.recording.write_queue import Heard
+from argosy.recording.writer import Compression, RecordingWriter
 from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
 from schemas.wire.mind_records import MindBirth, MindInputs

@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from argosy.recording.file.reader import open_recording
+from argosy.recording.reader import open_recording
 from tests.support.buses import until
 
 STARTED = "recording "

@@ -14,10 +14,10 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 
-from argosy.recording.file.mcap_records import LARGEST, McapFile
-from argosy.recording.file.metadata import End
-from argosy.recording.file.reader import open_recording
-from argosy.recording.file.writer import RecordingWriter
+from argosy.recording.mcap_records import LARGEST, McapFile
+from argosy.recording.metadata import End
+from argosy.recording.reader import open_recording
+from argosy.recording.writer import RecordingWriter
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, write
 
@@ -78,16 +78,16 @@ def memory(more: int) -> Iterator[None]:
 @pytest.mark.timeout(60)
 def test_a_file_that_goes_on_in_itself_is_read_once(tmp_path: Path) -> None:
     path = part(tmp_path / "a.mcap", 1, "a.mcap")
-    told = f"{path}: is not the file in which the recording goes on, but has its name"
+    told = f"{path}: belongs to another recording, but has the name of the next part"
     assert read(path) == ([1], told)
     one, two = part(tmp_path / "b.mcap", 1, "c.mcap"), part(tmp_path / "c.mcap", 2, "b.mcap")
-    assert read(one) == ([1, 2], f"{one}: is not the file in which the recording goes on, but has its name")
+    assert read(one) == ([1, 2], f"{one}: belongs to another recording, but has the name of the next part")
     assert read(two)[0] == [2]
 
 
 def test_a_file_of_another_recording_in_the_place_of_the_next_is_not_read_and_told(tmp_path: Path) -> None:
     path, other = part(tmp_path / "a.mcap", 1, "b.mcap"), tmp_path / "b.mcap"
-    told = f"{other}: is not the file in which the recording goes on, but has its name"
+    told = f"{other}: belongs to another recording, but has the name of the next part"
     part(other, 2, recording="another")
     assert read(path) == ([1], told)
     assert sum(topic.messages for topic in open_recording(path).topics) == 1
@@ -97,10 +97,10 @@ def test_a_file_of_another_recording_in_the_place_of_the_next_is_not_read_and_to
 
 def test_a_later_part_that_is_opened_alone_says_so(tmp_path: Path) -> None:
     path, last = part(tmp_path / "b.mcap", 2, "c.mcap"), part(tmp_path / "c.mcap", 3)
-    told = f"{path}: is part 2 of a recording: what was said before is in other files"
+    told = f"{path}: is part 2 of a recording: the earlier parts are other files"
     assert read(path) == ([2, 3], told)
     last.unlink()
-    assert read(path) == ([2], f"{told}; {last}: is missing, in which the recording goes on")
+    assert read(path) == ([2], f"{told}; {last}: is missing: the recording continues in it")
 
 
 def test_a_hole_of_zeros_is_told(tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_a_hole_of_zeros_is_told(tmp_path: Path) -> None:
         path.write_bytes(data)
         values, missing = read(path)
         assert values == list(range(first))
-        assert "it is damaged (there are zeros in it): what was said after its first" in missing
+        assert "it is damaged (it contains zeros): everything after its first" in missing
 
 
 def test_messages_that_are_not_there_although_the_end_counts_them_are_told(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_messages_that_are_not_there_although_the_end_counts_them_are_told(tmp_p
     data = path.read_bytes()
     begin, until = chunks(data)[4]
     path.write_bytes(data[:begin] + data[until:])
-    told = f"{path}: 1 of its 10 messages are not in it: it is damaged, or was changed"
+    told = f"{path}: 1 of its 10 messages are missing: it is damaged, or was changed"
     assert read(path) == ([0, 1, 2, 3, 5, 6, 7, 8, 9], told)
 
 
@@ -134,7 +134,7 @@ def test_damage_in_what_a_file_says_of_itself_is_told(tmp_path: Path) -> None:
     whole = path.read_bytes()
     for old, new, name in ((b"rescue", b"rescuf", "argosy"), (b"ctrl-C", b"ctrl-D", "argosy.end")):
         path.write_bytes(whole.replace(old, new, 1))
-        assert read(path) == ([1], f"{path}: what it says of itself (metadata {name}) is damaged")
+        assert read(path) == ([1], f"{path}: its metadata `{name}` are damaged")
     path.write_bytes(whole)
     assert read(path) == ([1], "")
 
@@ -163,7 +163,7 @@ def test_what_unpacks_to_more_than_a_chunk_holds_is_refused_before_it_takes_memo
         file = McapFile(path)
         assert sum(1 for _ in file.records()) > 2
     assert file.damage is not None
-    told = f"a chunk of {MANY} bytes" if said == MANY else "a chunk is of another size than it says"
+    told = f"a chunk of {MANY} bytes" if said == MANY else "a chunk does not have its declared size"
     assert file.damage.why == f"it is damaged ({told})"
     assert read(path)[0] == [0, 1]
 
@@ -177,4 +177,4 @@ def test_a_chunk_of_zeros_or_with_lengths_beyond_it_is_damage(tmp_path: Path, da
     path.write_bytes(whole[:begin] + chunk(len(data), b"", data) + whole[until:])
     values, missing = read(path)
     assert values == [0, 1]
-    assert "it is damaged (a chunk holds what is no record)" in missing
+    assert "it is damaged (a chunk contains an invalid record)" in missing

@@ -15,13 +15,13 @@ from pathlib import Path
 
 import pytest
 
-from argosy.recording.file.metadata import End
-from argosy.recording.file.reader import open_recording
-from argosy.recording.file.write_queue import Heard, WriteQueue
-from argosy.recording.file.writer import RecordingWriter
-from argosy.recording.record.recorder import Limits, Recorder
-from argosy.recording.record.recorder_output import content, warnings
-from argosy.recording.record.run_recorder import RunRecording, record_command
+from argosy.recording.metadata import End
+from argosy.recording.reader import open_recording
+from argosy.recording.record_command import content, warnings
+from argosy.recording.recorder import Limits, Recorder
+from argosy.recording.run_recorder import RunRecording, record_command
+from argosy.recording.write_queue import Heard, WriteQueue
+from argosy.recording.writer import RecordingWriter
 from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
@@ -136,7 +136,7 @@ def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(endpoint: str, sm
             await until(ended, "the disk is full")
             code, out, err = await recorder.end(None)
         told = f"cannot write {path}: No space left on device"
-        assert (code, err) == (1, f"error: {told}; what is recorded up to there can be read\n")
+        assert (code, err) == (1, f"error: {told}; the file can be read up to there\n")
         assert out.splitlines()[-1].endswith(f"; ended: {told}")
         assert f"{path}: {sum(topic.messages for topic in open_recording(path).topics)} messages in " in out
 
@@ -146,7 +146,7 @@ def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(endpoint: str, sm
 HANGS = """
 import sys, time
 from argosy.__main__ import main
-from argosy.recording.file.writer import RecordingWriter
+from argosy.recording.writer import RecordingWriter
 flush, flushed = RecordingWriter.flush, []
 def hang(writer):
     flushed.append(1)
@@ -174,8 +174,8 @@ def test_a_second_ctrl_c_leaves_a_disk_that_hangs(endpoint: str, tmp_path: Path)
             if handle.returncode is None:
                 handle.kill()
                 await handle.wait()
-        told = f"error: {tmp_path} takes nothing any more: left without what still waits"
-        assert (code, err) == (1, f"{told}; what is recorded up to there can be read\n")
+        told = f"error: {tmp_path} does not accept writes: the last messages are lost"
+        assert (code, err) == (1, f"{told}; the file can be read up to there\n")
 
     on_a_bus(endpoint, body)
 
@@ -214,7 +214,7 @@ def test_a_file_in_the_way_of_a_later_part_is_told_before_anything_is_recorded(e
 
     async def body(connect: Connect) -> None:
         async with argosy("record", "--router", endpoint, "-o", path, "--split") as process:
-            told = f"error: {path}: a-0003.mcap is there already, in which it would go on\n"
+            told = f"error: {path}: a-0003.mcap exists, and would be its next part\n"
             assert await process.end(None) == (2, "", told)
 
     on_a_bus(endpoint, body)
@@ -227,7 +227,7 @@ def test_a_part_that_cannot_be_begun_leaves_the_one_before_it_ended_as_it_should
     (tmp_path / "a-0002.mcap").write_text("mine")
     until_it_ends(recorder, 600, 600)
     found = open_recording(path)
-    assert recorder.problem == f"cannot go on in {tmp_path}/a-0002.mcap: File exists"
+    assert recorder.problem == f"cannot continue in {tmp_path}/a-0002.mcap: File exists"
     assert (found.missing, found.end and found.end.why) == ("", recorder.problem)
     assert sum(topic.messages for topic in found.topics) == recorder.messages > 200
     assert (tmp_path / "a-0002.mcap").read_text() == "mine"

@@ -9,14 +9,13 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from argosy.recording.file import metadata, writer
-from argosy.recording.file.metadata import End
-from argosy.recording.file.reader import BadRecording, open_recording
-from argosy.recording.file.records import RecorderNote, Unread
-from argosy.recording.file.write_queue import Heard, WriteQueue
-from argosy.recording.record.command import _size
-from argosy.recording.record.filter import NOTES
-from argosy.recording.record.recorder import Limits, Recorder
+from argosy.recording import metadata, writer
+from argosy.recording.metadata import End
+from argosy.recording.reader import BadRecording, open_recording
+from argosy.recording.record_command import _size
+from argosy.recording.recorder import NOTES, Limits, Recorder
+from argosy.recording.records import RecorderNote, Unread
+from argosy.recording.write_queue import Heard, WriteQueue
 from schemas.wire import keys
 from schemas.wire.mind_records import MindInputs
 from schemas.wire.records import Perception
@@ -64,7 +63,7 @@ def test_a_file_cut_off_anywhere_is_read_up_to_its_last_whole_chunk(tmp_path: Pa
             recording = open_recording(cut)
         except BadRecording as bad:
             assert before == 0
-            assert "cut off before it says of what" in str(bad)
+            assert "cut off before its facts" in str(bad)
             continue
         values = [record.parameters[0] for _, record in recording.typed(Perception)]
         assert values == list(range(len(values)))
@@ -82,8 +81,8 @@ def test_what_a_cut_takes_away_is_told_in_a_line(tmp_path: Path) -> None:
         file.write(b"\x06rubbish")
     recording = open_recording(path)
     assert recording.missing == (
-        f"{path}: it was cut off, or is still being written: what was said after its first 9.0 s is missing; "
-        "8 bytes behind that are of no use"
+        f"{path}: it was cut off, or is still being written: everything after its first 9.0 s is missing; "
+        "8 bytes after that are unusable"
     )
     assert recording.end is None
     assert path.stat().st_size == size + 8
@@ -98,12 +97,12 @@ def test_damage_in_the_middle_is_told_and_what_stands_before_it_is_read(tmp_path
     path.write_bytes(data)
     recording = open_recording(path)
     assert [record.parameters[0] for _, record in recording.typed(Perception)] == list(range(6))
-    assert "it is damaged (a chunk has another checksum)" in recording.missing
+    assert "it is damaged (a chunk has a wrong checksum)" in recording.missing
 
 
 @pytest.mark.parametrize(
     ("content", "told"),
-    [(b"", "no MCAP file: it is empty"), (b"mission: x\n", "no MCAP file: it does not begin as one")],
+    [(b"", "not an MCAP file: it is empty"), (b"mission: x\n", "not an MCAP file: it does not begin like one")],
 )
 def test_what_is_no_mcap_file_is_refused_in_a_line(tmp_path: Path, content: bytes, told: str) -> None:
     path = tmp_path / "a.mcap"
@@ -121,12 +120,12 @@ def test_a_file_that_is_not_there_or_of_somebody_else_or_of_another_format_is_re
     made = Writer(str(others))
     made.start()
     made.finish()
-    with pytest.raises(BadRecording, match="no recording of Argosy: of somebody else"):
+    with pytest.raises(BadRecording, match="not a recording of Argosy: another program wrote it"):
         open_recording(others)
     monkeypatch.setattr(metadata, "FORMAT", "2")
     write(tmp_path / "c.mcap", []).close(END)
     monkeypatch.undo()
-    with pytest.raises(BadRecording, match="a recording of format 2, this version of Argosy reads format 1"):
+    with pytest.raises(BadRecording, match="it has format 2, this version of Argosy reads format 1"):
         open_recording(tmp_path / "c.mcap")
 
 
@@ -209,7 +208,7 @@ def test_a_recording_that_is_split_is_read_as_one(tmp_path: Path) -> None:
     assert recording.end is not None
     assert recording.end.why == "ctrl-C"
     (tmp_path / "a-0003.mcap").unlink()
-    assert open_recording(path).missing.endswith("a-0003.mcap: is missing, in which the recording goes on")
+    assert open_recording(path).missing.endswith("a-0003.mcap: is missing: the recording continues in it")
 
 
 def test_what_does_not_fit_in_the_queue_is_counted_told_and_noted_in_the_file(tmp_path: Path) -> None:

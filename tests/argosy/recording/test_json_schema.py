@@ -8,8 +8,8 @@ from typing import Any
 import jsonschema
 import pytest
 
-from argosy.recording.file.json_schema import json_schema
-from argosy.recording.file.records import RECORDS, put_on, said_by
+from argosy.recording.json_schema import json_schema
+from argosy.recording.records import RECORDS, record_of_encoding, record_put_on
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.mind_records import (
@@ -96,11 +96,11 @@ def test_what_is_no_such_record_does_not(text: str) -> None:
 
 
 def test_the_record_on_a_key_is_known_by_the_table_of_channels() -> None:
-    assert put_on(keys.percept("f", "uav", "altitude")) == "Perception"
-    assert put_on(keys.trace("f", "uav", "inputs")) == "MindInputs"
-    assert put_on(keys.services("f", "pi1")) == "BoardServices"
-    assert put_on(keys.mind("f", "uav")) == ""  # nobody puts it
-    assert put_on("sea/turtle1/pose") == ""
-    assert said_by("application/json;argosy.Perception/1") == "Perception"
-    assert said_by("application/json;other.Thing") == ""
-    assert said_by("zenoh/bytes") == ""
+    assert record_put_on(keys.percept("f", "uav", "altitude")) == "Perception"
+    assert record_put_on(keys.trace("f", "uav", "inputs")) == "MindInputs"
+    assert record_put_on(keys.services("f", "pi1")) == "BoardServices"
+    assert record_put_on(keys.mind("f", "uav")) == ""  # nobody puts it
+    assert record_put_on("sea/turtle1/pose") == ""
+    assert record_of_encoding("application/json;argosy.Perception/1") == "Perception"
+    assert record_of_encoding("application/json;other.Thing") == ""
+    assert record_of_encoding("zenoh/bytes") == ""

@@ -17,12 +17,12 @@ import msgspec
 import pytest
 
 from argosy.__main__ import main
-from argosy.recording.file.metadata import End
-from argosy.recording.file.mind_inputs import Life
-from argosy.recording.file.reader import BadRecording, open_recording
-from argosy.recording.file.records import TokenSeen
-from argosy.recording.file.write_queue import Heard
-from argosy.recording.file.writer import RecordingWriter
+from argosy.recording.metadata import End
+from argosy.recording.mind_inputs import Life
+from argosy.recording.reader import BadRecording, open_recording
+from argosy.recording.records import TokenSeen
+from argosy.recording.write_queue import Heard
+from argosy.recording.writer import RecordingWriter
 from schemas.wire.codec import codec
 from schemas.wire.mind_records import MindInputs
 
@@ -426,7 +426,7 @@ def test_what_is_not_there_is_named(arguments: list[str], told: str, replayed: R
 def test_a_file_that_is_no_recording_is_refused(recorded: Recorded, replayed: Replay) -> None:
     code, out, err = replayed("buyer", path="lamp.yaml")
     assert (code, out) == (2, "")
-    assert err == "error: lamp.yaml: no MCAP file: it does not begin as one\n"
+    assert err == "error: lamp.yaml: not an MCAP file: it does not begin like one\n"
 
 
 COUNT = """\

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from argosy.cli.extras import install_command
-from argosy.recording.file.reader import open_recording
-from argosy.recording.file.records import TokenSeen
-from argosy.recording.record import run_recorder
-from argosy.recording.record.run_recorder import NoRecording, RunRecording, recording_of, what_became_of_it
+from argosy.recording import run_recorder
+from argosy.recording.reader import open_recording
+from argosy.recording.records import TokenSeen
+from argosy.recording.run_recorder import NoRecording, RunRecording, recording_of, what_became_of_it
 from schemas.wire.log_lines import LogLine, RecordingEnded
 from schemas.wire.records import Perception
 from tests.argosy.conftest import Start
@@ -59,11 +59,11 @@ def test_a_recording_that_cannot_be_made_is_refused_before_anything_starts(
     there.write_text("mine")
     run = start(single_uav, "--record", str(there))
     assert run.wait() == 2
-    assert run.stderr == f"error: --record {there}: it is there already: name another file\n"
+    assert run.stderr == f"error: --record {there}: the file exists: name another one\n"
     assert there.read_text() == "mine"
     run = start(single_uav, "--record", str(tmp_path / "no" / "a.mcap"))
     assert run.wait() == 2
-    assert run.stderr == f"error: --record {tmp_path}/no/a.mcap: there is no folder {tmp_path}/no\n"
+    assert run.stderr == f"error: --record {tmp_path}/no/a.mcap: folder {tmp_path}/no does not exist\n"
 
 
 def test_without_the_extra_a_report_is_written_all_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

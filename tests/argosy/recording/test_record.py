@@ -16,10 +16,9 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from argosy.recording.file.reader import open_recording
-from argosy.recording.file.records import RecorderNote, TokenSeen, Unread
-from argosy.recording.record.filter import NOTES
-from argosy.recording.record.recorder import PERIOD
+from argosy.recording.reader import open_recording
+from argosy.recording.recorder import NOTES, PERIOD
+from argosy.recording.records import RecorderNote, TokenSeen, Unread
 from commd.bus.bus import Bus, Query, open_bus
 from schemas.wire import keys
 from schemas.wire.codec import codec
@@ -98,7 +97,7 @@ def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(endpoint: str, 
         async with argosy("replay", path, "--info") as info:
             code, out, _ = await info.end(None)
         assert code == 0
-        assert "it did not: it was cut off, or goes on" in out
+        assert "no: it was cut off, or is still being written" in out
 
     on_a_bus(endpoint, body)
 
@@ -184,11 +183,11 @@ def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(endpoint: str, tm
             await seen(path, INPUTS, 2)
             code, out, _ = await recorder.end(signal.SIGTERM)
         assert code == 0
-        told = "uav (boot b1): of its inputs 1-2 of 4 are missing"
+        told = "uav (boot b1): batches 1-2 of 4 of its inputs are missing"
         assert f"warning: {told}" in out.splitlines()
         found = open_recording(path)
         assert found.end is not None
-        assert (found.end.gaps, found.end.why) == ((told,), "told to end (SIGTERM)")
+        assert (found.end.gaps, found.end.why) == ((told,), "SIGTERM")
         assert found.lives()[0].missing == [range(1, 3)]
 
     on_a_bus(endpoint, body)
@@ -278,7 +277,7 @@ def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told(endpo
             bus.put(ALTITUDE, altitude(bus, 2))
             await seen(path, ALTITUDE, 1)
             code, out, _ = await recorder.end()
-        told = f"warning: 1 messages were put on many keys at once (`*`): they stand under {NOTES}"
+        told = f"warning: 1 messages, put on key expressions (`*`), are under {NOTES}"
         assert (code, told in out.splitlines()) == (0, True)
         found = open_recording(path)
         assert [topic.key for topic in found.topics] == [NOTES, ALTITUDE]
@@ -297,7 +296,7 @@ def test_a_file_that_is_there_is_overwritten_only_by_force(endpoint: str, tmp_pa
         async with argosy("record", "--router", endpoint, "-o", path) as recorder:
             code, _, err = await recorder.end(None)
         assert code == 2
-        assert err == f"error: {path} is there already: name another file with -o, or overwrite it with --force\n"
+        assert err == f"error: {path} exists: name another file with -o, or overwrite it with --force\n"
         assert path.read_text() == "mine"
         async with recording(endpoint, path, "--force") as recorder:
             await recorder.end()
@@ -335,7 +334,7 @@ def test_a_recorder_of_nobody_says_so(endpoint: str, tmp_path: Path, free_port: 
         async with recording(endpoint, tmp_path / "a.mcap", fleet="misspelt") as recorder:
             assert recorder.handle.stderr is not None
             line = await asyncio.wait_for(recorder.handle.stderr.readline(), 120)
-            told = f"nobody of fleet `misspelt` is on {endpoint} yet; it is recorded as soon as it comes"
+            told = f"no daemon of fleet `misspelt` is on {endpoint} yet; recording starts when one comes"
             assert line.decode() == f"note: {told}\n"
             code, out, _ = await recorder.end()
         assert code == 0
@@ -364,7 +363,7 @@ def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_asked_for
                 code, _, _ = await recorder.end()
         assert code == 0
         notes = [note.text for _, note in open_recording(path).typed(RecorderNote)]
-        assert notes == ["the router is lost: nothing is heard", "the router is back"]
+        assert notes == ["the router is lost: nothing is received", "the router is back"]
 
     asyncio.run(body())
 
@@ -393,6 +392,6 @@ def test_on_a_terminal_one_line_tells_how_it_goes(endpoint: str, tmp_path: Path)
                 await process.wait()
             os.close(ours)
         assert re.search(rb"\r\x1b\[K\d+ s  \d+ messages/s  \d+ B  0 dropped", shown)
-        assert out.decode().splitlines()[-1].endswith("; ended: told to end (SIGTERM)")
+        assert out.decode().splitlines()[-1].endswith("; ended: SIGTERM")
 
     on_a_bus(endpoint, body)

@@ -6,7 +6,7 @@ import asyncio
 from collections import Counter
 from pathlib import Path
 
-from argosy.recording.file.reader import open_recording
+from argosy.recording.reader import open_recording
 from schemas.wire import keys
 from schemas.wire.records import Health
 from tests.argosy.recording.files import validated

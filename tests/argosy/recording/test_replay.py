@@ -15,11 +15,10 @@ import zenoh
 from mcap.writer import Writer
 
 from argosy.__main__ import main
-from argosy.recording.file import json_conversion
-from argosy.recording.file.metadata import BEGIN as BEGUN
-from argosy.recording.file.metadata import End
-from argosy.recording.file.records import PREFIX, TokenSeen, Unread
-from argosy.recording.file.write_queue import Heard
+from argosy.recording.metadata import BEGIN as BEGUN
+from argosy.recording.metadata import End
+from argosy.recording.records import PREFIX, TokenSeen, Unread, to_json, to_msgpack
+from argosy.recording.write_queue import Heard
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
@@ -145,7 +144,7 @@ def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left_out(e
         said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
         code, out, _ = await replayed(endpoint, path)
         assert code == 0
-        assert out.endswith("replayed 0.8 s: 1 messages, 1 left out (they were answers to questions)\n")
+        assert out.endswith("replayed 0.8 s: 1 messages, 1 left out (answers to queries)\n")
         await until(lambda: len(said.tokens) == 4, "all tokens are gone")
         tokens = [(key.split("/")[2], alive) for key, alive in said.tokens]
         assert tokens == [("uav1", True), ("uav1", False), ("uav2", True), ("uav2", False)]
@@ -163,8 +162,8 @@ def test_nothing_is_said_to_somebody_alive(endpoint: str, tmp_path: Path) -> Non
         life = await alive.claim("uav")
         code, _, err = await replayed(endpoint, path, "--fleet", FLEET)
         assert (code, said.heard) == (1, [])
-        danger = "what was perceived in another flight must not be told to it. Name another --fleet, or --force"
-        assert err == f"error: agentd uav of fleet `{FLEET}` is there: {danger}\n"
+        danger = "it must not receive the percepts of another flight. Name another --fleet, or use --force"
+        assert err == f"error: agentd uav of fleet `{FLEET}` is running: {danger}\n"
         code, *_ = await replayed(endpoint, path, "--fleet", FLEET, "--force", "--speed", "100")
         assert (code, len(said.heard)) == (0, 1001)
         alive.withdraw(life)
@@ -175,7 +174,7 @@ def test_nothing_is_said_to_somebody_alive(endpoint: str, tmp_path: Path) -> Non
             await process.until("replaying")
             await alive.claim("uav")
             code, _, err = await process.end(None)
-        assert (code, err) == (1, f"error: stopped: agentd uav of fleet `{FLEET}` is there: {danger}\n")
+        assert (code, err) == (1, f"error: stopped: agentd uav of fleet `{FLEET}` is running: {danger}\n")
         assert len(said.heard) < 2002
 
     on_a_bus(endpoint, body)
@@ -204,7 +203,7 @@ def test_what_stands_under_keys_of_others_is_never_said(endpoint: str, tmp_path:
         bus.raw.tap("rt/**", said._take)
         code, out, err = await replayed(endpoint, path)
         assert (code, out.splitlines()[-1]) == (0, "replayed 0.1 s: 1 messages")
-        assert err.startswith("warning: 11 messages stand under keys that are none of a recorded fleet's, and were not")
+        assert err.startswith("warning: 11 messages were not published: their keys are outside the recorded fleets")
         assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[0]]
         assert (live.heard, live.tokens, said.tokens) == ([], [], [])
 
@@ -228,7 +227,7 @@ def test_what_cannot_be_read_is_left_out_and_told(endpoint: str, tmp_path: Path)
     async def body(connect: Connect) -> None:
         code, out, err = await replayed(endpoint, path)
         assert (code, out.splitlines()[-1]) == (0, "replayed 0.0 s: 0 messages")
-        assert err == "warning: 3 messages cannot be read, and were not said\n"
+        assert err == "warning: 3 messages were not published: they cannot be read\n"
 
     on_a_bus(endpoint, body)
 
@@ -258,7 +257,7 @@ def test_where_no_router_is_it_is_one(endpoint: str, tmp_path: Path) -> None:
                 await until(lambda: len(said.heard) > 10, "it is heard")
             code, out, _ = await process.end()
         assert code == 130
-        assert f"no router at {endpoint}: this replay is one, as long as it lasts" in out
+        assert f"no router at {endpoint}: this replay is the router until it ends" in out
 
     asyncio.run(body())
 
@@ -271,13 +270,13 @@ def test_bad_arguments_and_files_are_told_in_a_line(endpoint: str, tmp_path: Pat
 
     async def body() -> None:
         for arguments, code, told in (
-            ((tmp_path / "b.mcap",), 2, f"error: {tmp_path}/b.mcap: no MCAP file: it does not begin as one"),
+            ((tmp_path / "b.mcap",), 2, f"error: {tmp_path}/b.mcap: not an MCAP file: it does not begin like one"),
             ((path, "--from", "5"), 2, f"error: --from 5: {path} ends after 0.2 s"),
             ((path, "--from", "0.1", "--to", "0.1"), 2, "error: --to 0.1: expected more than --from 0.1"),
             ((path, "--from", "x"), 2, "expected seconds since the beginning of the recording, got `x`"),
             ((path, "--speed", "0"), 2, "invalid speed (0 < X <= 1000) value: '0'"),
             ((path, "--fleet", "a/b"), 2, "error: --fleet a/b: expected letters, digits, `_`, `-` and `.`"),
-            ((several, "--fleet", "a"), 2, f"error: --fleet a: {several} is of several fleets: second, test"),
+            ((several, "--fleet", "a"), 2, f"error: --fleet a: {several} has several fleets: second, test"),
             ((path, "--router", "tcp/192.0.2.1:7447"), 1, "error: no router at tcp/192.0.2.1:7447"),
         ):
             async with argosy("replay", *arguments) as process:
@@ -298,7 +297,7 @@ def test_what_is_in_it_is_told(tmp_path: Path) -> None:
         assert code == 0
         lines = [line.split() for line in out.splitlines()]
         assert ["ended", "ctrl-C"] in lines
-        assert "  uav  b1        incomplete: of its inputs 1 of 3 are missing" in out
+        assert "  uav  b1        incomplete: batches 1 of 3 of its inputs are missing" in out
         assert [ALTITUDE, "Perception", "51", "25.50"] in lines
         async with argosy("replay", path, "--info", "--json") as process:
             _, out, _ = await process.end(None)
@@ -324,7 +323,7 @@ def test_inputs_that_another_version_wrote_are_not_told_as_not_recorded(
             [other, inputs],
             ["minds", "  uav  b1        from birth to 0.0 s of mission time, its end is missing, 0"],
         ),
-        ("c", [inputs._replace(encoding="text/plain;x")], ["no minds: what stands under `trace/inputs` is none"]),
+        ("c", [inputs._replace(encoding="text/plain;x")], ["no minds: the messages on `trace/inputs` are not"]),
         ("d", fast(1), ["no minds: `trace/inputs` was not recorded"]),
     ):
         path = recorded(tmp_path / f"{name}.mcap", messages)
@@ -338,7 +337,7 @@ def test_inputs_that_another_version_wrote_are_not_told_as_not_recorded(
 
 def test_what_was_messagepack_is_the_same_record_again() -> None:
     inputs = heard(keys.trace(FLEET, "u", "inputs"), stretch(0), 0, "msgpack")
-    data = json_conversion.to_json(inputs.payload)
+    data = to_json(inputs.payload)
     assert data is not None
-    again = json_conversion.to_msgpack(data)
+    again = to_msgpack(data)
     assert codec(MindInputs).decode(again, codec(MindInputs).encoding("msgpack")) == stretch(0)

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from agentd.replay.replay import replay
-from argosy.recording.file.reader import open_recording
+from argosy.recording.reader import open_recording
 from tests.soak_rescue import fly, told
 
 ROOT = Path(__file__).parents[3]

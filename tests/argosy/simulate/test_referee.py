@@ -207,4 +207,4 @@ def test_a_recording_of_something_else_is_not_judged(
     assert main(["referee", str(MISSION), str(file)]) == 2
     assert f"expected a recording of the fleet `sar`, it has {FLEET}" in capsys.readouterr().err
     assert main(["referee", str(MISSION), str(mission)]) == 2
-    assert "no MCAP file" in capsys.readouterr().err
+    assert "not an MCAP file" in capsys.readouterr().err

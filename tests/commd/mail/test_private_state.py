@@ -12,7 +12,7 @@ import pytest
 
 from agentd.extensions.file_access import AgentFiles
 from agentd.persistence.checkpoint import Checkpoint
-from argosy.recording.file.writer import _opened
+from argosy.recording.writer import _opened
 from bridged.bridge.action_log import ActionLog
 from commd.mail.sqlite_file import alone, connect
 from commd.process.restart_counter import begin_life

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from agentd.language.parse import parse_file
-from argosy.recording.file.mcap_records import BadRecording, McapFile
+from argosy.recording.mcap_records import BadRecording, McapFile
 from schemas.files.findings import Findings
 from schemas.files.text_files import read_bounded, read_text
 from tests.agentd.teams import Stage

@@ -1,8 +1,7 @@
-"""The records of an MCAP file one after the other, also of one that was cut off in the middle.
+"""Read the records of an MCAP file in order, also of a truncated one.
 
-A recorder that was killed leaves a file without its end. All that stands before the cut is whole: each record tells its
-length first. `mcap.stream_reader` is not used: it passes over zeros, unpacks lz4 to any size, and takes 1.8 times as
-long.
+A killed recorder leaves a file without its end. Everything before the cut is complete, as each record begins with its
+length. `mcap.stream_reader` is not used: it skips zeros, unpacks lz4 to any size, and takes 1.8 times as long.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
 CUT = "it was cut off, or is still being written"
 LARGEST = 1 << 26
-"""Bytes of the largest record that is read, packed or not: a longer one is damage. A recorder's are much smaller."""
+"""Largest accepted record in bytes, packed or not: a longer one is damage. A recorder's are much smaller."""
 _READ: dict[int, Any] = {
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
@@ -38,25 +37,25 @@ _READ: dict[int, Any] = {
 
 
 class BadRecording(ValueError):
-    """A file that is no recording of ours; says in one line which and why."""
+    """A file is not a recording of ours; the text says which and why, in one line."""
 
 
 @dataclass(frozen=True)
 class Damage:
-    """Where a file ends to make sense."""
+    """Where a file becomes unreadable."""
 
     at: int
-    """Byte up to which it was read."""
+    """Bytes that were read."""
     left: int
-    """Bytes behind it that could not be read."""
+    """Bytes after them that cannot be read."""
     why: str
 
 
 class McapFile:
-    """Reads the records of one file in their order; `damage` is known once they are read."""
+    """Reads the records of one file in order; `damage` is known once they are read."""
 
     def __init__(self, path: Path) -> None:
-        """Raises BadRecording for a file that is none of MCAP's, or cannot be read."""
+        """Raises BadRecording if it cannot be read or is not an MCAP file."""
         self.path = path
         self.damage: Damage | None = None
         try:
@@ -65,11 +64,11 @@ class McapFile:
         except OSError as error:
             raise BadRecording(f"{path}: {error.strerror}") from None
         if begin != MAGIC:
-            what = "it is empty" if not begin else "it does not begin as one"
-            raise BadRecording(f"{path}: no MCAP file: {what}")
+            what = "it is empty" if not begin else "it does not begin like one"
+            raise BadRecording(f"{path}: not an MCAP file: {what}")
 
     def records(self) -> Iterator[Schema | Channel | Message | Metadata]:
-        """Yield schemas, channels, messages and metadata up to the end, or to the damage."""
+        """Yield schemas, channels, messages and metadata up to the end, or up to the damage."""
         self.damage = None
         size = self.path.stat().st_size
         with open_regular(self.path) as file:
@@ -84,7 +83,9 @@ class McapFile:
                     self.damage = Damage(at, size - at, CUT)
                     return
                 if opcode == Opcode.DATA_END:
-                    self._look_at_the_end(file, size, at)
+                    file.seek(size - len(MAGIC))
+                    if file.read(len(MAGIC)) != MAGIC:
+                        self.damage = Damage(at, 0, "its index was cut off")
                     return
                 try:
                     yield from _decoded(opcode, length, file)
@@ -93,11 +94,6 @@ class McapFile:
                     return
                 file.seek(at := end)
 
-    def _look_at_the_end(self, file: BinaryIO, size: int, at: int) -> None:
-        file.seek(size - len(MAGIC))
-        if file.read(len(MAGIC)) != MAGIC:
-            self.damage = Damage(at, 0, "its index was cut off")
-
 
 _DAMAGE = (McapError, struct.error, ValueError, KeyError, EOFError, RuntimeError, OSError, MemoryError, OverflowError)
 
@@ -105,8 +101,8 @@ _DAMAGE = (McapError, struct.error, ValueError, KeyError, EOFError, RuntimeError
 def _decoded(opcode: int, length: int, file: BinaryIO) -> Iterator[Schema | Channel | Message | Metadata]:
     if length > LARGEST:
         raise ValueError(f"a record of {length} bytes")
-    if not opcode:  # there is no such record: zeros are what a loss of power leaves
-        raise ValueError("there are zeros in it")
+    if not opcode:  # no such record exists: a loss of power leaves zeros
+        raise ValueError("it contains zeros")
     if opcode == Opcode.MESSAGE:
         yield Message.read(ReadDataStream(BytesIO(file.read(length))), length)
         return
@@ -122,13 +118,13 @@ def _decoded(opcode: int, length: int, file: BinaryIO) -> Iterator[Schema | Chan
 def _of_chunk(chunk: Chunk) -> Iterator[Schema | Channel | Message]:
     data = _unpacked(chunk)
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise ValueError("a chunk has another checksum")
+        raise ValueError("a chunk has a wrong checksum")
     at, size = 0, len(data)
     while at < size:
         opcode, length = _HEAD.unpack_from(data, at)
         at += _HEAD.size
         if not opcode or at + length > size:
-            raise ValueError("a chunk holds what is no record")
+            raise ValueError("a chunk contains an invalid record")
         part = data[at : at + length]
         at += length
         if opcode == Opcode.MESSAGE:
@@ -145,7 +141,7 @@ def _of_chunk(chunk: Chunk) -> Iterator[Schema | Channel | Message]:
 
 
 def _unpacked(chunk: Chunk) -> bytes:
-    """Return what a chunk holds: as much as it says, which is to be no more than is ever written. Raises ValueError."""
+    """Return the content of a chunk, `LARGEST` bytes at most. Raises ValueError if its size is not as declared."""
     size: int = chunk.uncompressed_size
     data: bytes
     if size > LARGEST:
@@ -160,11 +156,11 @@ def _unpacked(chunk: Chunk) -> bytes:
                 stream = zstandard.ZstdDecompressor(max_window_size=LARGEST).stream_reader(chunk.data)
                 data = stream.read(size + 1)
             case other:
-                raise ValueError(f"no compression is called {other}")
+                raise ValueError(f"unknown compression {other}")
     except Exception as error:  # each compression has errors of its own
         raise ValueError(f"a chunk cannot be unpacked: {error}") from None
     if len(data) != size:
-        raise ValueError("a chunk is of another size than it says")
+        raise ValueError("a chunk does not have its declared size")
     return data
 
 

@@ -1,4 +1,4 @@
-"""What is heard on the bus on its way into the file: a bounded queue from Zenoh's threads to the one that writes."""
+"""A bounded queue of samples from Zenoh's threads to the recorder's thread."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import zenoh
 from schemas.wire.codec import MAX_BYTES
 
 MOST, MOST_BYTES = 100_000, 128 * 1024 * 1024
-"""Messages, and bytes of them, that may wait; further ones are dropped and counted."""
+"""Capacity in messages and in bytes; further messages are dropped and counted."""
 ENOUGH, ENOUGH_BYTES = 4_000, 2 * 1024 * 1024
-"""When so many wait, the writer is woken before its time."""
+"""Messages or bytes that wake the recorder before its period is over."""
 Origin = Literal["put", "query", "token", "recorder"]
 
 
 class Heard(NamedTuple):
-    """Something that was heard on the bus."""
+    """A sample received on the bus."""
 
     at: int
     """Unix nanoseconds."""
@@ -32,27 +32,27 @@ class Heard(NamedTuple):
 
 
 def steady_clock() -> Callable[[], int]:
-    """Return a clock of Unix nanoseconds that no correction of this machine's clock makes jump."""
+    """Return a clock of Unix nanoseconds that later corrections of the system clock do not affect."""
     ahead = time.time_ns() - time.monotonic_ns()
     return lambda: time.monotonic_ns() + ahead
 
 
 class WriteQueue:
-    """Takes in from any thread, hands out to one."""
+    """Filled by any thread, emptied by one."""
 
     def __init__(self, most: int = MOST, most_bytes: int = MOST_BYTES) -> None:
         self.dropped = self.too_large = 0
-        """Messages that did not fit; that were larger than any record may be."""
+        """Messages that did not fit; and messages larger than any record."""
         self.now = steady_clock()
         self.woken = Event()
-        """Set when the writer is to come now."""
+        """Set to wake the recorder."""
         self._most, self._most_bytes = most, most_bytes
         self._waiting: deque[Heard | tuple[int, zenoh.Sample]] = deque()
         self._bytes = 0
         self._lock = Lock()
 
     def sample(self, sample: zenoh.Sample) -> None:
-        """Take in what was put, on a thread of Zenoh's; it is read later, by the one that writes."""
+        """Queue a sample, on a thread of Zenoh's; the recorder's thread reads it later."""
         size = len(sample.payload)
         if size > MAX_BYTES:
             with self._lock:
@@ -61,11 +61,11 @@ class WriteQueue:
         self._take_in(size, (self.now(), sample))
 
     def put(self, heard: Heard) -> None:
-        """Take in, or drop and count."""
+        """Queue, or drop and count."""
         self._take_in(len(heard.payload), heard)
 
     def take(self) -> Iterator[Heard]:
-        """Yield all that waits now."""
+        """Yield and remove everything that is queued."""
         with self._lock:
             taken, self._waiting, self._bytes = self._waiting, deque(), 0
         for one in taken:

@@ -1,8 +1,8 @@
-"""The JSON Schema of a record, as Foxglove takes it.
+"""The JSON Schema of a record, as Foxglove accepts it.
 
-Foxglove wants an object at the top, `properties` in each object, and of each property one type; lists are of objects,
-texts, numbers or booleans. What a record holds beyond this (terms, lists of lists) stands in `patternProperties`, which
-validators read and Foxglove does not: it shows such fields all the same.
+Foxglove requires an object at the top, `properties` in each object, and one type for each property; lists are of
+objects, strings, numbers or booleans. Other fields (terms, lists of lists) are in `patternProperties`, which validators
+read and Foxglove ignores: it shows such fields all the same.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _hook(kind: type) -> Schema:
 
 
 def _inlined(schema: Any, definitions: dict[str, Any]) -> Any:
-    """Replace references by what they refer to; no record of ours holds itself."""
+    """Replace references by their definitions; none of our records contains itself."""
     if isinstance(schema, list):
         return [_inlined(item, definitions) for item in schema]
     if not isinstance(schema, dict):
@@ -47,7 +47,7 @@ def _inlined(schema: Any, definitions: dict[str, Any]) -> Any:
 
 
 def _object(schema: Schema) -> Schema:
-    """Return an object's schema with each property where Foxglove can read it."""
+    """Return an object's schema, with the properties that Foxglove can read apart from the others."""
     properties: Schema = {}
     others: Schema = {}
     for name, given in schema.get("properties", {}).items():
@@ -69,7 +69,7 @@ def _object(schema: Schema) -> Schema:
 def _simple(given: Schema) -> tuple[Schema, bool]:
     """Return a property's schema, and whether Foxglove can read it."""
     schema = {name: value for name, value in given.items() if name not in ("default", "title", "description")}
-    if "anyOf" in schema:  # what is null is left out on the wire, but may come from others
+    if "anyOf" in schema:  # our encoders leave null out, others may send it
         options = [option for option in schema["anyOf"] if option.get("type") != "null"]
         if len(options) == 1:
             return _simple(options[0])

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.recording.file.mind_inputs import Life, in_words, stretches
-from argosy.recording.record.minds import MOST_MISSING, Minds, Whose
+from argosy.recording.mind_inputs import MOST_MISSING, Life, Minds, Whose, in_words, stretches
 from schemas.wire.mind_records import MindInputs
 
 ABSURD = 10**30
@@ -21,4 +20,4 @@ def test_a_number_beyond_all_others_is_told_and_costs_nothing() -> None:
     whose = Whose("test", "uav", "b1")
     assert minds.heard(whose, 0)
     assert minds.heard(whose, ABSURD)
-    assert f"of its inputs {ABSURD - 1 - MOST_MISSING} more and " in minds.gaps()[0]
+    assert f"batches {ABSURD - 1 - MOST_MISSING} more and " in minds.gaps()[0]

@@ -1,39 +1,103 @@
-"""Reads recordings: the one reader of all that look into them."""
+"""Read recordings."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 import zenoh
 from mcap.records import Channel, Message, Metadata, Schema
 
-from argosy.recording.file.key_filter import fleet_of, is_plain
-from argosy.recording.file.mcap_records import BadRecording, Damage, McapFile
-from argosy.recording.file.metadata import BEGIN, END, SECOND, End, Facts, end_of, facts_of, intact
-from argosy.recording.file.mind_inputs import PART, Life, lives_of
-from argosy.recording.file.recorded_messages import Recorded, Topic, Track
-from argosy.recording.file.records import PREFIX
+from argosy.recording.mcap_records import BadRecording as BadRecording
+from argosy.recording.mcap_records import Damage, McapFile
+from argosy.recording.metadata import BEGIN, END, SECOND, End, Facts, end_of, facts_of, intact
+from argosy.recording.mind_inputs import PART, Life, lives_of
+from argosy.recording.records import PREFIX, RECORDS, fleet_of, is_plain
 from schemas.wire import keys
+from schemas.wire.codec import BadRecord, codec
 from schemas.wire.mind_records import MindInputs
 from schemas.wire.records import Record
 
-__all__ = ["BadRecording", "Recorded", "Recording", "Topic", "open_recording"]
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """A channel of a file: a key and the record on it."""
+
+    key: str
+    name: str
+    """Record name, such as `Perception`; empty = not one of ours."""
+    encoding: str
+    """Encoding on the bus; the recording itself holds JSON."""
+    origin: str
+    """`put`, `query` (an answer), `token` or `recorder`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A message of a recording."""
+
+    track: Track
+    at: int
+    """Unix nanoseconds at which the recorder received it."""
+    stamp: int
+    """Unix nanoseconds of its header; `at` if it has none."""
+    seconds: float
+    """Since the beginning of the recording."""
+    data: bytes
+    """JSON."""
+
+    @property
+    def key(self) -> str:
+        """The key it was published on."""
+        return self.track.key
+
+    @property
+    def name(self) -> str:
+        """Record name; empty = not one of ours."""
+        return self.track.name
+
+    @property
+    def origin(self) -> str:
+        """`put`, `query`, `token` or `recorder`."""
+        return self.track.origin
+
+    @property
+    def record(self) -> Record | None:
+        """The record, decoded at each access; None if it is not one of ours or does not decode."""
+        kind = RECORDS.get(self.name)
+        if kind is None:
+            return None
+        try:
+            return codec(kind).decode(self.data)
+        except BadRecord:
+            return None
+
+
+@dataclass(frozen=True)
+class Topic:
+    """The messages of one record on one key."""
+
+    key: str
+    record: str
+    messages: int
+
+
 R = TypeVar("R", bound=Record)
 
 
 class Recording:
-    """A recording: all its files, read from front to back as often as one likes."""
+    """A recording: all its files, read front to back, any number of times."""
 
     def __init__(self, path: Path) -> None:
-        """Open it. Raises BadRecording."""
+        """Read it once, and the files that continue it. Raises BadRecording."""
         self.path = path
         self.files: list[Path] = []
         self.topics: list[Topic] = []
         self.end: End | None = None
-        """How it ended; None: it was cut off."""
+        """How it ended; None = it was cut off."""
         self._lacks: list[str] = []
         self.begin = self.last = 0
         """Unix nanoseconds of the first and the last message."""
@@ -41,12 +105,12 @@ class Recording:
 
     @property
     def missing(self) -> str:
-        """What is missing of its files, in one line; empty = nothing."""
+        """What is missing in its files, as one line; empty = nothing."""
         return "; ".join(self._lacks)
 
     @property
     def fleets(self) -> list[str]:
-        """The fleets of which something was recorded."""
+        """The recorded fleets."""
         return sorted({fleet for topic in self.topics if (fleet := fleet_of(topic.key)) is not None})
 
     @property
@@ -61,9 +125,9 @@ class Recording:
         only: Iterable[str] = (),
         records: Iterable[type[Record]] = (),
     ) -> Iterator[Recorded]:
-        """Yield what was recorded from `begin` to before `end` (seconds since the beginning), in order.
+        """Yield the messages from `begin` to before `end` (seconds since the beginning), in order.
 
-        `only`: key expressions, of which one must match; `records`: types, of which it must be one. None = all.
+        `only`: key expressions, one of which must match; `records`: accepted types. Empty = all.
         """
         since = self.begin if begin is None else self.begin + round(begin * SECOND)
         until = None if end is None else self.begin + round(end * SECOND)
@@ -74,16 +138,16 @@ class Recording:
                 yield Recorded(track, at, message.publish_time, (at - self.begin) / SECOND, message.data)
 
     def typed(self, record: type[R], only: Iterable[str] = ()) -> Iterator[tuple[Recorded, R]]:
-        """Yield the messages that hold a record of this type, with it; what does not decode is left out."""
+        """Yield the messages that hold a record of this type, with the record; skip those that do not decode."""
         for message in self.messages(only=only, records=(record,)):
             found = message.record
             if isinstance(found, record):
                 yield message, found
 
     def lives(self, agent: str | None = None, unread: Counter[tuple[str, str]] | None = None) -> list[Life]:
-        """Return the lives of the minds that were recorded, or of one agent's.
+        """Return the recorded lives of all minds, or of one agent's.
 
-        `unread`: is told how many stretches of inputs do not decode, by fleet and agent.
+        Adds to `unread` the number of batches that do not decode, by fleet and agent.
         """
         return lives_of(self._inputs(agent, Counter() if unread is None else unread))
 
@@ -96,16 +160,15 @@ class Recording:
                 unread[parsed[0], parsed[1]] += 1
 
     def _look_through(self) -> Facts:
-        """Read all of it once: what there is, and whether it is whole."""
+        """Read all files once, to count messages and find what is missing."""
         counts: dict[tuple[str, str], int] = {}
         file = McapFile(self.path)
         facts = _facts_of(file)
         if facts is None:
-            raise BadRecording(f"{self.path}: no recording of Argosy{_because(file)}")
+            why = f"{file.damage.why} before its facts" if file.damage is not None else "another program wrote it"
+            raise BadRecording(f"{self.path}: not a recording of Argosy: {why}")
         if facts.part > 1:
-            self._lacks.append(
-                f"{self.path}: is part {facts.part} of a recording: what was said before is in other files"
-            )
+            self._lacks.append(f"{self.path}: is part {facts.part} of a recording: the earlier parts are other files")
         while True:
             self._look_into(file, facts, counts)
             self.files.append(file.path)
@@ -114,10 +177,10 @@ class Recording:
                 break
             path = file.path.with_name(Path(following).name)
             if not path.exists():
-                self._lacks.append(f"{path}: is missing, in which the recording goes on")
+                self._lacks.append(f"{path}: is missing: the recording continues in it")
                 break
             if (next_one := _part(path, facts, facts.part + len(self.files))) is None:
-                self._lacks.append(f"{path}: is not the file in which the recording goes on, but has its name")
+                self._lacks.append(f"{path}: belongs to another recording, but has the name of the next part")
                 break
             file = next_one
         self.topics = [Topic(key, name, count) for (key, name), count in sorted(counts.items())]
@@ -132,7 +195,7 @@ class Recording:
         names: dict[int, str] = {}
         for record in file.records():
             if isinstance(record, Metadata) and not intact(record.metadata):
-                self._lacks.append(f"{file.path}: what it says of itself (metadata {record.name}) is damaged")
+                self._lacks.append(f"{file.path}: its metadata `{record.name}` are damaged")
             match record:
                 case Message():
                     if record.channel_id in channels:
@@ -149,19 +212,19 @@ class Recording:
                     try:
                         self.end = end_of(record.metadata)
                     except ValueError as error:
-                        raise BadRecording(f"{file.path}: how it ended cannot be read: {error}") from None
+                        raise BadRecording(f"{file.path}: its metadata `{END}` cannot be read: {error}") from None
         if self.end is not None and there < self.end.messages:
             lost = f"{self.end.messages - there} of its {self.end.messages} messages"
-            self._lacks.append(f"{file.path}: {lost} are not in it: it is damaged, or was changed")
+            self._lacks.append(f"{file.path}: {lost} are missing: it is damaged, or was changed")
         elif file.damage is not None:
             self._lacks.append(self._what_is_missing(file.path, file.damage, facts))
 
     def _what_is_missing(self, path: Path, damage: Damage, facts: Facts) -> str:
         until = (self.last - facts.started) / SECOND if self.last else 0.0
-        left = f"; {damage.left} bytes behind that are of no use" if damage.left else ""
+        left = f"; {damage.left} bytes after that are unusable" if damage.left else ""
         if self.end is not None:
             return f"{path}: {damage.why}: all messages are there{left}"
-        return f"{path}: {damage.why}: what was said after its first {until:.1f} s is missing{left}"
+        return f"{path}: {damage.why}: everything after its first {until:.1f} s is missing{left}"
 
     def _read(self, wanted: _Wanted) -> Iterator[tuple[Track, Message]]:
         for path in self.files:
@@ -179,7 +242,7 @@ class Recording:
 
 
 def _facts_of(file: McapFile) -> Facts | None:
-    """Return what a file says of itself, before anything else; None if it is none of ours. Raises BadRecording."""
+    """Return the facts at the beginning of a file; None if it has none. Raises BadRecording."""
     for record in file.records():
         if isinstance(record, Message):
             break
@@ -192,7 +255,7 @@ def _facts_of(file: McapFile) -> Facts | None:
 
 
 def _part(path: Path, facts: Facts, number: int) -> McapFile | None:
-    """Return the file at `path` if it is that part of a recording."""
+    """Return the file at `path`; None if it is not that part of the recording."""
     try:
         file = McapFile(path)
         mine = _facts_of(file)
@@ -202,7 +265,7 @@ def _part(path: Path, facts: Facts, number: int) -> McapFile | None:
 
 
 class _Wanted:
-    """Which channels are asked for."""
+    """Selects channels."""
 
     def __init__(self, only: Iterable[str], records: Iterable[type[Record]]) -> None:
         self._only = [zenoh.KeyExpr(key) for key in only]
@@ -225,10 +288,6 @@ def _record_name(schema: Schema) -> str:
     return schema.name.removeprefix(PREFIX) if schema.name.startswith(PREFIX) else ""
 
 
-def _because(file: McapFile) -> str:
-    return f": {file.damage.why} before it says of what" if file.damage is not None else ": of somebody else"
-
-
 def open_recording(path: Path) -> Recording:
-    """Open a recording, with the files in which it goes on. Raises BadRecording for what is none."""
+    """Open a recording and the files that continue it. Raises BadRecording."""
     return Recording(path)

@@ -1,4 +1,4 @@
-"""`argosy record`: everything that a fleet says, into a file."""
+"""`argosy record`: record everything that is published in a fleet into a file."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import signal
 import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -18,35 +19,38 @@ from typing import NoReturn
 from argosy.cli.arguments import duration
 from argosy.cli.fleet_bus import FleetBus
 from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
-from argosy.recording.file.metadata import Facts
-from argosy.recording.file.write_queue import WriteQueue
-from argosy.recording.file.writer import COMPRESSIONS
-from argosy.recording.record.backfill import Backfill
-from argosy.recording.record.recorder import Limits, Recorder
-from argosy.recording.record.recorder_output import StatusLine, content, warnings
-from argosy.recording.record.subscriptions import hear, wanted_keys
+from argosy.recording.backfill import Backfill
+from argosy.recording.metadata import Facts
+from argosy.recording.recorder import NOTES, Limits, Recorder
+from argosy.recording.records import wanted_keys
+from argosy.recording.write_queue import WriteQueue
+from argosy.recording.writer import COMPRESSIONS
 from commd.bus.bus import Bus
 from commd.process.output import ERROR, NOTICE, flush, stderr, stdout
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
+from schemas.humanize import count, size
 from schemas.mission.model import Mission, load_mission
 from schemas.version import RELEASE
+from schemas.wire import keys
 from schemas.wire.log_lines import RecordingEnded, RecordingStarted
 
 ENDS = {
     signal.SIGINT: "ctrl-C",
-    signal.SIGTERM: "told to end (SIGTERM)",
-    signal.SIGHUP: "its terminal is gone (SIGHUP)",
+    signal.SIGTERM: "SIGTERM",
+    signal.SIGHUP: "the terminal was closed (SIGHUP)",
 }
-"""What ends a recording, and how that is told."""
+"""Signals that end a recording, and the reason they give."""
 NOBODY = 5.0
-"""Wall seconds of silence after which it is told that nobody is there."""
+"""Wall seconds of silence before a note that no daemon is running."""
 DISK, HURRY = 60.0, 3.0
-"""Wall seconds that the disk has for what still waits; and after a second signal."""
+"""Wall seconds for writing what is queued at the end; and after a second signal."""
+REFRESH = 1.0
+"""Wall seconds between two status lines on a terminal."""
 LAST_LOOK = 5.0
-"""Wall seconds for what is still missing to be asked for, when it is told to end."""
+"""Wall seconds for fetching missing inputs at the end."""
 SMALLEST = 1_000_000
-"""Bytes of a recording that may be asked for."""
+"""Smallest size limit of a file, in bytes."""
 _UNITS = {"": 1, "b": 1, "kb": 1_000, "mb": 1_000_000, "gb": 1_000_000_000, "tb": 1_000_000_000_000}
 _SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)")
 
@@ -89,7 +93,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Record until ctrl-C, SIGTERM or a limit. Returns 0 if the file is whole, 1 if it could not be written."""
+    """Record until ctrl-C, SIGTERM or a limit. Returns 0 if the file is complete, 1 if writing failed."""
     logging.basicConfig(format="note: %(message)s", level=logging.WARNING, force=True)
     notes = dict(note.partition("=")[::2] for note in args.note)
     try:
@@ -101,9 +105,7 @@ def run(args: Namespace) -> int:
         return EXIT_BAD_INPUT
     path = args.output or Path(f"{fleet if fleet != ANY else 'argosy'}-{time.strftime('%Y%m%d-%H%M%S')}.mcap")
     if path.exists() and not args.force:
-        print(
-            f"error: {path} is there already: name another file with -o, or overwrite it with --force", file=sys.stderr
-        )
+        print(f"error: {path} exists: name another file with -o, or overwrite it with --force", file=sys.stderr)
         return EXIT_BAD_INPUT
 
     async def record(bus: Bus, where: Where) -> int:
@@ -146,6 +148,16 @@ def _facts(
     )
 
 
+def hear(bus: Bus, fleet: str, only: Sequence[str], write_queue: WriteQueue) -> None:
+    """Subscribe to the keys, at each board where the bus has several sessions."""
+    everything = f"{keys.ROOT}/**" if fleet == "*" else f"{keys.ROOT}/{fleet}/**"
+    for key in only or (everything,):
+        if isinstance(bus, FleetBus):
+            bus.boards.at_each(lambda board, one, key=key: one.raw.tap(key, write_queue.sample))  # type: ignore[misc]
+        else:
+            bus.raw.tap(key, write_queue.sample)
+
+
 class _Recording:
     """One recording under way."""
 
@@ -168,10 +180,10 @@ class _Recording:
         for one in await unreached(self._bus):
             print(f"note: {one}", file=sys.stderr)
         nobody = asyncio.create_task(self._say_if_nobody_is_there(fleet))
-        with StatusLine(recorder) as status:
-            showing = asyncio.create_task(status.show())
-            await self._until_it_ends()
-            showing.cancel()
+        showing = asyncio.create_task(show_status(recorder))
+        await self._until_it_ends()
+        showing.cancel()
+        await asyncio.gather(showing, return_exceptions=True)
         nobody.cancel()
         await self._backfill.close()
         return self._finish()
@@ -193,9 +205,9 @@ class _Recording:
             self._leave()
 
     def _leave(self) -> NoReturn:
-        """Leave without the thread that writes: it waits for the disk, and nothing can end that."""
-        told = f"{self._recorder.path.parent.absolute()} takes nothing any more: left without what still waits"
-        stderr().write(f"error: {told}; what is recorded up to there can be read", ERROR)
+        """End the process while the recorder's thread blocks on the disk: nothing else ends it."""
+        problem = f"{self._recorder.path.parent.absolute()} does not accept writes: the last messages are lost"
+        stderr().write(f"error: {problem}; the file can be read up to there", ERROR)
         flush()
         os._exit(EXIT_FAILED)
 
@@ -205,7 +217,7 @@ class _Recording:
         for line in warnings(self._recorder):
             stdout().write(line, NOTICE)
         if self._recorder.problem:
-            stderr().write(f"error: {self._recorder.problem}; what is recorded up to there can be read", ERROR)
+            stderr().write(f"error: {self._recorder.problem}; the file can be read up to there", ERROR)
             return EXIT_FAILED
         return EXIT_DONE
 
@@ -220,14 +232,14 @@ class _Recording:
             self._recorder.note("router", "the router is back")
             self._backfill.look_again()
         elif not up:
-            self._recorder.note("router", "the router is lost: nothing is heard")
+            self._recorder.note("router", "the router is lost: nothing is received")
         self._router_lost = not up
 
     async def _say_if_nobody_is_there(self, fleet: str) -> None:
         await asyncio.sleep(NOBODY)
         if not self._backfill.tokens and not self._recorder.messages:
-            who = f"nobody of fleet `{fleet}` is" if fleet != ANY else "nobody is"
-            print(f"note: {who} on {self._bus.endpoint} yet; it is recorded as soon as it comes", file=sys.stderr)
+            who = f"no daemon of fleet `{fleet}`" if fleet != ANY else "no daemon"
+            print(f"note: {who} is on {self._bus.endpoint} yet; recording starts when one comes", file=sys.stderr)
 
 
 def _size(text: str) -> int:
@@ -239,3 +251,38 @@ def _size(text: str) -> int:
     if read < SMALLEST:
         raise ArgumentTypeError(f"expected 1MB at least, got `{text}`")
     return read
+
+
+async def show_status(recorder: Recorder) -> None:
+    """Redraw one line of figures on a terminal until cancelled; do nothing where there is no terminal."""
+    if not sys.stderr.isatty():
+        return
+    before = 0
+    try:
+        while True:
+            rate = f"{(recorder.messages - before) / REFRESH:.0f} messages/s"
+            before = recorder.messages
+            line = f"{recorder.seconds:.0f} s  {rate}  {size(recorder.size)}  {recorder.dropped} dropped"
+            print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+            await asyncio.sleep(REFRESH)
+    finally:
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+def content(recorder: Recorder) -> str:
+    """Return the files and how much was recorded, as text."""
+    many = f"{count(recorder.messages, 'message')} in {recorder.seconds:.1f} s"
+    files = str(recorder.path) if len(recorder.files) == 1 else f"{recorder.path} and {len(recorder.files) - 1} more"
+    return f"{files}: {many}, {size(recorder.size)}"
+
+
+def warnings(recorder: Recorder) -> list[str]:
+    """Return a line for each loss or oddity of a recording."""
+    lines = []
+    if recorder.dropped:
+        lines.append(f"warning: {recorder.dropped} messages did not fit and are missing")
+    if recorder.writer.unread:
+        lines.append(f"note: {recorder.writer.unread} messages are neither JSON nor MessagePack and are kept as bytes")
+    if recorder.filter.wild:
+        lines.append(f"warning: {recorder.filter.wild} messages, put on key expressions (`*`), are under {NOTES}")
+    return lines + [f"warning: {gap}" for gap in [*recorder.minds.gaps(), *recorder.minds.cut_short()]]

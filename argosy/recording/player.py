@@ -1,4 +1,4 @@
-"""Says what a recording holds once more, on the bus, at the times at which it was said."""
+"""Publish a recording on the bus again, at the recorded times."""
 
 from __future__ import annotations
 
@@ -9,40 +9,39 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from argosy.recording.file import json_conversion
-from argosy.recording.file.key_filter import fleet_of
-from argosy.recording.file.reader import Recorded, Recording
-from argosy.recording.file.records import TokenSeen, Unread, put_on
+from argosy.recording.reader import Recorded, Recording
+from argosy.recording.records import TokenSeen, Unread, fleet_of, is_msgpack, record_put_on, to_msgpack
 from commd.bus.bus import Bus, Token
 from commd.bus.raw import Publisher
 from schemas.wire import keys
 
 AT_ONCE = 500
-"""Messages that are said before the event loop turns to others."""
+"""Messages published before the event loop turns to other tasks."""
 LATE = 0.25
-"""Wall seconds by which it may be late without being told so."""
+"""Wall seconds of delay that are not reported."""
 
 
 @dataclass
 class Figures:
-    """What a replay has done so far."""
+    """Counters of a replay."""
 
     said: int = 0
+    """Messages published."""
     left_out: int = 0
-    """Answers to questions that nobody puts, deleted keys, and what the recorder itself said."""
+    """Answers to queries, deleted keys, and the recorder's notes."""
     not_ours: int = 0
-    """What stands under keys that are none of a recorded fleet's: never said."""
+    """Messages on keys outside the recorded fleets: never published."""
     unreadable: int = 0
-    """What is not what it says to be."""
+    """Messages that do not decode."""
     at: float = 0.0
     """Seconds of the recording."""
     behind: float = 0.0
-    """Wall seconds by which it was late at worst."""
+    """Largest delay, in wall seconds."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """Which part of a recording is replayed, and how fast."""
+    """The part of a recording to replay, and the speed."""
 
     begin: float = 0.0
     """Seconds since its beginning."""
@@ -58,16 +57,16 @@ class Player:
     bus: Bus
     recording: Recording
     rename: Mapping[str, str]
-    """From the name of a recorded fleet to the one in which it is replayed. Into no other anything is said."""
+    """From the name of each recorded fleet to the fleet it is replayed into; nothing is published elsewhere."""
     figures: Figures = field(default_factory=Figures)
     tokens: dict[str, Token] = field(default_factory=dict)
-    """Those that stand for recorded daemons now, by key."""
+    """Held tokens of recorded daemons, by key."""
     declared: set[str] = field(default_factory=set)
-    """All that ever stood for one: a token that was taken back is seen for a moment longer."""
+    """Keys of all tokens ever held: a withdrawn token stays visible for a moment."""
     _publishers: dict[str, Publisher] = field(default_factory=dict)
 
     async def play(self, part: Part) -> None:
-        """Say everything once, in real time; what was there before the beginning is said at once."""
+        """Publish the part once, in real time, beginning with the state that held before it."""
         loop = asyncio.get_running_loop()
         for message in self._before(part):
             self._say(message)
@@ -86,13 +85,13 @@ class Player:
         await asyncio.sleep(max(0.0, zero + length / part.speed - loop.time()))
 
     def clear(self) -> None:
-        """Take back the tokens: the recorded daemons are there no longer."""
+        """Withdraw the tokens of the recorded daemons."""
         for token in self.tokens.values():
             self.bus.withdraw(token)
         self.tokens.clear()
 
     def _before(self, part: Part) -> Iterator[Recorded]:
-        """Yield the daemons that were there at the beginning, and the last that was said of each thing that lasts."""
+        """Yield the tokens that were held at the beginning, and the last value of each lasting record."""
         if part.begin <= 0:
             return
         last: dict[str, Recorded] = {}
@@ -127,17 +126,13 @@ class Player:
         self.figures.said += 1
 
     def _payload(self, message: Recorded) -> bytes | None:
-        """Return the bytes that were put; None for what was not put, and is not."""
-        if message.origin == "recorder" or (message.origin == "query" and not put_on(message.key)):
+        """Return the bytes that were put; None for a message that was not put."""
+        if message.origin == "recorder" or (message.origin == "query" and not record_put_on(message.key)):
             return None
         if message.name == Unread.__name__:
             unread = message.record
             return b64decode(unread.base64) if isinstance(unread, Unread) and not unread.deleted else None
-        return (
-            json_conversion.to_msgpack(message.data)
-            if json_conversion.is_msgpack(message.track.encoding)
-            else message.data
-        )
+        return to_msgpack(message.data) if is_msgpack(message.track.encoding) else message.data
 
     def _token(self, message: Recorded) -> None:
         seen = message.record
@@ -154,7 +149,7 @@ class Player:
             self.bus.withdraw(self.tokens.pop(key))
 
     def _renamed(self, key: str) -> str | None:
-        """Return the key in the fleet in which it is replayed; None for what is no plain key of a recorded one."""
+        """Return the key in the fleet it is replayed into; None for a key outside the recorded fleets."""
         fleet = fleet_of(key)
         if fleet is None or fleet not in self.rename:
             return None
@@ -163,6 +158,6 @@ class Player:
 
 
 def foreign(tokens: Iterable[str], own: Iterable[str]) -> list[str]:
-    """Return the names of daemons that are there and are none of the replay's."""
+    """Return the daemons, as `bridged uav1`, whose tokens are not the replay's own."""
     parsed = (keys.parse(token) for token in sorted(set(tokens) - set(own)))
     return [f"{one[2][1]} {one[1]}" for one in parsed if one is not None and len(one[2]) == 3]

@@ -1,4 +1,4 @@
-"""What a recording says of itself: metadata at its beginning, and at its end if it came to one."""
+"""The metadata of a recording: facts at its beginning, and its end if it ended in order."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ SECOND: Final = 1_000_000_000
 BEGIN, END = "argosy", "argosy.end"
 """Names of the two metadata records."""
 FORMAT = "1"
-"""Of recordings; another one is refused."""
+"""Version of the recording format; others are refused."""
 _NOTE = "note."
 _SUM = "crc32"
-"""Of all else in the metadata: MCAP itself has a checksum for messages only."""
+"""Checksum of the other metadata: MCAP has one for messages only."""
 
 
 @dataclass(frozen=True)
@@ -24,29 +24,29 @@ class Facts:
     """What is known when a recording begins."""
 
     recording: str
-    """A name for it that no other has; the parts of one that was split share it."""
+    """Unique id; the parts of a split recording share it."""
     fleet: str
-    """`*`: every fleet on the router."""
+    """`*` = every fleet on the router."""
     started: int
     """Unix nanoseconds."""
     version: str
-    """Of Argosy."""
+    """Release of Argosy."""
     mission: str = ""
-    """What the mission is called, if the recorder was given its file."""
+    """Name of the mission, if the recorder was given its file."""
     mission_file: str = ""
-    """Name of that file, without its folder."""
+    """File name of the mission, without its folder."""
     mission_text: str = ""
     only: tuple[str, ...] = ()
-    """The key expressions to which it was limited; none = everything of the fleet."""
+    """The recorded key expressions; empty = everything of the fleet."""
     speed: float = 1.0
-    """Mission seconds that passed in a second of the clock on the wall."""
+    """Mission seconds per wall second."""
     part: int = 1
-    """Counts up from 1 with the files of a recording that was split."""
+    """Number of the file in a split recording, from 1."""
     notes: Mapping[str, str] = field(default_factory=dict)
-    """What whoever recorded wanted to have noted."""
+    """Notes of the operator, by name."""
 
     def metadata(self) -> dict[str, str]:
-        """Return them as a metadata record's content."""
+        """Return the content of the metadata record."""
         said = {
             "format": FORMAT,
             "recording": self.recording,
@@ -68,17 +68,17 @@ def _sum(said: Mapping[str, str]) -> str:
 
 
 def intact(metadata: Mapping[str, str]) -> bool:
-    """Whether metadata are as they were written, as far as they say so."""
+    """Whether the checksum of metadata, if there is one, is right."""
     said = dict(metadata)
     expected = said.pop(_SUM, None)
     return expected is None or expected == _sum(said)
 
 
 def facts_of(metadata: Mapping[str, str]) -> Facts:
-    """Return the facts that a metadata record holds. Raises ValueError for another format."""
+    """Return the facts in a metadata record. Raises ValueError for another format."""
     found = metadata.get("format", "")
     if found != FORMAT:
-        raise ValueError(f"a recording of format {found or '?'}, this version of Argosy reads format {FORMAT}")
+        raise ValueError(f"it has format {found or '?'}, this version of Argosy reads format {FORMAT}")
     return Facts(
         recording=metadata.get("recording", ""),
         fleet=metadata.get("fleet", "*"),
@@ -99,31 +99,31 @@ class End:
     """What is known when a recording ends."""
 
     why: str
-    """In words: `ctrl-C`, `1 h are over`, `the disk is full`."""
+    """Text: `ctrl-C`, `1 h are over`, `the disk is full`."""
     ended: int
     """Unix nanoseconds."""
     messages: int = 0
-    """All that were written."""
+    """Messages written."""
     dropped: int = 0
-    """That did not fit in the queue to the disk."""
+    """Messages that did not fit in the queue to the disk."""
     too_large: int = 0
-    """That were larger than any record may be."""
+    """Messages larger than any record."""
     unread: int = 0
-    """That were neither JSON nor MessagePack of an object; they are in the file as bytes."""
+    """Messages written as bytes: neither a JSON nor a MessagePack object."""
     gaps: tuple[str, ...] = ()
-    """What is missing of the inputs of minds, in words."""
+    """Missing inputs of minds, a line for each life."""
     following: str = ""
-    """Name of the file in which it goes on."""
+    """Name of the file that continues it."""
 
     def metadata(self) -> dict[str, str]:
-        """Return it as a metadata record's content."""
+        """Return the content of the metadata record."""
         figures = {name: str(getattr(self, name)) for name in ("ended", "messages", "dropped", "too_large", "unread")}
         said = {"why": self.why, **figures, "gaps": "\n".join(self.gaps), "following": self.following}
         return said | {_SUM: _sum(said)}
 
 
 def end_of(metadata: Mapping[str, str]) -> End:
-    """Return the end that a metadata record holds."""
+    """Return the end in a metadata record."""
     figures = {name: int(metadata.get(name, "0")) for name in ("ended", "messages", "dropped", "too_large", "unread")}
     gaps = tuple(metadata.get("gaps", "").splitlines())
     return End(why=metadata.get("why", ""), gaps=gaps, following=metadata.get("following", ""), **figures)

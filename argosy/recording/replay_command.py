@@ -1,37 +1,44 @@
-"""`argosy replay`: what a recording holds, said once more on the bus; or what it holds, in words."""
+"""`argosy replay`: publish a recording again, or print what it holds (`--info`)."""
 
 from __future__ import annotations
 
 import asyncio
+import json
 import re
 import signal
 import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections import Counter
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager, suppress
+from datetime import UTC, datetime
+from itertools import chain, islice
 from pathlib import Path
+from typing import Any
 
 from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.cli.port_check import in_use
-from argosy.recording.file.contents import contents
-from argosy.recording.file.reader import BadRecording, Recording, open_recording
-from argosy.recording.record.subscriptions import wanted_keys
-from argosy.recording.replay.mind_command import add_mind_arguments, run_mind, without_a_mind
-from argosy.recording.replay.player import LATE, Part, Player, foreign
+from argosy.recording.metadata import SECOND
+from argosy.recording.mind_command import add_mind_arguments, run_mind, without_a_mind
+from argosy.recording.mind_inputs import MOST_MISSING, PART, Life, in_words
+from argosy.recording.player import LATE, Part, Player, foreign
+from argosy.recording.reader import BadRecording, Recording, open_recording
+from argosy.recording.records import wanted_keys
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
+from schemas.humanize import count, printable, size
 from schemas.mission.model import DEFAULT_ROUTER
 from schemas.wire import keys
 
 SUFFIX = "-replay"
-"""Behind the name of a fleet: where it is replayed by default, so that no live one hears of it."""
+"""Appended to a fleet's name: the fleet it is replayed into by default, away from the live one."""
 _LOOPBACK = re.compile(r"tcp/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 LOOK = 1.0
-"""Wall seconds between two looks at whether anybody has come, and between two lines of progress."""
+"""Wall seconds between two checks for other daemons, and between two lines of progress."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -82,7 +89,7 @@ def _seconds(text: str) -> float:
 
 
 def run(args: Namespace) -> int:
-    """Replay. Returns 0 when all was said, 1 if it could not be, 130 for ctrl-C."""
+    """Replay. Returns 0 when everything was published, 1 if that failed, 130 for ctrl-C."""
     if args.mind is not None:
         return run_mind(args)
     if wrong := without_a_mind(args):
@@ -111,7 +118,7 @@ def run(args: Namespace) -> int:
 
 
 def _place(args: Namespace, recording: Recording) -> tuple[Where, dict[str, str]]:
-    """Return where it is replayed and how fleets are called there. Raises ValueError for what cannot be."""
+    """Return where to replay, and the new name of each fleet. Raises ValueError for impossible arguments."""
     if args.end is not None and args.end <= args.begin:
         raise ValueError(f"--to {args.end:g}: expected more than --from {args.begin:g}")
     if args.begin > recording.seconds:
@@ -119,7 +126,7 @@ def _place(args: Namespace, recording: Recording) -> tuple[Where, dict[str, str]
     fleets = recording.fleets
     if args.fleet is not None:
         if len(fleets) > 1:
-            raise ValueError(f"--fleet {args.fleet}: {args.file} is of several fleets: {', '.join(fleets)}")
+            raise ValueError(f"--fleet {args.fleet}: {args.file} has several fleets: {', '.join(fleets)}")
         if not _NAME.fullmatch(args.fleet):
             raise ValueError(f"--fleet {args.fleet}: expected letters, digits, `_`, `-` and `.`")
     wanted_keys("*", args.only)
@@ -137,7 +144,7 @@ async def _replay(recording: Recording, part: Part, place: Where, rename: dict[s
 
 @asynccontextmanager
 async def _bus(place: Where, fleet: str) -> AsyncIterator[Bus]:
-    """Open the bus; where no router is and one may be, be one."""
+    """Open the bus; be the router where none is running on loopback."""
     alone = place.tls is None and _LOOPBACK.match(place.router) and not in_use(place.router)
     if not alone:
         async with operator_bus(place) as bus:
@@ -146,12 +153,12 @@ async def _bus(place: Where, fleet: str) -> AsyncIterator[Bus]:
     async with open_bus(
         place.router, fleet=fleet, name="replay", daemon="argosy", stamp=time.time_ns, mode="router"
     ) as bus:
-        print(f"no router at {place.router}: this replay is one, as long as it lasts", flush=True)
+        print(f"no router at {place.router}: this replay is the router until it ends", flush=True)
         yield bus
 
 
 async def _somebody(bus: Bus, fleets: Iterable[str], player: Player) -> list[str]:
-    """Return who is in these fleets and is not the replay's."""
+    """Return the daemons of these fleets that are not the replay's."""
     found: list[str] = []
     for fleet in fleets:
         found += [
@@ -163,13 +170,11 @@ async def _somebody(bus: Bus, fleets: Iterable[str], player: Player) -> list[str
 
 def _danger(there: list[str]) -> str:
     who = there[0] if len(there) == 1 else f"{there[0]} and {len(there) - 1} more"
-    return (
-        f"{who} is there: what was perceived in another flight must not be told to it. Name another --fleet, or --force"
-    )
+    return f"{who} is running: it must not receive the percepts of another flight. Name another --fleet, or use --force"
 
 
 class _Replay:
-    """One replay under way."""
+    """A running replay."""
 
     def __init__(self, bus: Bus, player: Player, part: Part, args: Namespace) -> None:
         self._bus, self._player, self._part, self._args = bus, player, part, args
@@ -177,11 +182,11 @@ class _Replay:
         self._somebody: list[str] = []
 
     async def run(self, fleets: list[str]) -> int:
-        """Replay to the end, to a signal, or until somebody is there. Returns the exit code."""
+        """Replay to the end, to a signal, or until another daemon appears. Returns the exit code."""
         loop = asyncio.get_running_loop()
         playing = asyncio.create_task(self._play())
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            loop.add_signal_handler(number, self._told, number, playing)
+            loop.add_signal_handler(number, self._cancel, number, playing)
         print(f"replaying {self._player.recording.path} into fleet {', '.join(fleets)}", flush=True)
         watching = asyncio.create_task(self._watch(fleets, playing))
         try:
@@ -192,7 +197,7 @@ class _Replay:
         finally:
             watching.cancel()
             self._player.clear()
-        self._tell()
+        self._report()
         if self._somebody:
             print(f"error: stopped: {_danger(self._somebody)}", file=sys.stderr)
             return EXIT_FAILED
@@ -204,12 +209,12 @@ class _Replay:
             self._player.clear()
             await self._player.play(self._part)
 
-    def _told(self, number: signal.Signals, playing: asyncio.Task[None]) -> None:
+    def _cancel(self, number: signal.Signals, playing: asyncio.Task[None]) -> None:
         self._signal = self._signal or number
         playing.cancel()
 
     async def _watch(self, fleets: list[str], playing: asyncio.Task[None]) -> None:
-        """Stop when somebody alive comes into the fleet; show how far it is."""
+        """Stop when another daemon appears in the fleet; show progress."""
         while True:
             await asyncio.sleep(LOOK)
             if not self._args.force and (there := await _somebody(self._bus, fleets, self._player)):
@@ -221,19 +226,131 @@ class _Replay:
                 told = f"{figures.at:.0f} of {self._player.recording.seconds:.0f} s  {figures.said} messages"
                 print(f"\r\x1b[K{told}", end="", file=sys.stderr, flush=True)
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         figures = self._player.figures
         if sys.stderr.isatty():
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
-        left = f", {figures.left_out} left out (they were answers to questions)" if figures.left_out else ""
+        left = f", {figures.left_out} left out (answers to queries)" if figures.left_out else ""
         with suppress(OSError):
             print(f"replayed {figures.at:.1f} s: {figures.said} messages{left}")
         if figures.not_ours:
-            told = "under keys that are none of a recorded fleet's, and were not said: they could reach somebody alive"
-            print(f"warning: {figures.not_ours} messages stand {told}", file=sys.stderr)
+            why = "their keys are outside the recorded fleets and could reach running robots"
+            print(f"warning: {figures.not_ours} messages were not published: {why}", file=sys.stderr)
         if figures.unreadable:
-            print(f"warning: {figures.unreadable} messages cannot be read, and were not said", file=sys.stderr)
+            print(f"warning: {figures.unreadable} messages were not published: they cannot be read", file=sys.stderr)
         if figures.behind > LATE:
             print(
                 f"warning: up to {figures.behind:.1f} s late: this machine is too slow for the speed", file=sys.stderr
             )
+
+
+Unread = Counter[tuple[str, str]]
+"""Number of batches that do not decode, by fleet and agent."""
+
+
+def contents(recording: Recording, *, as_json: bool = False) -> str:
+    """Return what a recording holds, as text or JSON."""
+    unread: Unread = Counter()
+    lives = recording.lives(unread=unread)
+    if as_json:
+        return json.dumps(_data(recording, lives, unread), indent=2, ensure_ascii=False) + "\n"
+    return (
+        "\n".join(map(printable, [*_head(recording), "", *_minds(recording, lives, unread), "", *_topics(recording)]))
+        + "\n"
+    )
+
+
+def _head(recording: Recording) -> list[str]:
+    facts, end = recording.facts, recording.end
+    began = datetime.fromtimestamp(facts.started / SECOND, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+    held = sum(file.stat().st_size for file in recording.files)
+    files = f"{len(recording.files)} files, " if len(recording.files) > 1 else ""
+    mission = f", mission {facts.mission} ({facts.mission_file}, at speed {facts.speed:g})" if facts.mission else ""
+    lines = [
+        f"{recording.path}: {files}{size(held)}, of Argosy {facts.version}",
+        f"  fleet    {', '.join(recording.fleets) or facts.fleet}{mission}",
+        f"  began    {began}",
+        f"  lasts    {recording.seconds:.1f} s, {sum(topic.messages for topic in recording.topics)} messages",
+        f"  ended    {end.why if end is not None else 'no: it was cut off, or is still being written'}",
+    ]
+    if recording.missing:
+        lines.append(f"  missing  {recording.missing}")
+    if facts.only:
+        lines.append(f"  only     {' '.join(facts.only)}")
+    if end is not None and (lost := end.dropped + end.too_large):
+        lines.append(f"  dropped  {lost} messages that did not fit")
+    lines += [f"  {name:8} {text}" for name, text in facts.notes.items()]
+    return lines
+
+
+def _minds(recording: Recording, lives: list[Life], unread: Unread) -> list[str]:
+    width = max((len(agent) for agent in [*(life.agent for life in lives), *(agent for _, agent in unread)]), default=0)
+    lines = [f"  {life.agent:{width}}  {life.boot:8}  {_life(life)}" for life in lives]
+    for (_, agent), number in sorted(unread.items()):
+        batches = count(number, "batch", "batches")
+        lines.append(f"  {agent:{width}}  {batches} of its inputs cannot be read: another version of Argosy wrote them")
+    if lines:
+        return ["minds", *lines]
+    if any(topic.key.endswith(f"/{PART}") for topic in recording.topics):
+        return ["no minds: the messages on `trace/inputs` are not Argosy's"]
+    return ["no minds: `trace/inputs` was not recorded"]
+
+
+def _life(life: Life) -> str:
+    last = life.batches[-1]
+    if life.whole:
+        birth = life.batches[0].birth
+        unknown = f", cannot be replayed: {birth.unknown}" if birth is not None and birth.unknown else ""
+        decided = sum(batch.decided for batch in life.batches)
+        extent = "whole" if life.ended else f"from birth to {life.until:.1f} s of mission time, its end is missing"
+        return f"{extent}, {last.last} cycles, {decided} decisions and effects{unknown}"
+    if life.missing:
+        return f"incomplete: batches {in_words(life.missing)} of {last.number + 1} of its inputs are missing"
+    return "incomplete: its birth is missing"
+
+
+def _topics(recording: Recording) -> list[str]:
+    if not recording.topics:
+        return ["no messages"]
+    seconds = max(recording.seconds, 1e-9)
+    width = max(len(topic.key) for topic in recording.topics)
+    names = max(len(topic.record) for topic in recording.topics)
+    rows = [
+        f"  {topic.key:{width}}  {topic.record:{names}}  {topic.messages:>7}  {topic.messages / seconds:>8.2f}"
+        for topic in recording.topics
+    ]
+    return [f"  {'':{width}}  {'':{names}}  {'number':>7}  {'Hz':>8}", *rows]
+
+
+def _data(recording: Recording, lives: list[Life], unread: Unread) -> dict[str, Any]:
+    facts, end = recording.facts, recording.end
+    return {
+        "files": [str(file) for file in recording.files],
+        "fleets": recording.fleets,
+        "mission": facts.mission,
+        "speed": facts.speed,
+        "version": facts.version,
+        "started": facts.started,
+        "seconds": recording.seconds,
+        "ended": None if end is None else end.why,
+        "missing": recording.missing,
+        "dropped": 0 if end is None else end.dropped + end.too_large,
+        "notes": dict(facts.notes),
+        "minds": [
+            {
+                "agent": life.agent,
+                "boot": life.boot,
+                "whole": life.whole and life.ended,
+                "end": life.ended,
+                "batches": len(life.batches),
+                "missing": list(islice(chain.from_iterable(life.missing), MOST_MISSING)),
+            }
+            for life in lives
+        ],
+        "unread_inputs": [
+            {"fleet": fleet, "agent": agent, "batches": count} for (fleet, agent), count in sorted(unread.items())
+        ],
+        "topics": [
+            {"key": topic.key, "record": topic.record, "messages": topic.messages} for topic in recording.topics
+        ],
+    }

@@ -1,23 +1,21 @@
-"""What a recorder asks a fleet for: what was there before it came, and what it has missed since.
+"""Fetch what a recorder did not receive: the state before it started, and inputs of minds that were lost.
 
-Percepts, manifests, directories and mailboxes are told when they change, and the inputs of a mind only while somebody
-listens: who comes late asks for what there is.
+Percepts, manifests, directories and mailboxes are published when they change, and the inputs of a mind only while there
+is a subscriber: a recorder that starts late queries them.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Iterable
-from functools import partial
+from collections.abc import Iterable
 
 import msgspec
 import zenoh
 
-from argosy.recording.file.mind_inputs import in_words, stretches
-from argosy.recording.file.records import PREFIX, TokenSeen
-from argosy.recording.file.write_queue import Heard, WriteQueue
-from argosy.recording.record.minds import Minds, Whose
+from argosy.recording.mind_inputs import Minds, Whose, in_words, stretches
+from argosy.recording.records import TokenSeen, encoding_of
+from argosy.recording.write_queue import Heard, WriteQueue
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
 from commd.common.tasks import Tasks
@@ -27,36 +25,36 @@ from schemas.wire.mind_records import MindInputs, MindView
 from schemas.wire.records import BoardServices, LiveManifest, Mailboxes, Perception, Record
 
 PATIENCE = 5.0
-"""Wall seconds that a fleet has to answer."""
+"""Wall seconds to wait for answers."""
 SETTLE = 0.3
-"""Wall seconds between a token and a question: a daemon shows itself before it serves."""
+"""Wall seconds between a token and a query: a daemon declares its token before it serves."""
 AGAIN = (0.3, 1.0, 3.0)
-"""Wall seconds after which an agent is asked for its inputs, again if it did not answer."""
+"""Wall seconds before each query for an agent's inputs; repeated until it answers."""
 LOOK = 1.0
-"""Wall seconds between two looks at what is missing."""
+"""Wall seconds between two checks for missing batches."""
 TRIES = 3
-"""How often a life is asked for the same that is missing."""
+"""Queries for the same missing batches of a life."""
 AT_ONCE = 8
-"""Questions under way."""
+"""Concurrent queries."""
 REPLIES = 100_000
-"""Replies to one question that may wait."""
+"""Queued replies to one query."""
 log = logging.getLogger("recorder")
 
 
 class Backfill:
-    """Follows the tokens of a fleet and asks each daemon that comes."""
+    """Follows the tokens of a fleet and queries each daemon that appears."""
 
     def __init__(self, bus: Bus, fleet: str, write_queue: WriteQueue, minds: Minds, only: Iterable[str] = ()) -> None:
-        """`fleet` may be `*`. With `only`, key expressions, nothing else is asked for."""
+        """`fleet` may be `*`. `only`: key expressions; nothing else is queried."""
         self.tokens = 0
-        """Daemons that are there now."""
+        """Daemons with a token."""
         self._bus, self._fleet, self._write_queue, self._minds = bus, fleet, write_queue, minds
         self._only = [zenoh.KeyExpr(key) for key in only]
         self._tasks = Tasks("asking for what was before")
         self._room = asyncio.Semaphore(AT_ONCE)
         self._tried: dict[Whose, tuple[frozenset[int], int]] = {}
         self._perceiving: set[str] = set()
-        """Fleets whose percepts are about to be asked for."""
+        """Fleets whose percepts will be queried soon."""
 
     def start(self) -> None:
         """Begin to follow the fleet."""
@@ -64,17 +62,17 @@ class Backfill:
         self._tasks.spawn(self._repair())
 
     async def close(self) -> None:
-        """Ask no longer."""
+        """Stop querying."""
         await self._tasks.end()
 
     async def last_look(self) -> None:
-        """Ask once more for what is missing, before the end."""
+        """Query missing batches once more, before the end."""
         for whose in self._minds.missing():
             if self._tried.get(whose, (frozenset(), 0))[1] < TRIES:
                 await self._inputs(whose.fleet, whose.agent)
 
     def look_again(self) -> None:
-        """Ask for all that may have changed while the router was away."""
+        """Query everything that may have changed while the router was away."""
         self._perceive(self._fleet)
         self._tried.clear()
 
@@ -86,9 +84,8 @@ class Backfill:
         fleet, name, (_, daemon, _) = parsed
         payload = msgspec.json.encode(TokenSeen(key=key, alive=alive))
         topic = f"{keys.ROOT}/{fleet}/{name}/alive/{daemon}"
-        encoding = f"application/json;{PREFIX}{TokenSeen.__name__}/1"
         if self._wants(keys.alive(fleet, name, daemon, "*")):
-            self._write_queue.put(Heard(self._write_queue.now(), topic, payload, encoding, "token"))
+            self._write_queue.put(Heard(self._write_queue.now(), topic, payload, encoding_of(TokenSeen), "token"))
         if not alive:
             return
         match daemon:
@@ -102,7 +99,7 @@ class Backfill:
                 self._spawn_ask(keys.mailboxes(fleet, name), Mailboxes)
 
     def _perceive(self, fleet: str) -> None:
-        """Ask for all percepts of a fleet, soon; several bridges that come together are asked once."""
+        """Query all percepts of a fleet in `LOOK` seconds, once for several bridges."""
         if fleet not in self._perceiving:
             self._perceiving.add(fleet)
             self._tasks.spawn(self._percepts(fleet))
@@ -114,9 +111,7 @@ class Backfill:
 
     async def _mind(self, fleet: str, agent: str) -> None:
         if self._wants(keys.mind(fleet, agent)):
-            self._tasks.spawn(
-                self._later(SETTLE, partial(self._ask, f"{keys.mind(fleet, agent)}?plans=true", MindView))
-            )
+            self._spawn_ask(f"{keys.mind(fleet, agent)}?plans=true", MindView)
         if not self._wants(keys.trace(fleet, agent, "inputs")):
             return
         for seconds in AGAIN:
@@ -128,7 +123,7 @@ class Backfill:
         return await self._ask(keys.trace(fleet, agent, "inputs"), MindInputs)
 
     async def _repair(self) -> None:
-        """Ask for stretches that are missing, a few times each."""
+        """Query missing batches, `TRIES` times each."""
         while True:
             await asyncio.sleep(LOOK)
             for whose, numbers in self._minds.missing().items():
@@ -139,17 +134,17 @@ class Backfill:
                 self._tried[whose] = numbers, tries + 1
                 await self._inputs(whose.fleet, whose.agent)
                 if tries + 1 == TRIES and (left := self._minds.missing().get(whose)):
-                    log.warning("%s: its inputs %s are missing for good", whose.agent, in_words(stretches(left)))
+                    log.warning("%s: batches %s of its inputs are lost", whose.agent, in_words(stretches(left)))
 
     def _spawn_ask(self, key: str, answer: type[Record]) -> None:
-        self._tasks.spawn(self._later(SETTLE, partial(self._ask, key, answer)))
+        async def ask_soon() -> None:
+            await asyncio.sleep(SETTLE)
+            await self._ask(key, answer)
 
-    async def _later(self, seconds: float, do: Callable[[], Awaitable[object]]) -> None:
-        await asyncio.sleep(seconds)
-        await do()
+        self._tasks.spawn(ask_soon())
 
     async def _ask(self, key: str, answer: type[Record]) -> bool:
-        """Ask, and take in what is answered. Returns whether anybody answered."""
+        """Query, and queue the answers. Returns whether there was one."""
         if not self._wants(key.partition("?")[0]):
             return False
         made, answered = codec(answer), False

@@ -14,11 +14,10 @@ from pathlib import Path
 from agentd.extensions.plugins import discover
 from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from argosy.recording.file import mind_inputs
-from argosy.recording.file.reader import BadRecording, Recording, open_recording
-from argosy.recording.file.records import TokenSeen
-from argosy.recording.replay.mind_report import SHOWN
-from argosy.recording.replay.mind_verification import OTHER_VERSION, ReplayCheck
+from argosy.recording import mind_inputs
+from argosy.recording.mind_verification import OTHER_VERSION, SHOWN, ReplayCheck
+from argosy.recording.reader import BadRecording, Recording, open_recording
+from argosy.recording.records import TokenSeen
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.text_files import read_bounded
 from schemas.wire import keys

@@ -1,4 +1,4 @@
-"""The recording of a run: a recorder of its own beside the daemons, whose death ends no flight."""
+"""The recording of a run: `argosy record` as a process beside the daemons; its death does not end the flight."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MISSING = f"no recording: it needs `{install_command('record')}`"
 
 
 class NoRecording(Exception):
-    """What was asked for cannot be recorded; says why."""
+    """A recording that was requested is impossible; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class RunRecording:
 
     path: Path
     asked_for: bool
-    """Whether the run is not to begin without it: `--record`. A report is better without it than not at all."""
+    """Whether the run needs it (`--record`). A report does without it."""
 
 
 def recording_of(record: Path | None, report: Path | None) -> RunRecording | str:
-    """Return where a run is recorded, or why it is not; empty = nobody asked for it. Raises NoRecording."""
+    """Return where a run is recorded, or why it is not; empty = not requested. Raises NoRecording."""
     if record is None and report is None:
         return ""
     if find_spec("mcap") is None:
@@ -38,16 +38,16 @@ def recording_of(record: Path | None, report: Path | None) -> RunRecording | str
         return MISSING
     if record is not None:
         if record.exists():
-            raise NoRecording(f"--record {record}: it is there already: name another file")
+            raise NoRecording(f"--record {record}: the file exists: name another one")
         if not record.absolute().parent.is_dir():
-            raise NoRecording(f"--record {record}: there is no folder {record.parent}")
+            raise NoRecording(f"--record {record}: folder {record.parent} does not exist")
         return RunRecording(record, True)
     assert report is not None
     return RunRecording(report / IN_A_REPORT, False)
 
 
 def what_became_of_it(lines: Iterable[LogLine], how: str) -> str:
-    """Return as text what a recorder has recorded; `how` it ended if its file is not complete."""
+    """Return what a recorder has recorded, as text. `how` it ended is told if its file is incomplete."""
     ended = next((line.event for line in lines if isinstance(line.event, RecordingEnded)), None)
     return f"cut off: the recorder {how}" if ended is None else ended.text
 
@@ -55,6 +55,6 @@ def what_became_of_it(lines: Iterable[LogLine], how: str) -> str:
 def record_command(recording: RunRecording, mission: str, router: str, speed: float) -> list[str]:
     """Return the recorder's module and its arguments."""
     to = ["--output", str(recording.path)]
-    if not recording.asked_for:  # a report is written anew into its folder
+    if not recording.asked_for:  # a report overwrites the files of an earlier one
         to.append("--force")
     return ["argosy", "record", "--mission", mission, "--router", router, "--speed", f"{speed:g}", *to]

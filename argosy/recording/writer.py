@@ -1,7 +1,7 @@
-"""Writes recordings: MCAP files that survive a recorder which is killed.
+"""Write MCAP files that survive a killed recorder.
 
-What was heard in a second is a chunk of its own and given to the system at once: whoever kills the recorder takes the
-last second at most. Every `SYNC` seconds the disk has it too, which is what a loss of power leaves.
+Each second ends a chunk, which is handed to the operating system: a kill loses one second at most. Every `SYNC` seconds
+the file is synced to the disk, for a loss of power.
 """
 
 from __future__ import annotations
@@ -18,11 +18,21 @@ from typing import BinaryIO, Literal
 
 from mcap.writer import CompressionType, Writer
 
-from argosy.recording.file import json_conversion
-from argosy.recording.file.json_schema import json_schema
-from argosy.recording.file.metadata import BEGIN, END, End, Facts
-from argosy.recording.file.records import PREFIX, RECORDS, Unread
-from argosy.recording.file.write_queue import Heard
+from argosy.recording.json_schema import json_schema
+from argosy.recording.metadata import BEGIN, END, End, Facts
+from argosy.recording.records import (
+    NO_HEAD,
+    PREFIX,
+    RECORDS,
+    RecordHead,
+    Unread,
+    head_of,
+    is_msgpack,
+    record_name,
+    to_json,
+    unread_payload,
+)
+from argosy.recording.write_queue import Heard
 from schemas.version import RELEASE
 
 Compression = Literal["none", "lz4", "zstd"]
@@ -32,15 +42,15 @@ COMPRESSIONS: dict[Compression, CompressionType] = {
     "zstd": CompressionType.ZSTD,
 }
 SYNC = 10.0
-"""Wall seconds between two times that the disk is told to keep what it has."""
+"""Wall seconds between two syncs to the disk."""
 CHUNK = 1024 * 1024
 """Bytes after which a chunk ends before its second is over."""
 MOST_CHANNELS = 60_000
-"""Keys of one file; what is said on further ones is dropped and counted. MCAP counts channels in 16 bits."""
+"""Keys of one file; messages on further ones are dropped and counted. MCAP counts channels in 16 bits."""
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
-"""What a file system says that has no locks."""
+"""Errors of file systems without locks."""
 FOREIGN = "json"
-"""Name of the schema of objects that are no records of Argosy."""
+"""Schema name of objects that are not records of Argosy."""
 _ANY_OBJECT = b'{"type": "object", "properties": {}}'
 
 
@@ -54,7 +64,7 @@ class RecordingWriter:
     """One file of a recording."""
 
     def __init__(self, path: Path, facts: Facts, compression: Compression = "lz4", *, overwrite: bool = False) -> None:
-        """Raises OSError if it cannot be made or another recorder writes it, FileExistsError if it is there already."""
+        """Create the file. Raises FileExistsError, or OSError if it cannot be created or another recorder writes it."""
         self.path = path
         self._file = _opened(path, overwrite=overwrite)
         self._writer = Writer(self._file, CHUNK, COMPRESSIONS[compression])
@@ -63,9 +73,9 @@ class RecordingWriter:
         self._schemas: dict[str, int] = {}
         self._count = self._size = 0
         self.messages = self.unread = self.no_channel = 0
-        """Written; of these as bytes; and not written, because there are too many keys."""
+        """Messages written; of these as bytes; and messages left out because there are too many keys."""
         self.safe = 0
-        """Messages that the system has: they are in the file whatever comes."""
+        """Messages handed to the operating system: they survive a kill."""
         self._synced = time.monotonic()
         self._writer.start(library=f"argosy {RELEASE}")
         self._writer.add_metadata(BEGIN, facts.metadata())
@@ -74,16 +84,16 @@ class RecordingWriter:
 
     @property
     def channels(self) -> int:
-        """How many keys it has."""
+        """Number of keys."""
         return self._count
 
     @property
     def size(self) -> int:
-        """Bytes written so far, without the chunk that is not full."""
+        """Bytes written so far, without the open chunk."""
         return self._file.tell() if not self._file.closed else self._size
 
-    def add(self, heard: Heard) -> json_conversion.Said | None:
-        """Write a message. Returns what it says of itself; None if it had to be left out."""
+    def add(self, heard: Heard) -> RecordHead | None:
+        """Write a message. Returns its head; None if it was left out."""
         key = (heard.key, heard.encoding, heard.origin)
         channel = self._channels.get(key)
         if channel is None and (key in self._channels or (channel := self._open(heard)) is None):
@@ -91,20 +101,20 @@ class RecordingWriter:
             return None
         data: bytes | None = heard.payload
         if channel.reads == "msgpack":
-            data = json_conversion.to_json(heard.payload)
-        said = None if data is None or heard.deleted else json_conversion.read(data)
-        if said is None or data is None:
+            data = to_json(heard.payload)
+        head = None if data is None or heard.deleted else head_of(data)
+        if head is None or data is None:
             return self._add_unread(heard)
-        self._write(channel.id, heard.at, data, said)
-        return said
+        self._write(channel.id, heard.at, data, head)
+        return head
 
-    def _write(self, channel: int, at: int, data: bytes, said: json_conversion.Said) -> None:
-        stamp, seq = said.header.stamp, said.header.seq
+    def _write(self, channel: int, at: int, data: bytes, head: RecordHead) -> None:
+        stamp, seq = head.header.stamp, head.header.seq
         publish_time = stamp if 0 < stamp < 1 << 64 else at
         self._writer.add_message(channel, at, data, publish_time, seq & 0xFFFFFFFF)
         self.messages += 1
 
-    def _add_unread(self, heard: Heard) -> json_conversion.Said | None:
+    def _add_unread(self, heard: Heard) -> RecordHead | None:
         key = (heard.key, heard.encoding)
         if key not in self._unread_channels:
             self._unread_channels[key] = self._register(heard.key, Unread.__name__, heard, "unread")
@@ -112,14 +122,14 @@ class RecordingWriter:
         if channel is None:
             self.no_channel += 1
             return None
-        data = json_conversion.unread(heard.payload, heard.encoding, deleted=heard.deleted)
-        self._write(channel.id, heard.at, data, json_conversion.NOTHING_SAID)
+        data = unread_payload(heard.payload, heard.encoding, deleted=heard.deleted)
+        self._write(channel.id, heard.at, data, NO_HEAD)
         self.unread += not heard.deleted
-        return json_conversion.NOTHING_SAID
+        return NO_HEAD
 
     def _open(self, heard: Heard) -> _Channel | None:
-        name = json_conversion.record_name(heard.key, heard.encoding)
-        reads: Literal["json", "msgpack"] = "msgpack" if json_conversion.is_msgpack(heard.encoding) else "json"
+        name = record_name(heard.key, heard.encoding)
+        reads: Literal["json", "msgpack"] = "msgpack" if is_msgpack(heard.encoding) else "json"
         made = self._register(heard.key, name, heard, reads)
         if len(self._channels) < 2 * MOST_CHANNELS:
             self._channels[heard.key, heard.encoding, heard.origin] = made
@@ -143,7 +153,7 @@ class RecordingWriter:
         return self._schemas[name]
 
     def flush(self) -> None:
-        """End the chunk and give it to the system; now and then to the disk. Raises OSError: it may be full."""
+        """End the chunk and hand it to the operating system, every `SYNC` seconds to the disk. Raises OSError."""
         self._writer.flush()
         self.safe = self.messages
         if time.monotonic() - self._synced >= SYNC:
@@ -151,7 +161,7 @@ class RecordingWriter:
             self._synced = time.monotonic()
 
     def close(self, end: End) -> None:
-        """Write how it ended and the index. Raises OSError."""
+        """Write the end record and the index. Raises OSError."""
         try:
             self._writer.flush()
             self.safe = self.messages
@@ -164,7 +174,7 @@ class RecordingWriter:
             self._file.close()
 
     def abandon(self) -> None:
-        """Close the file as it is: what is in it up to the last chunk can be read."""
+        """Close the file after a failure: it is readable up to the last chunk."""
         with suppress(OSError):  # what could not be written before cannot be now
             self._file.close()
         with suppress(OSError):
@@ -172,7 +182,7 @@ class RecordingWriter:
 
 
 def _opened(path: Path, *, overwrite: bool) -> BinaryIO:
-    """Return an empty file that is this recorder's alone. Raises OSError."""
+    """Return an empty file, locked by this recorder. Raises OSError."""
     number = os.open(path, os.O_RDWR | os.O_CREAT | (0 if overwrite else os.O_EXCL), 0o600)
     try:
         try:

@@ -1,1 +1,0 @@
-"""The recording file: MCAP records, metadata, reader, writer, and JSON of what it holds."""

@@ -1,1 +1,0 @@
-"""`argosy record`: subscribe to a fleet, fetch what was before, filter, write."""
