@@ -171,7 +171,7 @@ def pictures(_: Figures) -> dict[str, str]:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/measurements/bridge.md."""
+    """Return the figures of docs/measurements/daemons.md."""
     latency = figures.latency
     lines = [
         origin.line(),

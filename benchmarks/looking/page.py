@@ -1,4 +1,4 @@
-"""What the benchmark of looking finds, and how docs/measurements/observers.md tells it."""
+"""What the benchmark of looking finds, and how docs/measurements/daemons.md tells it."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def pictures(figures: Figures) -> dict[str, str]:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/measurements/observers.md."""
+    """Return the figures of docs/measurements/daemons.md."""
     lines = [
         origin.line(),
         "",

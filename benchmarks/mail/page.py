@@ -1,4 +1,4 @@
-"""What the mail's benchmark finds, and how docs/measurements/mail.md tells it."""
+"""What the mail's benchmark finds, and how docs/measurements/daemons.md tells it."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def pictures(_: Figures) -> dict[str, str]:
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the figures of docs/measurements/mail.md."""
+    """Return the figures of docs/measurements/daemons.md."""
     rows = (
         ("latency across two commd, FULL (p50 / p99)", f"{figures.latency_full} ms"),
         ("latency across two commd, NORMAL", f"{figures.latency_normal} ms"),

@@ -34,12 +34,12 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
     "docs/guides/drivers.md": ("0.5 s, 64 KiB, 16 MB, 500 times", "limits and pauses"),
     "docs/guides/fleets.md": ("0.2 s", _PAUSES),
     "docs/guides/monitoring.md": (
-        "5.5 s, 0.25 s, 1 GB, 200 MB, 16 kB, 0.5 s, 20 kB, 5 messages/s, 1 %, 8 kB",
-        "bounds between good, warning and error, and what a check sends",
+        "5.5 s, 0.25 s, 1 GB, 200 MB, 16 kB, 0.5 s, 20 kB, 5 messages/s, 1 %, 8 kB, 0.35 s, 0.7 s, 4 kB",
+        "bounds between good, warning and error, what a check sends, limits, and times of a press",
     ),
     "docs/reference/language.md": ("100 times", _LIMITS),
     "docs/guides/command-line-tools.md": ("2.5 s, 4 kB", "limits and defaults"),
-    "docs/measurements/observers.md": ("0.2 s, 50 times, 5 times, 2 MB", "limits, and what follows from 0.2 s"),
+    "docs/measurements/daemons.md": ("0.2 s, 50 times, 5 times, 2 MB", "limits, and what follows from 0.2 s"),
     "docs/guides/mail.md": (
         "0.05 s, 0.1 s, 1 MB, 256 MB, 256 kB, 64 kB, 64 MB, x 8",
         "limits, pauses, and bits of a byte",
@@ -47,8 +47,10 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
     "docs/guides/mavlink.md": ("0.5 s, 0.2 s, 64 KiB, 4 KiB", "limits and pauses"),
     "docs/reference/mind-records.md": ("0.2 s, 4 kB", _LIMITS),
     "docs/architecture/mind.md": ("100 times", _LIMITS),
-    "docs/guides/recording.md": ("2 GB, 128 MB, 64 MB, 1000 times", _LIMITS),
-    "docs/guides/recording.md": ("2 MB, 8 MB, 20 %, 45 %", "limits, and the battery of an example"),
+    "docs/guides/recording.md": (
+        "2 GB, 128 MB, 64 MB, 1000 times, 2 MB, 8 MB, 20 %, 45 %",
+        "limits, and the battery of an example",
+    ),
     "docs/guides/restart.md": ("0.5 s, 0.3 s, 50 times, 1 MB, 64 MB", "limits and pauses"),
     "docs/start/search-and-rescue.md": ("20 %, 1500 us", "what a rescuer goes out with, and when a latch is open"),
     "docs/guides/security.md": (
@@ -59,7 +61,6 @@ ALLOWED: Final[dict[str, tuple[str, str]]] = {
         "0.02 s, 0.1 s",
         "the step of the simulation, and from when on it counts as late",
     ),
-    "docs/guides/monitoring.md": ("0.25 s, 0.35 s, 0.7 s, 16 kB, 4 kB", "limits, and times of a press"),
 }
 """The figures that a page may type, and why."""
 

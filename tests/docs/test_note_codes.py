@@ -43,7 +43,7 @@ def codes() -> set[str]:
 
 def listed() -> list[str]:
     page = (ROOT / "docs/guides/monitoring.md").read_text()
-    table = page.partition("## Codes of notes")[2].partition("\n## ")[0]
+    table = page.partition("## Codes of notes")[2].partition("\n##")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     return [code for cell in rows for code in re.findall(r"`(\w+)`", cell)]
 
