@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from agentd.language.compiler.code_writer import Ref
 from agentd.language.compiler.compile import CompiledProgram
-from agentd.language.compiler.plan import compile_formula
+from agentd.language.compiler.units import compile_formula
 from agentd.mind.beliefs.belief_base import BeliefBase
 from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import CodeType
-from typing import Any
+from typing import Any, NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +66,20 @@ class Unit:
         return namespace
 
 
+class Line(NamedTuple):
+    """A reserved line of a function."""
+
+    number: int
+    indent: int
+
+
 class Function:
     """One function being written."""
 
     def __init__(self, unit: Unit, name: str, parameters: str) -> None:
         self.unit, self.name = unit, name
         self._lines: list[str | None] = [f"def {name}({parameters}):"]
-        self._indent = 1
+        self.indent = 1
         self._locals = 0
         self.loops = 0
         """How many loops are open at this point: Python nests no more than 20."""
@@ -82,23 +89,19 @@ class Function:
         return f"{prefix}{self._locals}"
 
     def emit(self, line: str) -> None:
-        self._lines.append("    " * self._indent + line)
+        self._lines.append("    " * self.indent + line)
 
-    def reserve(self) -> int:
-        """Keep a place for a line that may turn out to be needed; see `fill`."""
+    def reserve(self) -> Line:
+        """Reserve a line that may turn out to be needed; see `fill`."""
         self._lines.append(None)
-        return len(self._lines) - 1
+        return Line(len(self._lines) - 1, self.indent)
 
-    def fill(self, place: int, line: str, indent: int | None = None) -> None:
-        self._lines[place] = "    " * (self._indent if indent is None else indent) + line
+    def fill(self, line: Line, text: str) -> None:
+        self._lines[line.number] = "    " * line.indent + text
 
     def uses(self, name: str) -> bool:
         """Whether a name may occur in the lines written so far."""
         return any(name in line for line in self._lines if line is not None)
-
-    @property
-    def indent(self) -> int:
-        return self._indent
 
     @contextmanager
     def block(self, head: str) -> Iterator[None]:
@@ -106,12 +109,12 @@ class Function:
         self.emit(head)
         loop = head.startswith("for ")
         self.loops += loop
-        self._indent += 1
+        self.indent += 1
         before = len(self._lines)
         yield
         if all(line is None for line in self._lines[before:]):
             self.emit("pass")
-        self._indent -= 1
+        self.indent -= 1
         self.loops -= loop
 
     def assign(self, expression: str, prefix: str = "v") -> str:
@@ -137,3 +140,45 @@ def tuple_of(parts: list[str]) -> str:
 def targets_of(names: list[str]) -> str:
     """The left side that takes a tuple apart; there is at least one name."""
     return f"({names[0]},)" if len(names) == 1 else ", ".join(names)
+
+
+FRAME_HEADER = 6
+"""So many places of a frame come before its variables; see `agentd.mind.data.intention`."""
+
+
+@dataclass
+class StepCode:
+    """A formula of a body: the function that runs it and the step that follows (by number; None ends the body)."""
+
+    function: str
+    syntax: Any
+    next: int | None = None
+
+
+@dataclass
+class PlanCode:
+    """The generated code of a plan, or of a body that runs inside a plan's frame."""
+
+    unit: Unit
+    slots: dict[str, int]
+    """The place of each variable in a frame."""
+    steps: list[StepCode] = field(default_factory=list)
+    first: int | None = None
+    size: int = FRAME_HEADER
+    """How many places a frame has."""
+    bound: dict[str, bool] = field(default_factory=dict)
+    tried: list[tuple[Any, tuple[str, ...]]] = field(default_factory=list)
+    """The literals of the context in order, with their variables that have a value when they are tried; empty for
+    plans that are selected without a trace."""
+
+    def slot(self, name: str) -> int:
+        found = self.slots.get(name)
+        if found is None:
+            found = self.slots[name] = self.size
+            self.size += 1
+        return found
+
+    def hidden_slot(self) -> int:
+        """A place for something that is no variable of the program."""
+        self.size += 1
+        return self.size - 1

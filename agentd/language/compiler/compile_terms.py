@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from agentd.language.compiler.code_writer import Function, Unit, tuple_of
 from agentd.language.compiler.constants import (
     constant_annots,
+    constant_term,
     is_constant,
     is_number,
     is_plain_atom,
@@ -31,6 +33,34 @@ _DIRECT = {"+", "-", "*", "/"}
 """The operators that Python computes alike when both operands are numbers."""
 
 
+class Action(Protocol):
+    """An internal action as the compiler sees it; see `agentd.mind.data.registry`."""
+
+    function: Callable[..., Any]
+    backtracks: bool
+    suspends: bool
+    names: int
+
+    def guarded(self) -> Callable[..., Any]: ...
+
+
+class Library(Protocol):
+    """What a program's mind knows of internal actions and functions."""
+
+    has_meta: bool
+    """Whether the program has plans for the states of goals, ``^!g``."""
+    namespaced: bool
+    """Whether literals of other namespaces than the default one may occur."""
+
+    def is_function(self, name: str, arity: int) -> bool: ...
+
+    def function(self, name: str, arity: int) -> Callable[..., Any]: ...
+
+    def action(self, name: str, arity: int) -> Action | None: ...
+
+    def unknown_action(self, node: nodes.InternalAction) -> None: ...
+
+
 class _Written(NamedTuple):
     """A part of a term: the node that stands for it, its local if it has been written, whether it is a constant."""
 
@@ -42,7 +72,7 @@ class _Written(NamedTuple):
 class TermCompiler:
     """Writes terms into one function. ``library`` knows the functions of the program."""
 
-    def __init__(self, unit: Unit, function: Function, library: Any, depth: str) -> None:
+    def __init__(self, unit: Unit, function: Function, library: Library, depth: str) -> None:
         self.unit, self.function, self.library = unit, function, library
         self.depth = depth
         """The expression for the depth of new variables, ``""`` where no frame owns them."""
@@ -128,7 +158,7 @@ class TermCompiler:
     def _constant_term(self, node: Any) -> str:
         if is_plain_atom(node) and not self.library.is_function(node.functor, 0):
             return self.constant(shared_atom(node.functor))
-        term = self.library.constant(node)
+        term = constant_term(node)
         return "EMPTY" if term is EMPTY else self.constant(term)
 
     def _variable(self, node: nodes.Variable, scope: Scope) -> str:

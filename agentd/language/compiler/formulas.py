@@ -13,10 +13,9 @@ from dataclasses import replace
 from typing import Any, Final
 
 from agentd.language.compiler.code_writer import Function, Ref, targets_of, tuple_of
-from agentd.language.compiler.compile_relation import RelationCompiler
 from agentd.language.compiler.compile_terms import Scope
 from agentd.language.compiler.constants import is_constant, signature_of
-from agentd.language.compiler.matching import MAX_INDENT, Next
+from agentd.language.compiler.matching import MAX_INDENT, MatchCompiler, Next
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.traversal import is_plain_variable, variables
 
@@ -26,7 +25,7 @@ _MOST_CONJUNCTS = 6
 """A longer conjunction is split into generators."""
 
 
-class FormulaCompiler(RelationCompiler):
+class FormulaCompiler(MatchCompiler):
     """Writes formulas into one function, which has the locals ``m`` (the mind) and ``trail``."""
 
     nested = False

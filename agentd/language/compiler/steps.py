@@ -6,49 +6,43 @@ The function of a formula has the variables of its plan in the frame, and as loc
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
-from agentd.language.compiler.code_writer import Function, Ref, tuple_of
-from agentd.language.compiler.compile_terms import Scope
+from agentd.language.compiler.code_writer import Function, Line, PlanCode, Ref, tuple_of
+from agentd.language.compiler.compile_terms import Library, Scope
 from agentd.language.compiler.constants import is_plain_atom, signature_of
 from agentd.language.compiler.formulas import QUERIES, FormulaCompiler, is_query
-from agentd.language.compiler.plan_code import PlanCode
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.syntax_tree.traversal import HIDDEN, is_plain_variable, variables
+from agentd.language.terms.terms import Term
 
 Bound = dict[str, bool]
 """Which variables have a place filled in the frame: True for certain, False perhaps; not in it: certainly not."""
 
 
-class Bodies(Protocol):
-    """The compiler of the plan's bodies, which writes the steps of a block inside a formula."""
-
-    code: PlanCode
-    library: Any
-    values: dict[str, Any]
-
-    def body(self, body: nodes.Body, bound: Bound, after: int | None) -> int | None: ...
-
-
 class StepWriter:
-    """The function of one formula, ``number`` among the steps of ``body``; ``bound`` is changed as it is written."""
+    """The function of one formula, ``number`` among the steps of ``code``; ``bound`` is changed as it is written."""
 
-    def __init__(self, body: Bodies, number: int, bound: Bound) -> None:
-        self.body, self.code, self.bound, self.number = body, body.code, bound, number
-        self.unit = body.code.unit
-        self.name = f"s{number}"
-        self.code.steps[number].function = self.name
-        self.start(self.name, bound)
+    def __init__(self, code: PlanCode, library: Library, values: dict[str, Term], number: int, bound: Bound) -> None:
+        self.code, self.library, self._values, self.number = code, library, values, number
+        self.unit = code.unit
+        code.steps[number].function = f"s{number}"
+        self.start(f"s{number}", bound)
+
+    @property
+    def following(self) -> int | None:
+        """The step after this one."""
+        return self.code.steps[self.number].next
 
     def start(self, name: str, bound: Bound) -> None:
         """Begin a function of this step."""
         self.function = Function(self.unit, name, "m, i, f")
-        self.trail_line = self.function.reserve()
-        """The line for the local ``trail``, filled in when the function is finished."""
+        self._trail_line = self.function.reserve()
+        """The line for the local ``trail``, see `load_trail`."""
         self._certain: set[str] = set()
-        self.compiler = FormulaCompiler(self.unit, self.function, self.body.library, "len(i.stack)")
+        self.compiler = FormulaCompiler(self.unit, self.function, self.library, "len(i.stack)")
         self.scope: Scope = {}
         self.bound = bound
 
@@ -63,7 +57,7 @@ class StepWriter:
                 self.scope[name] = local
                 if not self.bound[name]:
                     with self.function.block(f"if {local} is None:"):
-                        known = self.body.values.get(name)
+                        known = self._values.get(name)
                         if known is not None:
                             self.function.emit(f"{local} = f[{place}] = {self.unit.constant(known)}")
                         else:
@@ -87,10 +81,19 @@ class StepWriter:
         for name in variables(term):
             self.bound[name] = name in self._certain or self.bound.get(name, False)
 
+    def load_trail(self) -> None:
+        """Give the function its local ``trail``."""
+        self.function.fill(self._trail_line, "trail = i.trail")
+
+    def fill_jumps(self, places: list[Line], number: int | None) -> None:
+        """Fill reserved lines: the next step is the one with this number."""
+        for place in places:
+            self.function.fill(place, f"f[0] = {self.step(number)}")
+
     def finish(self) -> None:
         """End the function and add it to the unit."""
         if self.function.uses("trail"):
-            self.function.fill(self.trail_line, "trail = i.trail", 1)
+            self.load_trail()
         self.unit.add(self.function)
 
     def step(self, number: int | None) -> str:
@@ -99,10 +102,6 @@ class StepWriter:
 
     def constant(self, value: Any) -> str:
         return self.unit.constant(value)
-
-    def here(self) -> str:
-        """An expression for the step that is being written."""
-        return self.step(self.number)
 
     def succeed(self, found: Scope) -> None:
         """The formula holds, with the variables of ``found``."""
@@ -166,14 +165,14 @@ def _action(writer: StepWriter, term: Any) -> None:
             writer.function.emit("constraint_failed()")
             writer.settle(term)
         case nodes.Variable():
-            writer.dynamic(f"run_term(m, i, f, {writer.here()}, {{}})", term)
+            writer.dynamic(f"run_term(m, i, f, {writer.step(writer.number)}, {{}})", term)
         case nodes.And() | nodes.Or():
             scope = writer.use(term)
             writer.compiler.formula(term, scope, writer.succeed)
             writer.function.emit("constraint_failed()")
             writer.settle(term)
         case _:
-            writer.dynamic(f"run_term(m, i, f, {writer.here()}, {{}})", term)
+            writer.dynamic(f"run_term(m, i, f, {writer.step(writer.number)}, {{}})", term)
 
 
 def _achieve(writer: StepWriter, term: Any, new_focus: bool) -> None:
@@ -183,12 +182,12 @@ def _achieve(writer: StepWriter, term: Any, new_focus: bool) -> None:
     args, annots, scope = writer.literal(term)
     relevant = writer.relevant("+", "!", term)
     if new_focus:
-        if writer.body.library.has_meta:
+        if writer.library.has_meta:
             writer.function.emit(f"pending(m, {relevant}, {args}, {annots})")
         writer.function.emit(f"m.post({relevant}, detach({args}), {_resolved_annots(annots)})")
     else:
         writer.store(scope)
-        if writer.body.library.has_meta:
+        if writer.library.has_meta:
             writer.function.emit(f"pending(m, {relevant}, {args}, {annots})")
         writer.function.emit(f"m.events.append(({relevant}, {args}, {annots}, i))")
         writer.function.emit("return True")
@@ -229,14 +228,14 @@ def _internal(writer: StepWriter, term: nodes.InternalAction) -> None:
         return
     scope = writer.use(term)
     query = QUERIES.get((name, arity))
-    action = writer.body.library.action(name, arity)
+    action = writer.library.action(name, arity)
     if query is not None and is_query(term.args[min(1, arity - 2)], scope):
         writer.compiler.formula(term, scope, writer.succeed)
         writer.function.emit("action_said_no()")
         writer.settle(term)
         return
     if action is None:
-        writer.body.library.unknown_action(term)
+        writer.library.unknown_action(term)
         sig = writer.constant(signature(name, arity))
         args = tuple_of([writer.compiler.build(arg, scope) for arg in term.args])
         writer.store(scope)
@@ -245,11 +244,7 @@ def _internal(writer: StepWriter, term: nodes.InternalAction) -> None:
         return
     built = writer.compiler.action_arguments(term, scope)
     for place, arg in enumerate(term.args[: action.names]):
-        if (
-            isinstance(arg, nodes.Structure)
-            and is_plain_atom(arg)
-            and not writer.body.library.is_function(arg.functor, 0)
-        ):
+        if isinstance(arg, nodes.Structure) and is_plain_atom(arg) and not writer.library.is_function(arg.functor, 0):
             built[place] = writer.constant(arg.functor)
     args = "".join(f", {writer.function.assign(arg)}" for arg in built)
     function = writer.constant(action.function)
@@ -387,7 +382,7 @@ class ComputedOnce:
 
     def _value(self, node: Any, name: str, args: tuple[Any, ...]) -> Any:
         counts = name == ".count" and len(args) == 1
-        if not counts and not self._writer.body.library.is_function(name, len(args)):
+        if not counts and not self._writer.library.is_function(name, len(args)):
             return node
         if not counts and not all(variable in self._known for variable in variables(node)):
             return node

@@ -15,8 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
-from agentd.language.compiler.constants import constant_term
-from agentd.language.compiler.selection import Form
+from agentd.language.compiler.units import Form
 from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.numbers import UndefinedNumber
@@ -271,10 +270,6 @@ class Library:
 
     def action(self, name: str, arity: int) -> InternalAction | None:
         return find_action(name, arity)
-
-    def constant(self, node: Any) -> Any:
-        """The term of a ground node."""
-        return constant_term(node)
 
     def unknown_action(self, node: nodes.InternalAction) -> None:
         """Note an internal action that does not exist."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, Final
 
-from agentd.language.compiler.compile_rule import compile_rule
 from agentd.language.compiler.constants import signature_of
+from agentd.language.compiler.units import compile_rule
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.source_annotations import SELF

@@ -1,7 +1,7 @@
 """Decision records: the last decisions of a mind, each with the plans that were rejected and why, and what failed.
 
 A mode of the compiled mind: with it plans are compiled so that they tell which literal of their context failed
-(`agentd.language.compiler.selection`), and events are taken by
+(`agentd.language.compiler.units`), and events are taken by
 `agentd.mind.execution.event_selection.take_event_recorded`. Without it nothing here runs.
 
 A record holds what it is about by reference where that cannot change any more and as a short copy where it can

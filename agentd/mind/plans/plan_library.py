@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
-from agentd.language.compiler.code_writer import Ref
+from agentd.language.compiler.code_writer import FRAME_HEADER, PlanCode, Ref
 from agentd.language.compiler.constants import signature_of
-from agentd.language.compiler.plan import compile_fragment, compile_plan
-from agentd.language.compiler.plan_code import FRAME_HEADER, PlanCode
+from agentd.language.compiler.units import compile_fragment, compile_plan
 from agentd.language.syntax_tree import nodes as syntax
 from agentd.language.syntax_tree.signatures import DEFAULT, Signature, signature
 from agentd.language.terms.format import code_text
@@ -142,7 +141,7 @@ class Plan:
     def unload(self) -> None:
         """Forget the code: it is generated anew when the plan is next tried, in the form that is then asked for."""
         self.select: Any = self._first_select
-        """A new frame for an event, or None: see `agentd.language.compiler.selection` for this and the others."""
+        """A new frame for an event, or None: see `agentd.language.compiler.units` for this and the others."""
         self.trace: Any = self._first_trace
         self.options: Any = self._first_options
         for inner in self.subplans:

@@ -1,6 +1,8 @@
-"""Generates the function that selects a plan for an event: its trigger and its context in one.
+"""Generates the units that a mind loads: plans, bodies run by a variable, rules and queries.
 
-There are three forms of it, each compiled only for minds that need it:
+Of a plan this is one function per formula of its body (`agentd.language.compiler.body`) and the function that selects
+it for an event, its trigger and its context in one. There are three forms of that, each compiled only for minds that
+need it:
 
 - ``select`` returns a new frame, or None if the plan is not applicable: the plain form;
 - ``trace`` returns a new frame, or why there is none: None if the trigger does not unify, else the number of the
@@ -9,19 +11,31 @@ There are three forms of it, each compiled only for minds that need it:
   (for selection functions).
 
 All three evaluate trigger and context once and in the same order, so that they decide the same.
+
+Nothing here belongs to a mind: predicates, plans and steps are `Ref` constants, provided when a mind loads the unit.
 """
 
 from __future__ import annotations
 
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
-from agentd.language.compiler.code_writer import Function, Ref, targets_of, tuple_of
-from agentd.language.compiler.compile_terms import Scope
+from agentd.language.compiler.body import BodyCompiler
+from agentd.language.compiler.code_writer import (
+    FRAME_HEADER,
+    Function,
+    PlanCode,
+    Ref,
+    StepCode,
+    Unit,
+    targets_of,
+    tuple_of,
+)
+from agentd.language.compiler.compile_terms import Library, Scope
 from agentd.language.compiler.formulas import FormulaCompiler, conjuncts
 from agentd.language.compiler.matching import Next
-from agentd.language.compiler.plan_code import FRAME_HEADER, PlanCode
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.traversal import variables
+from agentd.language.terms.terms import Term
 
 Form = Literal["select", "trace", "options"]
 
@@ -30,25 +44,120 @@ _MOST_TRACED: Final = 8
 
 _EVENT: Final = "m, trail, relevant, args, annots"
 
-
-def compile_select(
-    form: Form, plan: nodes.Plan, code: PlanCode, library: Any, values: dict[str, Any], outer: dict[str, int]
-) -> list[str]:
-    """Write one form of the function; returns the variables that its frames have values for."""
-    writer = _Writer(form, plan, code, library)
-    scope: Scope = {name: code.unit.constant(value) for name, value in values.items()}
-    for name, place in outer.items():
-        local = writer.function.assign(f"around[{place}]")
-        with writer.function.block(f"if {local} is None:"):
-            writer.function.emit(f"{local} = Var({code.unit.constant(name)})")
-        scope[name] = local
-    return writer.write(scope)
+STEPS = 2
+"""Steps of work for which a rule that is asked counts (`agentd.mind.beliefs.work_limit`)."""
 
 
-class _Writer:
-    """Writes one function."""
+def compile_plan(
+    plan: nodes.Plan,
+    library: Library,
+    values: dict[str, Term],
+    outer: dict[str, int] | None = None,
+    form: Form = "select",
+) -> PlanCode:
+    """The code of a plan. ``values`` are the variables that were bound when the plan was made as a term.
 
-    def __init__(self, form: Form, plan: nodes.Plan, code: PlanCode, library: Any) -> None:
+    ``form`` is that of the function that selects it.
+
+    For a nested plan ``outer`` gives the places, in the frame of the plan around it, of the variables that it sees.
+    """
+    unit = Unit(f"plan at {plan.position}")
+    code = PlanCode(unit, {})
+    for name in variables((plan.trigger.literal, plan.context, plan.goal_condition, plan.body)):
+        code.slot(name)
+    for name in values:
+        code.slot(name)
+    for name in outer or {}:
+        code.slot(name)
+    bound = _Selector(form, plan, code, library).write(values, outer or {})
+    code.bound = dict.fromkeys(bound, True)
+    code.first = BodyCompiler(code, library).body(plan.body, dict(code.bound), None)
+    if plan.goal_condition is not None:  # condition(m, trail, f): whether it holds in a frame of the plan
+        function = Function(unit, "condition", "m, trail, f")
+        places = {name: code.slot(name) for name in variables(plan.goal_condition) if code.bound.get(name)}
+        scope = {name: function.assign(f"f[{place}]") for name, place in places.items()}
+        _write_test(function, plan.goal_condition, scope, library)
+    return code
+
+
+def _write_test(function: Function, formula: nodes.Term, scope: Scope, library: Library) -> None:
+    """Write a function that returns whether a formula has a solution."""
+    compiler = FormulaCompiler(function.unit, function, library, "")
+    compiler.formula(formula, scope, lambda _: function.emit("return True"))
+    function.emit("return False")
+    function.unit.add(function)
+
+
+def compile_fragment(
+    body: nodes.Body, library: Library, values: dict[str, Term], slots: dict[str, int], size: int
+) -> PlanCode:
+    """The code of a body held by a variable, to run in a frame with these places for variables."""
+    code = PlanCode(Unit(f"body at {body.position}"), dict(slots), size=max(size, FRAME_HEADER))
+    for name in variables(body):
+        code.slot(name)
+    code.steps.append(StepCode("", None))  # stands for the step that follows in the frame
+    code.first = BodyCompiler(code, library, values).body(body, dict.fromkeys(code.slots, False), 0)
+    return code
+
+
+def compile_rule(rule: nodes.Rule, mode: tuple[bool, ...], library: Library, values: dict[str, Term]) -> Unit:
+    """A unit with the generator ``answers(m, trail, *args)``.
+
+    Each answer is the tuple of the head's arguments; a mode one longer than the head asks for its annotations as well.
+    ``values`` holds what variables of the rule were bound to when it was made at run time.
+    """
+    head = rule.head
+    unit = Unit(f"rule {head.functor}/{len(head.args)} at {rule.position}")
+    parameters = [f"a{i}" for i in range(len(head.args))]
+    function = Function(unit, "answers", ", ".join(["m", "trail", *parameters]))
+    compiler = FormulaCompiler(unit, function, library, "")
+    compiler.nested = True
+    scope: Scope = {name: unit.constant(value) for name, value in values.items()}
+    annotated = len(mode) > len(head.args)
+    function.emit(f"m.steps_left -= {STEPS}")
+    function.emit("if m.steps_left < 0: too_much_work(m)")
+    function.emit("mark = len(trail)")
+
+    def answer(found: Scope) -> None:
+        inner = dict(found)
+        out = [
+            parameter if given else compiler.build(arg, inner)
+            for parameter, given, arg in zip(parameters, mode, head.args, strict=False)
+        ]
+        if annotated:
+            out.append(compiler.annots(head.annotations, inner))
+        answered = tuple_of(out) if out else "()"
+        # Who asked frees what has been bound before asking for the next answer, also what this rule still needs.
+        with function.block("if len(trail) > mark:"):
+            function.emit(f"yield from bound_again(trail, mark, {answered})")
+        with function.block("else:"):
+            function.emit(f"yield {answered}")
+
+    given = [(arg, name) for arg, name, known in zip(head.args, parameters, mode, strict=False) if known]
+    compiler.asked = True
+
+    def body(inner: Scope) -> None:
+        compiler.asked = False
+        compiler.formula(rule.body, inner, answer)
+
+    compiler.match_all(given, scope, body)
+    function.emit("undo(trail, mark)")
+    function.emit("yield from ()")
+    unit.add(function)
+    return unit
+
+
+def compile_formula(formula: nodes.Term, library: Library) -> Unit:
+    """A unit with ``holds(m, trail)``: whether a formula over the beliefs has a solution."""
+    unit = Unit("formula")
+    _write_test(Function(unit, "holds", "m, trail"), formula, {}, library)
+    return unit
+
+
+class _Selector:
+    """Writes the function that selects a plan, in one of its forms."""
+
+    def __init__(self, form: Form, plan: nodes.Plan, code: PlanCode, library: Library) -> None:
         self.form, self.plan, self.code, self.library = form, plan, code, library
         self.unit = code.unit
         self.function = Function(code.unit, form, f"{_EVENT}, around=None")
@@ -60,8 +169,15 @@ class _Writer:
         self.shared = len(self.parts) > _MOST_TRACED
         """Whether the note is a list shared by several functions, not two locals."""
 
-    def write(self, scope: Scope) -> list[str]:
+    def write(self, values: dict[str, Term], outer: dict[str, int]) -> list[str]:
+        """Write the function; returns the variables that its frames have values for."""
         function = self.function
+        scope: Scope = {name: self.unit.constant(value) for name, value in values.items()}
+        for name, place in outer.items():
+            local = function.assign(f"around[{place}]")
+            with function.block(f"if {local} is None:"):
+                function.emit(f"{local} = Var({self.unit.constant(name)})")
+            scope[name] = local
         if self.noted:
             function.emit("w = [-1, ()]" if self.shared else "w = -1")
         if self.form == "options":
@@ -85,7 +201,7 @@ class _Writer:
             names = [f"a{i}" for i in range(len(literal.args))]
             if names:
                 self.function.emit(f"({', '.join(names)},) = args")
-            pairs: list[tuple[Any, str]] = list(zip(literal.args, names, strict=True))
+            pairs: list[tuple[nodes.Term, str]] = list(zip(literal.args, names, strict=True))
             if isinstance(literal.namespace, nodes.Variable):
                 pairs.insert(0, (literal.namespace, self.function.assign("atom(relevant.sig.namespace)")))
             self.compiler.match_all(pairs, scope, self._annots)
