@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 
-from argosy.tools.action_text import read_action
-from argosy.tools.record_text import line_of
+from argosy.tools.record_text import line_of, read_action
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.mind_records import MindOrder

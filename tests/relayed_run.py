@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import argosy.run.command
 from argosy.__main__ import main
-from argosy.processes.boards import Place, places
+from argosy.processes.process_table import Place, places
 from schemas.mission.model import Mission
 
 
@@ -32,7 +32,7 @@ if __name__ == "__main__":
         given.setdefault(target, []).append(relay)
 
     def places_by_relays(mission: Mission, router: str, taken: Collection[int] = ()) -> dict[str, Place]:
-        """Stand in for `argosy.processes.boards.places`."""
+        """Stand in for `argosy.processes.process_table.places`."""
         return relayed(places(mission, router, taken), {target: iter(names) for target, names in given.items()})
 
     argosy.run.command.places = places_by_relays  # type: ignore[attr-defined]

@@ -161,7 +161,7 @@ async def fly(number: int, folder: Path, victims: int | None = None) -> Course:
     first, second = (
         routers[3],
         routers[4],
-    )  # where pi1 and pi2 listen for other boards, by `argosy.processes.boards.places`
+    )  # where pi1 and pi2 listen for other boards, by `argosy.processes.process_table.places`
     pairs = list(zip((first, first, second), between, strict=True))
     wiring = ",".join(f"tcp/127.0.0.1:{target}=tcp/127.0.0.1:{relay}" for target, relay in pairs)
     report = folder / "report"

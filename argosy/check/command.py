@@ -7,9 +7,9 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from agentd.check.command import Robot, findings_of
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
@@ -24,7 +24,6 @@ from agentd.runtime.program_loader import compose, endings
 from agentd.runtime.program_paths import SourcePaths
 from argosy.check.belief_mentions import beliefs_of, mentioned
 from argosy.check.fleet_rules import check_boards, check_team
-from argosy.check.mission_outline import Outline, outline
 from argosy.processes.mavlink_links import check_links, group_of
 from argosy.processes.simulators import check_simulations, only_real
 from bridged.bridge.manifest_loader import load_robot_manifest
@@ -32,7 +31,8 @@ from bridged.bridge.robot_setup import prepare
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.shipped_files import mission_file
-from schemas.files.yaml_positions import Steps
+from schemas.files.text_files import read_bounded
+from schemas.files.yaml_positions import Positions, Steps, read_yaml
 from schemas.manifest.loader import Manifest
 from schemas.manifest.rules import BRIDGE_ACTION_ARITIES, BRIDGE_PERCEPTS
 from schemas.mission.model import Ending, Mission, load_mission
@@ -251,3 +251,59 @@ def _formula(mission: Mission, one: Ending, field: Literal["done", "failed"], fi
     except Findings as found:
         findings += [finding for finding in found.findings if finding not in findings]
     return Structure("true")
+
+
+@dataclass(frozen=True)
+class AgentOutline:
+    """An agent's program, robot and beliefs."""
+
+    program: str
+    robot: str | None
+    beliefs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What a mission file names."""
+
+    agents: dict[str, AgentOutline]
+    robots: dict[str, str | tuple[str, str]]
+    """Each robot's manifest: a name, or the pair of INI files."""
+    positions: Positions
+    folder: Path
+    """What paths in the mission are relative to."""
+
+
+def outline(path: Path) -> Outline | None:
+    """Return what a mission file names; None if it is not even YAML."""
+    try:
+        raw, positions = read_yaml(read_bounded(path).decode(), str(path))
+    except (Findings, OSError, UnicodeDecodeError):
+        return None
+    if not isinstance(raw, dict):
+        return None
+    agents = {
+        name: AgentOutline(
+            values["program"],
+            robot if isinstance(robot := values.get("robot"), str) else None,
+            _texts(values.get("beliefs")),
+        )
+        for name, values in _mapping(raw.get("agents")).items()
+        if isinstance(values, dict) and isinstance(values.get("program"), str)
+    }
+    robots: dict[str, str | tuple[str, str]] = {}
+    for name, values in _mapping(raw.get("robots")).items():
+        manifest = values.get("manifest") if isinstance(values, dict) else None
+        if isinstance(manifest, str):
+            robots[name] = manifest
+        elif len(pair := _texts(manifest)) == 2:
+            robots[name] = (pair[0], pair[1])
+    return Outline(agents, robots, positions, path.parent)
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    return tuple(item for item in value if isinstance(item, str)) if isinstance(value, list) else ()
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}

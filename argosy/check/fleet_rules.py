@@ -10,7 +10,7 @@ from agentd.check.symbol_table import Survey
 from agentd.language.syntax_tree.nodes import Goal, InternalAction, ListTerm, Operator, Program, Step, Structure
 from agentd.runtime.program_loader import restart_goal
 from argosy.check.belief_mentions import nodes_of
-from argosy.deploy.board_files import outside
+from argosy.deploy.board_needs import outside
 from argosy.processes.mavlink_links import address_of, peer_of
 from argosy.processes.simulators import machine_of, vehicle_of
 from bridged.drivers.mavlink.transport.address import LinkAddressError

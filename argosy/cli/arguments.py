@@ -1,19 +1,50 @@
-"""What people type as arguments: names, counts and durations. Each reader raises ArgumentTypeError for what is none."""
+"""What users type: commands with commands of their own, names, counts and durations."""
 
 from __future__ import annotations
 
 import re
-from argparse import ArgumentTypeError
-from collections.abc import Callable
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Callable, Mapping
 
+from commd.process.command_line import Help, check_command
+from commd.process.process import EXIT_BAD_INPUT
+from schemas.files.findings import Findings
 from schemas.files.units import Duration
 from schemas.wire.keys import check_name
 
+Command = tuple[Callable[[ArgumentParser], None], Callable[[Namespace], int]]
+"""Declares the arguments of a command; runs it and returns the exit code."""
 _COUNT = re.compile(r"0*[1-9][0-9]{0,8}")
 
 
+def run_subcommand(
+    prog: str, about: str, commands: Mapping[str, str], load: Callable[[str], Command], given: list[str]
+) -> int:
+    """Run one of several `commands` (name to help); `load` imports only that one. Returns the exit code."""
+    if given and given[0] in commands:
+        name, text = given[0], commands[given[0]]
+        parser = ArgumentParser(
+            prog=f"{prog} {name}", description=f"{text[0].upper()}{text[1:]}.", formatter_class=Help
+        )
+        add_arguments, run = load(name)
+        add_arguments(parser)
+        try:
+            return run(parser.parse_intermixed_args(given[1:]))  # options may be anywhere
+        except Findings as findings:
+            print(findings, file=sys.stderr)
+            return EXIT_BAD_INPUT
+    parser = ArgumentParser(prog=prog, description=about)
+    choices = parser.add_subparsers(required=True, metavar="COMMAND")
+    for name, text in commands.items():
+        choices.add_parser(name, help=text)
+    check_command(parser, given, commands)
+    parser.parse_args(given)
+    return parser.error("expected the COMMAND first")
+
+
 def name(text: str) -> str:
-    """Return the name of a fleet or of somebody in it: one chunk of a key, and no expression for several."""
+    """Read the name of a fleet, agent, robot or board: one chunk of a key. Raises ArgumentTypeError."""
     try:
         return check_name(text)
     except ValueError as error:
@@ -21,14 +52,14 @@ def name(text: str) -> str:
 
 
 def count(text: str) -> int:
-    """Return a number of things, at least one."""
+    """Read a count of 1 or more. Raises ArgumentTypeError."""
     if not _COUNT.fullmatch(text):
         raise ArgumentTypeError(f"expected a number, 1 or more, got `{text}`")
     return int(text)
 
 
 def duration(accepted: Callable[[float], bool], expected: str) -> Callable[[str], Duration]:
-    """Return what reads seconds, and refuses those that are not accepted; `expected` says which are."""
+    """Return a reader of durations in seconds that refuses those not `accepted`; `expected` describes the others."""
 
     def read(text: str) -> Duration:
         try:

@@ -1,13 +1,14 @@
-"""The operator's way onto the bus from any terminal: which fleet, which router, and what if nobody is there."""
+"""Operator commands on the bus: which fleet and router, the session, and output that survives a closed pipe."""
 
 from __future__ import annotations
 
 import asyncio
+import os
 import sys
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,12 +32,12 @@ ANY = "*"
 
 
 class Unanswered(Exception):
-    """Nobody has answered who should; says who is there."""
+    """A query has no answer; the text says who is running."""
 
 
 @dataclass(frozen=True)
 class Where:
-    """What an operator speaks to."""
+    """The fleet and router that a command works on."""
 
     fleet: str
     """A fleet, or `ANY`."""
@@ -44,9 +45,9 @@ class Where:
     tls: Tls | None = None
     """This machine's keys."""
     mission: Mission | None = None
-    """With keys: the mission whose boards are spoken to, each at its own router."""
+    """With keys: the mission, for a session with each of its boards."""
     robots: tuple[str, ...] = ()
-    """Those of the mission, where one is given."""
+    """Robots of the mission, if one is given."""
 
 
 def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
@@ -59,38 +60,34 @@ def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
 
 def add_router_argument(parser: ArgumentParser, default: str) -> None:
     """Declare `--router` and `--keys`."""
-    text = f"the router's endpoint (default: {default}; with --keys, the boards of the mission)"
+    text = f"Zenoh endpoint of the router (default: {default}; with --keys, the boards of the mission)"
     parser.add_argument("--router", type=endpoint, metavar="ENDPOINT", help=text)
-    parser.add_argument("--keys", type=Path, metavar="FOLDER", help="this machine's keys, for a fleet that has some")
+    parser.add_argument("--keys", type=Path, metavar="FOLDER", help="keys of this machine, for a secured fleet")
 
 
 def where(args: Namespace) -> Where:
-    """Return whom the arguments speak to: at the router that they name, that of a run here, or the usual one.
+    """Return the fleet and router of the arguments: the named router, that of a run on this machine, or the default.
 
-    Raises Findings for a mission that cannot be read, for useless keys, and if several runs could be meant.
+    Raises Findings for an invalid mission, for unusable keys, and if several runs on this machine match.
     """
     mission, tls = load_mission(args.mission) if args.mission else None, tls_of(args)
     if tls is not None and args.router and not args.router.startswith("tls/"):
-        raise Findings([Finding("--keys", 0, 0, f"are for what is at tls/..., and not for {args.router}")])
+        raise Findings([Finding("--keys", 0, 0, f"need an endpoint tls/HOST:PORT, got --router {args.router}")])
     if tls is not None and not args.router and mission is None:
-        text = "at which board? Say --mission FILE, or --router tls/HOST:PORT"
+        text = "need a board: add --mission FILE or --router tls/HOST:PORT"
         raise Findings([Finding("--keys", 0, 0, text)])
     if mission is not None:
         each = mission if tls is not None and not args.router else None
         here = "" if args.router or each else router_of(mission.fleet, mission.router.endpoint)
-        router = args.router or (_of_boards(mission) if each else here)
+        router = args.router or (f"the boards of {mission.path.name}" if each else here)
         return Where(mission.fleet, router, tls, each, tuple(mission.robots))
     router = args.router or (DEFAULT_ROUTER if tls is not None else router_of(args.fleet or "", DEFAULT_ROUTER))
     return Where(args.fleet or ANY, router, tls)
 
 
-def _of_boards(mission: Mission) -> str:
-    return f"the boards of {mission.path.name}"
-
-
 @asynccontextmanager
 async def operator_bus(place: Where) -> AsyncIterator[Bus]:
-    """Open the bus as the operator. Raises BusClosed if no router answers soon, and Findings if none can be dialled."""
+    """Open the bus as the operator. Raises BusClosed if no router answers, Findings for unusable keys."""
     who = identity_of(place.tls, time.time()).name if place.tls is not None else "operator"
     if place.mission is not None and place.tls is not None:
         async with open_fleet_bus(place.mission, place.tls, ROUTER_PATIENCE, name=who, daemon="argosy") as bus:
@@ -109,7 +106,7 @@ async def operator_bus(place: Where) -> AsyncIterator[Bus]:
 
 
 def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) -> int:
-    """Do an operator's work on the bus that the arguments name. Returns its exit code, or tells why it cannot be."""
+    """Run `work` on the bus that the arguments name, and print why if that fails. Returns the exit code."""
     try:
         place = where(args)
     except Findings as findings:
@@ -120,8 +117,7 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
         async with operator_bus(place) as bus:
             code = await work(bus, place)
             if code != EXIT_DONE and place.mission is not None and bus.name in place.mission.security.observers:
-                rights = "where access is controlled it sees, and orders nothing"
-                print(f"note: `{bus.name}` is an observer by the mission: {rights}", file=sys.stderr)
+                print(f"note: `{bus.name}` is an observer in the mission: it may not give orders", file=sys.stderr)
             return code
 
     try:
@@ -130,17 +126,44 @@ def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) ->
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
     except (BusClosed, Unanswered) as error:
-        print("\n".join(map(printable, f"error: {error}".split("\n"))), file=sys.stderr)
+        complain(f"error: {error}")
         return EXIT_FAILED
 
 
 async def unreached(bus: Bus) -> list[str]:
-    """Return a line for each board that this bus should speak with and does not."""
+    """Return a line for each board without a session."""
     missing = await bus.boards.unreached() if isinstance(bus, FleetBus) else {}
     return [f"board {board} is not reached: {why}" for board, why in missing.items()]
 
 
 async def bridges(bus: Bus, fleet: str) -> list[tuple[str, str]]:
-    """Return fleet and name of every robot whose bridge has a liveliness token; `ANY` means any fleet."""
+    """Return fleet and name of every robot whose bridge has a token. `fleet` may be `ANY`."""
     tokens = await bus.tokens(keys.alive(fleet, "*", "bridged", "*"))
     return sorted({(parsed[0], parsed[1]) for token in tokens if (parsed := keys.parse(token))})
+
+
+def put_out(text: str) -> bool:
+    """Print and flush. Returns False if the reader is gone, as after `| head`. Raises Unanswered if writing fails.
+
+    Text from the wire must be `printable` or `escaped` already.
+    """
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        with suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            return False
+        raise Unanswered(f"the output cannot be written: {error.strerror}") from None
+    return True
+
+
+def note(text: str) -> None:
+    """Print a note on stderr."""
+    complain(f"note: {text}")
+
+
+def complain(text: str) -> None:
+    """Print on stderr, without control characters; ignore a closed stream."""
+    with suppress(OSError):
+        print("\n".join(map(printable, text.split("\n"))), file=sys.stderr, flush=True)

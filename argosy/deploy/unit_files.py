@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from argosy.deploy.device_access import Reach, agents_of, reach_of_robots, reaches_machines, robots_of
+from argosy.deploy.board_needs import Reach, agents_of, reach_of_robots, reaches_machines, robots_of
 from schemas.files.shipped_files import shipped
 from schemas.mission.model import Mission
 

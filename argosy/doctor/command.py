@@ -16,11 +16,10 @@ from typing import Any
 
 from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.cli.remedies import target_of
-from argosy.doctor.access_checks import findings as access
-from argosy.doctor.certificate_checks import certificates
-from argosy.doctor.daemon_checks import clocks, daemons, disks, links, mail, versions
 from argosy.doctor.findings import Check, Facts, RobotFacts, Said
-from argosy.doctor.robot_checks import failsafes, percepts, vehicles
+from argosy.doctor.fleet_checks import clocks, daemons, disks, failsafes, links, mail, percepts, vehicles, versions
+from argosy.doctor.security_checks import certificates
+from argosy.doctor.security_checks import findings as access
 from argosy.status.command import call_the_roll, settled
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError, QueryFailed

@@ -1,56 +1,387 @@
-"""`argosy keys`: certificates for the machines of a fleet (docs/guides/security.md)."""
+"""`argosy keys`: create, renew, revoke and show the certificates of a fleet's machines (docs/guides/security.md)."""
 
 from __future__ import annotations
 
-import argparse
+import os
+import ssl
 import sys
-from collections.abc import Callable
+import time
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from getpass import getpass
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
-from commd.process.process import EXIT_BAD_INPUT
-from schemas.files.findings import Findings
+from argosy.cli.arguments import Command, run_subcommand
+from argosy.keys.key_index import (
+    SECRET,
+    SOON_DAYS,
+    Kind,
+    Member,
+    Record,
+    believed_in,
+    machine_folder,
+    read_record,
+    wrong,
+)
+from commd.bus.tls import CERTIFICATE, KEY, ROOT, day, files_in, identity_of
+from commd.process.process import EXIT_DONE, EXIT_FAILED
+from schemas.files.findings import did_you_mean
+from schemas.files.units import host_and_port
+from schemas.mission.model import DEFAULT_PORT, Mission, load_mission
 
-AddArguments = Callable[[argparse.ArgumentParser], None]
-Run = Callable[[argparse.Namespace], int]
+if TYPE_CHECKING:
+    from argosy.keys.key_store import KeyStore  # and with it cryptography, for who makes keys
 
 COMMANDS = {
-    "init": "make a fleet's authority, and certificates for all that its mission names",
-    "add-board": "make a certificate for a board that came to the mission, or that takes the place of a revoked one",
-    "add-operator": "make a certificate for an operator of the mission",
-    "add-observer": "make a certificate for an observer of the mission",
-    "renew": "make new certificates for machines whose old ones end soon, or for those named",
-    "revoke": "disown machines: nobody believes their certificates any more",
-    "show": "tell who has which certificate and until when, of a mission's fleet or of one machine's folder",
+    "init": "create a fleet's certificate authority, and certificates for everybody in its mission",
+    "add-board": "create a certificate for a new board of the mission, or for one that replaces a revoked one",
+    "add-operator": "create a certificate for an operator of the mission",
+    "add-observer": "create a certificate for an observer of the mission",
+    "renew": "replace certificates that end soon, or those of the named machines",
+    "revoke": "disown machines: no other machine accepts their certificates any more",
+    "show": "show who has which certificate and until when, for a mission's fleet or one machine's folder",
 }
+DAYS = 400
+"""For which certificates are made: a year, and a month to think of it."""
+PASSWORD = "ARGOSY_KEYS_PASSWORD"
+"""Environment variable with the password of the fleet's secret, where nobody can be asked for it."""
 
 
 def main(given: list[str]) -> int:
     """Run `argosy keys COMMAND ...`. Returns the exit code."""
-    if given and given[0] in COMMANDS:
-        name, text = given[0], COMMANDS[given[0]]
-        command = argparse.ArgumentParser(prog=f"argosy keys {name}", description=f"{text[0].upper()}{text[1:]}.")
-        add_arguments, run = _load(name)
-        add_arguments(command)
-        try:
-            return run(command.parse_intermixed_args(given[1:]))
-        except Findings as findings:
-            print(findings, file=sys.stderr)
-            return EXIT_BAD_INPUT
-    parser = argparse.ArgumentParser(prog="argosy keys", description="Who may reach the boards of a fleet.")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, text in COMMANDS.items():
-        commands.add_parser(name, help=text)
-    parser.parse_args(given)
-    return EXIT_BAD_INPUT
+    return run_subcommand("argosy keys", "Certificates of a fleet's machines and operators.", COMMANDS, _load, given)
 
 
-def _load(name: str) -> tuple[AddArguments, Run]:
-    if name == "show":
-        from argosy.keys import show_command
-
-        return show_command.add_arguments, show_command.run
-    from argosy.keys import certificate_commands
-
+def _load(name: str) -> Command:
     kind = name.removeprefix("add-")
     if kind != name:
-        return certificate_commands.add_add_arguments, lambda args: certificate_commands.add(args, kind)
-    return getattr(certificate_commands, f"add_{name}_arguments"), getattr(certificate_commands, name)
+        return add_add_arguments, partial(add, kind=kind)
+    return {
+        "init": (add_init_arguments, init),
+        "renew": (add_renew_arguments, renew),
+        "revoke": (add_revoke_arguments, revoke),
+        "show": (add_show_arguments, show),
+    }[name]
+
+
+def add_where(parser: ArgumentParser) -> None:
+    """Declare the mission and `--dir`."""
+    parser.add_argument("mission", help="mission file: it names the fleet, its boards, operators and observers")
+    add_dir(parser)
+
+
+def add_dir(parser: ArgumentParser) -> None:
+    """Declare `--dir`."""
+    text = "the operator's folder of the fleet's keys (default: argosy/keys/FLEET in the user's data folder)"
+    parser.add_argument("--dir", type=Path, metavar="DIR", help=text)
+
+
+def key_directory(args: Namespace, mission: Mission) -> Path:
+    """Return the operator's folder of the fleet's keys."""
+    if args.dir is not None:
+        return Path(args.dir)
+    base = os.environ.get("XDG_DATA_HOME") or (Path.home() / ".local" / "share")
+    return Path(base) / "argosy" / "keys" / mission.fleet
+
+
+def add_init_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy keys init`."""
+    add_where(parser)
+    text = f"how long certificates are valid (default: {DAYS})"
+    parser.add_argument("--days", type=_days, default=DAYS, metavar="N", help=text)
+    text = f"lock the fleet's secret by a password, asked for here and whenever it signs, or taken from ${PASSWORD}"
+    parser.add_argument("--password", action="store_true", help=text)
+
+
+def add_add_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy keys add-board`, `add-operator` and `add-observer`."""
+    add_where(parser)
+    parser.add_argument("names", nargs="+", metavar="NAME", help="as the mission has it")
+    _add_address(parser)
+
+
+def add_renew_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy keys renew`."""
+    add_where(parser)
+    text = f"(default: those whose certificates end within {SOON_DAYS} days)"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"whose certificates {text}")
+    _add_address(parser)
+
+
+def add_revoke_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy keys revoke`."""
+    add_where(parser)
+    parser.add_argument("names", nargs="+", metavar="NAME", help="who is disowned")
+
+
+def _add_address(parser: ArgumentParser) -> None:
+    text = "a further host name or IP address of a board, besides the mission's; repeatable"
+    parser.add_argument("--address", action="append", metavar="HOST", help=text)
+
+
+def init(args: Namespace) -> int:
+    """Make a fleet's authority, and a folder of keys for everybody in its mission."""
+    from argosy.keys.key_store import alone, create
+
+    mission = load_mission(args.mission)
+    if not mission.boards:
+        raise wrong(mission.path, "the mission declares no boards: keys are for boards that reach each other")
+    path = key_directory(args, mission)
+    password = _new_password() if args.password else None
+    with alone(path):
+        folder = create(path, mission.fleet, args.days, password)
+        for name, kind in everybody(mission).items():
+            folder.add(name, kind, hosts_of(mission, name))
+    _tell_members(folder, list(everybody(mission)))
+    print(f"copy each folder in {machine_folder(path, '')} to its machine, and to no other (docs/guides/security.md)")
+    print(f"{path / 'ca.key'} is the fleet's secret: it stays here, and in your backup")
+    return EXIT_DONE
+
+
+def add(args: Namespace, kind: str) -> int:
+    """Make certificates for members of a kind that have none."""
+    mission = load_mission(args.mission)
+    known = [name for name, its in everybody(mission).items() if its == kind]
+    _check_names(mission, args.names, known, kind)
+    with _opened(args, mission) as folder:
+        for name in args.names:
+            folder.add(name, cast("Kind", kind), hosts_of(mission, name), tuple(args.address or ()))
+        _tell_members(folder, args.names)
+        others = [name for name in _boards(folder) if name not in args.names]
+        whom = _and(args.names)
+        _tell_anchors(folder, others, f"a board knows {whom} when it has this and its commd started again:")
+        if kind == "board":
+            _tell_anchors(folder, _people(folder), f"operators and observers believe {whom} when they have this:")
+        if others:
+            print(f"with it each of these boards needs a new router.json5, which says what {whom} may: argosy units")
+    return EXIT_DONE
+
+
+def renew(args: Namespace) -> int:
+    """Make new certificates for some members, or for those whose old ones end soon."""
+    mission = load_mission(args.mission)
+    with _opened(args, mission) as folder:
+        believed = folder.record.believed
+        _check_names(mission, args.names, list(believed), "machine with a certificate")
+        soon = datetime.now(UTC) + timedelta(days=SOON_DAYS)
+        names = args.names or [name for name, member in believed.items() if member.ends < soon]
+        for name in names:
+            folder.renew(name, hosts_of(mission, name), None if args.address is None else tuple(args.address))
+        _tell_members(folder, names)
+        if not names:
+            print(f"no certificate ends within {SOON_DAYS} days")
+        for name in names:
+            files = f"{KEY} and {CERTIFICATE} of {folder.machine(name)}"
+            print(f"copy {files} to `{name}` and start its commd again; nobody else needs anything")
+    return EXIT_DONE
+
+
+def revoke(args: Namespace) -> int:
+    """Disown members: whoever has the new anchors refuses them."""
+    mission = load_mission(args.mission)
+    with _opened(args, mission) as folder:
+        _check_names(mission, args.names, list(folder.record.members), "machine that was given a certificate")
+        for name in args.names:
+            folder.revoke(name)
+        whom = _and(args.names)
+        print(f"revoked: {whom}")
+        _tell_anchors(
+            folder, _boards(folder), f"a board refuses {whom} when it has this and its commd was started again:"
+        )
+        if any(its.kind == "board" for name, its in folder.record.members.items() if name in args.names):
+            _tell_anchors(
+                folder, _people(folder), f"operators and observers take nobody for {whom} when they have this:"
+            )
+    return EXIT_DONE
+
+
+def everybody(mission: Mission) -> dict[str, Kind]:
+    """Return everybody who is to have a certificate by the mission."""
+    kinds: dict[str, Kind] = dict.fromkeys(mission.boards, "board")
+    kinds |= dict.fromkeys(mission.security.operators, "operator")
+    return kinds | dict.fromkeys(mission.security.observers, "observer")
+
+
+def hosts_of(mission: Mission, name: str) -> tuple[str, ...]:
+    """Return where others dial a board: the address that the mission says, its name, and that in the local network."""
+    from argosy.keys.certificate_authority import is_host
+
+    board = mission.boards.get(name)
+    if board is None:
+        return ()
+    address = (host_and_port(board.address, DEFAULT_PORT)[0].strip("[]"),) if board.address else ()
+    return tuple(dict.fromkeys((*address, *(host for host in (name, f"{name}.local") if is_host(host)))))
+
+
+@contextmanager
+def _opened(args: Namespace, mission: Mission) -> Iterator[KeyStore]:
+    """Open the fleet's keys for a change, alone. Raises Findings in words."""
+    from argosy.keys.certificate_authority import Authority
+    from argosy.keys.key_store import KeyStore, alone, read_secret
+
+    path = key_directory(args, mission)
+    read_record(path, mission.fleet)
+    with alone(path):
+        pem = read_secret(path)
+        try:
+            authority = Authority.read(pem, _password() if b"ENCRYPTED" in pem else None)
+        except (ValueError, TypeError):
+            text = "is no such key, or is locked by another password"
+            raise wrong(path / SECRET, f"the fleet's secret cannot be used: it {text}") from None
+        folder = KeyStore(path, read_record(path, mission.fleet), authority)
+        if behind := folder.record.out_of_step(path):
+            folder.spread()
+            _tell_anchors(folder, behind, "an earlier command was interrupted; finished now, and to be copied:")
+        yield folder
+
+
+def _check_names(mission: Mission, names: Sequence[str], known: Sequence[str], what: str) -> None:
+    for name in names:
+        if name not in known:
+            there = did_you_mean(name, known) or (f"; there is {', '.join(known)}" if known else "")
+            raise wrong(mission.path, f"there is no {what} `{name}`{there}")
+
+
+def _boards(folder: KeyStore) -> list[str]:
+    return [name for name, member in folder.record.believed.items() if member.kind == "board"]
+
+
+def _people(folder: KeyStore) -> list[str]:
+    return [name for name, member in folder.record.believed.items() if member.kind != "board"]
+
+
+def _tell_members(folder: KeyStore, names: Sequence[str]) -> None:
+    for name in names:
+        print(f"{name}: {described(folder.record.members[name])}: {folder.machine(name)}")
+
+
+def described(member: Member) -> str:
+    """Return in words what a certificate is."""
+    hosts = f", for {', '.join(member.hosts)}" if member.hosts else ""
+    which = f" ({member.generation}. of its name)" if member.generation > 1 else ""
+    return f"{member.kind}{which} until {member.ends:%Y-%m-%d}{hosts}"
+
+
+def _tell_anchors(folder: KeyStore, names: Sequence[str], words: str) -> None:
+    if names:
+        print(words)
+    for name in names:
+        print(f"  {name}: {folder.machine(name) / ROOT}")
+
+
+def _and(names: Sequence[str]) -> str:
+    return ", ".join(names)
+
+
+def _password() -> bytes:
+    return _asked("password of the fleet's secret: ", getpass).encode()
+
+
+def _new_password() -> bytes:
+    first = _asked("new password of the fleet's secret: ", getpass)
+    if PASSWORD not in os.environ and first != _asked("once more: ", getpass):
+        raise wrong(Path("--password"), "the two are not the same: nothing was done")
+    if not first:
+        raise wrong(Path("--password"), "an empty password locks nothing: nothing was done")
+    return first.encode()
+
+
+def _asked(prompt: str, ask: Callable[[str], str]) -> str:
+    if (given := os.environ.get(PASSWORD)) is not None:
+        return given
+    if not sys.stdin.isatty():
+        raise wrong(Path("--password"), f"there is no terminal to ask for the password: set {PASSWORD}")
+    return ask(prompt)
+
+
+def _days(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 3650):
+        raise ArgumentTypeError(f"expected 1 to 3650 days, got `{text}`")
+    return int(text)
+
+
+def add_show_arguments(parser: ArgumentParser) -> None:
+    """Declare the arguments of `argosy keys show`."""
+    parser.add_argument("mission", metavar="MISSION|FOLDER", help="mission file, or a machine's folder of keys")
+    add_dir(parser)
+
+
+def show(args: Namespace) -> int:
+    """Print who has which certificate. Returns 1 if something is to be done about one."""
+    if Path(args.mission).is_dir():
+        return _show_folder(Path(args.mission))
+    mission = load_mission(args.mission)
+    path = key_directory(args, mission)
+    record = read_record(path, mission.fleet)
+    print(f"fleet {record.fleet}: {path}")
+    wide = max(map(len, (*record.members, *everybody(mission))), default=0)
+    todo, behind = False, record.out_of_step(path)
+    for name, member in record.members.items():
+        problem = _problem(mission, record, name, member) or _halves(path, name, member)
+        todo |= bool(problem)
+        print(f"  {name:{wide}}  {member.kind:8}  {_state(member)}  {', '.join(member.hosts)}".rstrip())
+        if problem:
+            print(f"  {'':{wide}}  {problem}")
+    for name, kind in everybody(mission).items():
+        if name not in record.members:
+            todo = True
+            print(f"  {name:{wide}}  {kind:8}  has no certificate: `argosy keys add-{kind} {args.mission} {name}`")
+    if behind:
+        text = "a command was interrupted; the next `add-...`, `renew` or `revoke` (again) finishes it"
+        print(f"  {ROOT} of {', '.join(behind)}: believes others than it is to: {text}")
+    return EXIT_FAILED if todo or behind else EXIT_DONE
+
+
+def _show_folder(folder: Path) -> int:
+    tls = files_in(folder)
+    identity = identity_of(tls, now := time.time())
+    hosts = f", for {', '.join(identity.addresses)}" if identity.addresses else ""
+    print(f"{identity.name}: until {day(identity.ends)}{hosts}")
+    try:
+        print(f"believes: {', '.join(believed_in(folder / ROOT))}")
+    except (OSError, ssl.SSLError):
+        print(f"believes whom {folder / ROOT} names")
+    return EXIT_FAILED if identity.ends - now < SOON_DAYS * 86_400 else EXIT_DONE
+
+
+def _state(member: Member) -> str:
+    if member.revoked is not None:
+        return f"revoked {member.revoked:%Y-%m-%d}"
+    days = (member.ends - datetime.now(UTC)).days
+    return f"until {member.ends:%Y-%m-%d} ({days} days)"
+
+
+def _halves(path: Path, name: str, member: Member) -> str:
+    """Return in words that a key and its certificate are not of one another, as after an interrupted `renew`."""
+    files = files_in(machine_folder(path, name))
+    if member.revoked is not None or not (files.key.exists() and files.certificate.exists()):
+        return ""  # such as after a copy
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(files.certificate, files.key)
+    except (OSError, ssl.SSLError):
+        return f"{KEY} and {CERTIFICATE} are not of one another: `argosy keys renew` of it makes new ones"
+    return ""
+
+
+def _problem(mission: Mission, record: Record, name: str, member: Member) -> str:
+    """Return in words what is to be done about a member, if anything is."""
+    if member.revoked is not None:
+        return f"add it again: `argosy keys add-{member.kind}`" if name in everybody(mission) else ""
+    if name not in everybody(mission):
+        return "is not in the mission any more: `argosy keys revoke` disowns it"
+    if everybody(mission)[name] != member.kind:
+        return f"is an {everybody(mission)[name]} in the mission: revoke it, and add it as that"
+    left = member.ends - datetime.now(UTC)
+    if left <= timedelta(0):
+        return "EXPIRED: no machine lets it in; `argosy keys renew` makes it a new one"
+    if left < timedelta(days=SOON_DAYS):
+        return "ends soon: `argosy keys renew` makes it a new one"
+    address = mission.boards[name].address if name in mission.boards else ""
+    host = host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else ""
+    if host and host not in member.hosts:
+        return f"the mission says it is at {host}: `argosy keys renew` makes it a certificate for that"
+    return ""

@@ -10,15 +10,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from argosy.processes.mavlink_links import MEETING, address_of, group_of, peer_of
-from argosy.processes.search_world import camera_arguments, check_world, log_arguments
 from bridged.drivers.mavlink.transport.address import LinkAddress
 from bridged.drivers.python.manifest_validation import names
 from bridged.drivers.python.plugins import TWINS, has_plugin
 from bridged.simulation.copter.fault_injection import Faults
 from bridged.simulation.copter.protocol.parameters import Parameters
+from bridged.simulation.copter.world import Area, Victim, victims_of
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.manifest.loader import Manifest, load_manifest
-from schemas.mission.model import Mission, Robot
+from schemas.mission.model import Mission, Robot, World
 
 _NO_TWIN = "mavlink"
 """The driver of ours that has nothing simulated in itself: its vehicles are processes."""
@@ -163,3 +163,47 @@ def _without_twin(robot: Robot, mission: Mission) -> str:
         return ""
     plugins = dict.fromkeys(name.partition(".")[0] for name in names(manifest.part("python")))
     return next((plugin for plugin in plugins if not has_plugin(plugin, TWINS)), "")
+
+
+SIGHTINGS = "victim"
+"""The key on which a camera tells what it sees, behind the robot's prefix."""
+
+
+def victims(world: World) -> list[Victim]:
+    """Return the victims of a mission's world. Raises ValueError if it has no room for them."""
+    return victims_of(world.seed, world.victims, Area(*world.area))
+
+
+def servo_log(folder: Path, robot: str) -> Path:
+    """Return the file in which a robot's simulator writes what its servo outputs did."""
+    return folder / f"{robot}.servo.jsonl"
+
+
+def log_arguments(name: str, folder: Path | None) -> list[str]:
+    """Return what a copter's simulator is told of its servo log, if there is a folder for it."""
+    return ["--servo-log", str(servo_log(folder, name))] if folder is not None else []
+
+
+def camera_arguments(mission: Mission, name: str, router: str) -> list[str]:
+    """Return what a copter's simulator is told of its camera; nothing if it has none."""
+    robot, world = mission.robots[name], mission.world
+    if robot.simulate is None or robot.simulate.camera is None or world is None:
+        return []
+    key = f"{robot.prefix}/{SIGHTINGS}" if robot.prefix else SIGHTINGS
+    seen = ",".join(map(repr, (world.victims, world.seed, *world.area)))
+    return [f"--victims={seen}", f"--camera={robot.simulate.camera:g}", f"--camera-key={key}", f"--router={router}"]
+
+
+def check_world(mission: Mission) -> list[Finding]:
+    """Return what is wrong with the world and with the cameras that look at it."""
+    findings: list[Finding] = []
+    if mission.world is not None:
+        try:
+            victims(mission.world)
+        except ValueError as error:
+            findings.append(mission.positions.finding(("world",), f"world: {error}"))
+    for name, robot in mission.robots.items():
+        if mission.world is None and robot.simulate is not None and robot.simulate.camera is not None:
+            text = "simulate.camera: the mission has no `world` to look at"
+            findings.append(mission.positions.finding(("robots", name, "simulate", "camera"), text))
+    return findings

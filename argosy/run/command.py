@@ -21,9 +21,8 @@ from argosy.check.command import at_start, check_mission
 from argosy.cli.journal import Entry, Journal
 from argosy.cli.port_check import endpoint, in_use, link_in_use
 from argosy.fleet_model.picture import Picture
-from argosy.processes.boards import NoPort, free_after, places
 from argosy.processes.mavlink_links import address_of, bound_links, free_links, group_of, ports_of
-from argosy.processes.process_table import Setup, real_robots
+from argosy.processes.process_table import NoPort, Setup, free_after, places, real_robots
 from argosy.processes.resource_usage import Meter
 from argosy.processes.simulators import only_real, vehicle_of
 from argosy.recording.run_recorder import NoRecording, RunRecording, recording_of

@@ -13,8 +13,7 @@ from msgspec.structs import replace
 
 from argosy.fleet_model.snapshot import Observer
 from argosy.processes.process_table import Process, plan
-from argosy.processes.restarts import Restarts
-from argosy.processes.supervisor import Child, Supervisor
+from argosy.processes.supervisor import Child, Restarts, Supervisor
 from argosy.recording.run_recorder import what_became_of_it
 from argosy.run.armed_warnings import age, last_line
 from argosy.run.end_conditions import EndConditions, Ending

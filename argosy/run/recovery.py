@@ -7,8 +7,7 @@ import time
 from collections.abc import Callable
 
 from argosy.fleet_model.robots import RobotSeen
-from argosy.processes.restarts import Restarts
-from argosy.processes.supervisor import Child, Supervisor
+from argosy.processes.supervisor import Child, Restarts, Supervisor
 from argosy.run.armed_warnings import left_alone
 from argosy.run.end_conditions import EndConditions, Ending
 from argosy.run.run_status import Status

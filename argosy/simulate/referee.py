@@ -1,35 +1,169 @@
-"""`argosy referee`: what became of a search and rescue, judged by nothing that the fleet says of itself.
+"""`argosy referee`: judge a search and rescue without trusting the agents.
 
-It knows the victims from the seed of the mission's world, and what fell from the copters from the servo logs of their
-simulators. Of real copters, which have none, it has a recording of what the vehicles told of themselves. Each victim is
-to get exactly one buoy, within 5 m, and no buoy is to fall anywhere else.
+Victims follow from the seed of the mission's world, drops from the servo logs of the simulators. Real copters have no
+servo log: there, a recording of their telemetry is judged. Each victim must get exactly one buoy, within 5 m, and no
+buoy may fall elsewhere. Percepts of a recording are identified by message and field in the robots' manifests, not by
+name.
 """
 
 from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from argosy.processes.search_world import servo_log, victims
-from argosy.processes.simulators import vehicle_of
+from argosy.processes.simulators import servo_log, vehicle_of, victims
+from bridged.bridge.manifest_loader import load_robot_manifest
 from bridged.simulation.copter.servo_log import ServoMove, read_moves
 from bridged.simulation.copter.world import Victim
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
 from schemas.geo import distance
+from schemas.manifest.ini import truth
+from schemas.manifest.loader import Manifest
 from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.records import Perception
+from schemas.wire.term_text import write
+from schemas.wire.terms import Term, to_float
+
+if TYPE_CHECKING:
+    from argosy.recording.reader import Recording
+
+DEGREES = 1e-7
+"""Degrees per unit of a MAVLink position."""
+PLACE = (("GLOBAL_POSITION_INT", "lat"), ("GLOBAL_POSITION_INT", "lon"))
+HOME = (("HOME_POSITION", "latitude"), ("HOME_POSITION", "longitude"))
+ARMED = ("HEARTBEAT", "armed")
+FRESH = 1.0
+"""Seconds for which a reported position is valid: bridges report moving copters 10 times a second."""
+SIGHTING = ("id", "lat", "lon")
+"""Fields of the percept by which a camera reports a victim (docs/start/search-and-rescue.md)."""
+FarAndNear = tuple[float, float]
+"""Latitude and longitude in degrees."""
+
+
+def latch_field(output: int) -> tuple[str, str]:
+    """Return the message and field that report a servo output."""
+    return "SERVO_OUTPUT_RAW", f"servo{output}_raw"
+
+
+@dataclass
+class CopterSeen:
+    """A copter as the percepts of one agent show it. Times: seconds since the beginning of the recording."""
+
+    manifest: Manifest
+    values: dict[tuple[str, str], float | bool] = field(default_factory=dict)
+    """The last value of each message and field, in the message's own unit."""
+    places: list[tuple[float, FarAndNear]] = field(default_factory=list)
+    latch: list[tuple[float, float, bool, FarAndNear | None]] = field(default_factory=list)
+    """Pulse in microseconds, whether the motors were armed, and where home was."""
+
+    def take(self, at: float, perception: Perception, output: int) -> None:
+        """Take a change of a percept."""
+        entry = self.manifest.percepts.get(perception.name)
+        if entry is None or entry.arity != len(perception.parameters) or perception.update == "remove":
+            return  # a removed percept held until then
+        told: set[tuple[str, str]] = set()
+        for one, term in zip(entry.fields(), perception.parameters, strict=True):
+            if (value := _value(term)) is not None:
+                raw = value if isinstance(value, bool) else (value - one.offset) / (one.scale or 1.0)
+                self.values[entry.source, one.field] = raw
+                told.add((entry.source, one.field))
+        if told.issuperset(PLACE) and (place := self._place(PLACE)) is not None:
+            self.places.append((at, place))
+        if (pulse := latch_field(output)) in told:
+            armed = bool(self.values.get(ARMED, True))
+            self.latch.append((at, float(self.values[pulse]), armed, self._place(HOME)))
+
+    def moves(self, robot: str, output: int) -> Iterator[ServoMove]:
+        """Yield the first state of the output, and its moves. Raises ValueError if the recording has none."""
+        if not self.latch:
+            raise ValueError(f"{robot}: its output {output} is not in the recording")
+        before = None
+        for at, pulse, armed, home in self.latch:
+            if pulse == before:
+                continue
+            before, place = pulse, self._nearest(robot, at)
+            away = 0.0 if home is None else distance(place, home)
+            yield ServoMove(round(at, 2), 0, output, round(pulse), *place, 1.0 if armed else 0.0, away, armed)
+
+    def _nearest(self, robot: str, at: float) -> FarAndNear:
+        """Return the last position before a time; after a gap, the position nearest in time."""
+        index = bisect_right(self.places, at, key=lambda one: one[0])
+        near = self.places[max(0, index - 1) : index + 1]
+        if not near:
+            raise ValueError(f"{robot}: its position is not in the recording")
+        return near[0][1] if 0 <= at - near[0][0] <= FRESH else min(near, key=lambda one: abs(one[0] - at))[1]
+
+    def _place(self, fields: tuple[tuple[str, str], tuple[str, str]]) -> FarAndNear | None:
+        latitude, longitude = (self.values.get(one) for one in fields)
+        if latitude is None or longitude is None:
+            return None
+        return latitude * DEGREES, longitude * DEGREES
+
+
+def copters_of(mission: Mission, recording: Recording, output: int) -> tuple[dict[str, CopterSeen], list[Victim]]:
+    """Return the copters whose output a percept reports, and the victims that cameras have reported.
+
+    Reads the first of the agents that share a robot. Raises ValueError for a recording of another fleet.
+    """
+    if mission.fleet not in recording.fleets:
+        there = ", ".join(recording.fleets) or "no fleet"
+        raise ValueError(f"{recording.path}: expected a recording of fleet `{mission.fleet}`, it has {there}")
+    seen: dict[str, CopterSeen] = {}
+    copters: dict[str, CopterSeen] = {}
+    for name, robot in mission.robots.items():
+        manifest = load_robot_manifest(robot.manifest, mission.path.parent)
+        agents = mission.agents_of(name)
+        if agents:
+            seen[agents[0]] = CopterSeen(manifest)
+        if agents and latch_field(output) in {
+            (e.source, f.field) for e in manifest.percepts.values() for f in e.fields()
+        }:
+            copters[name] = seen[agents[0]]
+    found: dict[int, Victim] = {}
+    for message, perception in recording.typed(Perception, (f"{keys.ROOT}/{mission.fleet}/*/percept/*",)):
+        parsed = keys.parse(message.key)
+        if parsed is not None and (copter := seen.get(parsed[1])) is not None:
+            copter.take(message.seconds, perception, output)
+            if (victim := _victim(copter.manifest, perception)) is not None:
+                found.setdefault(victim.number, victim)
+    return copters, sorted(found.values(), key=lambda one: one.number)
+
+
+def _victim(manifest: Manifest, perception: Perception) -> Victim | None:
+    """Return the victim that a camera's percept reports; None for any other percept."""
+    entry = manifest.percepts.get(perception.name)
+    if entry is None or perception.update == "remove":
+        return None
+    told = {one.field: to_float(term) for one, term in zip(entry.fields(), perception.parameters, strict=False)}
+    number, lat, lon = (told.get(name) for name in SIGHTING)
+    if number is None or lat is None or lon is None:
+        return None
+    return Victim(int(number), lat, lon)
+
+
+def _value(term: Term) -> float | bool | None:
+    """Return a number or truth value of a percept, also of one that is text."""
+    if isinstance(term, bool):
+        return term
+    number = to_float(term)
+    return number if number is not None else truth(term if isinstance(term, str) else write(term))
+
 
 NEAR = 5.0
-"""Metres over ground from a victim within which a buoy helps."""
+"""Horizontal distance in metres within which a buoy reaches a victim."""
 LATCH = 9
-"""The output that holds the buoy."""
+"""The servo output that holds the buoy."""
 OPEN = 1500
-"""Microseconds from which on the latch is open."""
+"""Pulse in microseconds at which the latch is open."""
 PAD, GROUND = 5.0, 0.5
-"""Metres from home over ground, and above the ground, within which a copter takes a new buoy."""
+"""Metres from home, horizontally and vertically, within which a copter is given a new buoy."""
 
 
 @dataclass(frozen=True)
@@ -38,23 +172,23 @@ class Drop:
 
     robot: str
     at: float
-    """Seconds since the copter was switched on, or since the recording began."""
+    """Seconds since the copter was switched on, or since the recording started."""
     lat: float
     lon: float
 
     def metres_from(self, victim: Victim) -> float:
-        """Metres over ground to a victim."""
+        """Return the horizontal distance to a victim in metres."""
         return distance((victim.lat, victim.lon), (self.lat, self.lon))
 
 
 @dataclass
 class Verdict:
-    """What the referee saw."""
+    """The referee's result."""
 
     rescues: dict[Victim, list[Drop]]
     """The buoys near each victim."""
     astray: list[Drop] = field(default_factory=list)
-    """Buoys near nobody."""
+    """Buoys that reached no victim."""
 
     @property
     def good(self) -> bool:
@@ -78,7 +212,7 @@ class Verdict:
 
 
 def drops_of(robot: str, moves: Iterable[ServoMove], *, loaded: bool = True) -> list[Drop]:
-    """Return the buoys that fell from a copter: its latch opened while it held one. `loaded`: it begins with one."""
+    """Return the buoys that a copter dropped: its latch opened while it held one. `loaded`: it starts with one."""
     drops: list[Drop] = []
     shut = True
     for move in moves:
@@ -95,7 +229,7 @@ def drops_of(robot: str, moves: Iterable[ServoMove], *, loaded: bool = True) -> 
 
 
 def judge(everybody: Sequence[Victim], drops: Iterable[Drop]) -> Verdict:
-    """Return which buoy fell near whom."""
+    """Assign each buoy to the nearest victim."""
     verdict = Verdict({victim: [] for victim in everybody})
     for drop in drops:
         nearest = min(everybody, key=drop.metres_from, default=None)
@@ -107,7 +241,7 @@ def judge(everybody: Sequence[Victim], drops: Iterable[Drop]) -> Verdict:
 
 
 def judge_run(mission: Mission, report: Path) -> Verdict:
-    """Judge the run that left its servo logs in a folder. Raises ValueError and OSError in words."""
+    """Judge a run by the servo logs in its report folder. Raises ValueError and OSError."""
     if mission.world is None:
         raise ValueError(f"{mission.path}: the mission has no `world`")
     drops: list[Drop] = []
@@ -118,12 +252,11 @@ def judge_run(mission: Mission, report: Path) -> Verdict:
 
 
 def judge_recording(mission: Mission, file: Path) -> Verdict:
-    """Judge what was recorded of a flight. Without a `world` the victims are those that a camera told of.
+    """Judge a recording. Without a `world` in the mission the victims are those that cameras reported.
 
-    Raises ValueError and OSError in words.
+    Raises ValueError and OSError.
     """
-    from argosy.recording.reader import open_recording
-    from argosy.simulate.recorded_drops import copters_of, latch_field  # needs the extra `record`, which logs do not
+    from argosy.recording.reader import open_recording  # needs the extra `record`, which servo logs do not
 
     recording = open_recording(file)
     if recording.missing:
@@ -133,7 +266,7 @@ def judge_recording(mission: Mission, file: Path) -> Verdict:
         raise ValueError(f"{mission.path}: no robot's manifest has a percept of {'.'.join(latch_field(LATCH))}")
     everybody = seen if mission.world is None else victims(mission.world)
     if not everybody:
-        raise ValueError(f"{file}: no camera told of a victim, and the mission has no `world`")
+        raise ValueError(f"{file}: no camera reported a victim, and the mission has no `world`")
     drops: list[Drop] = []
     for name, copter in copters.items():
         moves = list(copter.moves(name, LATCH))
@@ -148,7 +281,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Judge a run. Returns the exit code: 0 only if every victim got exactly one buoy."""
+    """Judge a run. Returns 0 only if every victim got exactly one buoy and none fell elsewhere."""
     try:
         mission = load_mission(args.mission)
         verdict = (judge_recording if args.report.is_file() else judge_run)(mission, args.report)
@@ -156,10 +289,8 @@ def run(args: Namespace) -> int:
         print(findings, file=sys.stderr)
         return EXIT_BAD_INPUT
     except OSError as error:
-        told = (
-            f"{error.filename}: {error.strerror}: was it flown with `argosy run {args.mission} --report {args.report}`?"
-        )
-        print(f"error: {told}", file=sys.stderr)
+        hint = f"was it flown with `argosy run {args.mission} --report {args.report}`?"
+        print(f"error: {error.filename}: {error.strerror}: {hint}", file=sys.stderr)
         return EXIT_BAD_INPUT
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)

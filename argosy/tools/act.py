@@ -5,25 +5,76 @@ from __future__ import annotations
 import asyncio
 import signal
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterator
+from collections.abc import AsyncGenerator, Iterator
 from contextlib import aclosing, contextmanager, suppress
+
+from msgspec.structs import replace
 
 from argosy.cli.arguments import duration, name
 from argosy.cli.fleet_bus import FleetBus
-from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus
-from argosy.tools.action_follower import Lost, cancel, follow
-from argosy.tools.action_text import called, read_action, unknown
-from argosy.tools.output import complain, put_out
+from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, complain, on_the_bus, put_out
+from argosy.tools.record_text import called, read_action, unknown
 from commd.bus.bus import Bus
+from commd.bus.errors import BusClosed, BusError
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import did_you_mean
 from schemas.humanize import printable
+from schemas.liveness import ACTION_SILENT, ROUTER_GRACE
 from schemas.manifest.loader import ActionDescription
 from schemas.mission.model import Agent, Client
 from schemas.wire import keys
-from schemas.wire.records import Action, ActionStatus
+from schemas.wire.records import Action, ActionStatus, Cancel
 from schemas.wire.term_text import BadTerm
 from schemas.wire.terms import Term
+
+AT_MOST = 3600.0
+"""Wall seconds of one query; then it is asked again with the same id."""
+CANCEL_PATIENCE = 5.0
+"""Wall seconds that a bridge has to say what became of an action that is cancelled."""
+RETRY = 0.2
+
+
+class Lost(Exception):
+    """How the action ended is not known, and why."""
+
+
+async def follow(bus: Bus, fleet: str, action: Action) -> AsyncGenerator[ActionStatus, None]:
+    """Ask for an action and yield what becomes of it; the last status is final. Raises Lost."""
+    loop, key = asyncio.get_running_loop(), keys.action(fleet, action.agent, action.name)
+    heard, reason, taken = loop.time(), "nobody answers for it: is its bridge there?", False
+    while True:
+        try:
+            async with aclosing(bus.query(key, action, ActionStatus, AT_MOST)) as replies:
+                while True:
+                    async with asyncio.timeout(ACTION_SILENT):
+                        reply = await anext(replies, None)
+                    if reply is None:
+                        break
+                    if reply.record is None:
+                        reason = reply.error
+                        continue
+                    heard, taken, reason = loop.time(), True, "its answers ended without an outcome"
+                    yield reply.record
+                    if reply.record.final:
+                        return
+        except TimeoutError:
+            raise Lost(f"nothing was heard of it for {ACTION_SILENT:g} s: its bridge hangs, or is cut off") from None
+        except BusClosed as closed:
+            reason = str(closed)
+        if loop.time() - heard > (ROUTER_GRACE if taken else 0):
+            raise Lost(reason)
+        if taken:  # asked again it is answered, and never begun anew
+            action = replace(action, attempt=action.attempt + 1)
+        await asyncio.sleep(RETRY)
+
+
+async def cancel(bus: Bus, fleet: str, agent: str, identity: str) -> ActionStatus | str:
+    """End an action. Returns its final status, or why that is not known."""
+    try:
+        return await bus.ask_one(keys.cancel(fleet, agent), Cancel(id=identity), ActionStatus, CANCEL_PATIENCE)
+    except BusError as error:
+        return str(error)
+
 
 LOOK = 3.0
 """Wall seconds that a bridge has to say which actions there are."""

@@ -17,8 +17,7 @@ from threading import Lock
 import zenoh
 
 from argosy.cli.fleet_bus import FleetBus
-from argosy.cli.operator_bus import ANY, Where, unreached
-from argosy.tools.output import note
+from argosy.cli.operator_bus import ANY, Where, note, unreached
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
 from schemas.wire import keys

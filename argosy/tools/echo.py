@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from argosy.cli.arguments import count
-from argosy.cli.operator_bus import Where, add_fleet_arguments, on_the_bus
+from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out
 from argosy.tools.bus_tap import (
     QUIET,
     ROOM,
@@ -23,9 +23,7 @@ from argosy.tools.bus_tap import (
     tell_unreached,
     tell_who_is_there,
 )
-from argosy.tools.decoding import plain
-from argosy.tools.output import note, put_out
-from argosy.tools.record_text import line_of
+from argosy.tools.record_text import line_of, plain
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE
 from schemas.humanize import escaped, shortened

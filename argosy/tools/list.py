@@ -10,10 +10,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from argosy.cli.arguments import duration
-from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus
+from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, complain, note, on_the_bus, put_out
 from argosy.tools.bus_tap import BusTap, names_there, tell_unreached, what_is_told
-from argosy.tools.decoding import candidates
-from argosy.tools.output import complain, note, put_out
+from argosy.tools.record_text import candidates
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
 from commd.process.process import EXIT_DONE, EXIT_FAILED

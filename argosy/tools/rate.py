@@ -11,9 +11,8 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 from argosy.cli.arguments import duration
-from argosy.cli.operator_bus import Where, add_fleet_arguments, on_the_bus, unreached
+from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out, unreached
 from argosy.tools.bus_tap import QUIET, BusTap, add_key_argument, key_expressions, tell_who_is_there
-from argosy.tools.output import note, put_out
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import columns, shortened

@@ -10,8 +10,7 @@ from pathlib import Path
 import msgspec
 
 from argosy.cli.arguments import count, name
-from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, on_the_bus
-from argosy.tools.output import complain, note, put_out
+from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, complain, note, on_the_bus, put_out
 from argosy.why.answer import Explanation, plain
 from argosy.why.explain import LAST, explain, tell
 from argosy.why.question import subject_of

@@ -12,7 +12,7 @@ from typing import Final
 
 import msgspec
 
-from argosy.processes.boards import places
+from argosy.processes.process_table import places
 from argosy.processes.process_table import Setup, plan
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.scale import health as scale_health

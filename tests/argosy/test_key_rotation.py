@@ -187,7 +187,7 @@ def test_operators_reach_each_board_by_its_own_router_and_revoked_ones_none(
                     assert said[:2] == ["r1: land confirmed", "r2: land confirmed"]
                     assert said[2].startswith("r3: land NOT confirmed (board pi3 is not reached: ")
                     assert await asyncio.to_thread(stop, "r1", keys_of="eye") == 1, "an observer stops nobody"
-                    assert "note: `eye` is an observer by the mission" in capsys.readouterr().err
+                    assert "note: `eye` is an observer in the mission" in capsys.readouterr().err
                     assert sorted(orders) == ["r1", "r2"]
             assert await asyncio.to_thread(stop, "r1") == 0, "one board is away, and the other is told"
             assert await asyncio.to_thread(argosy, ["mail", str(fleet.path), "--keys", str(fleet.keys("ops"))]) == 1
@@ -212,10 +212,10 @@ def test_where_no_board_is_reached_each_says_why(fleet: Secured, capsys: pytest.
 
 
 MISUSED: dict[str, tuple[tuple[str, ...], str]] = {
-    "no board": (("--keys", "KEYS"), "--keys: error: at which board? Say --mission FILE, or --router tls/HOST:PORT"),
+    "no board": (("--keys", "KEYS"), "--keys: error: need a board: add --mission FILE or --router tls/HOST:PORT"),
     "plain": (
         ("--keys", "KEYS", "--router", "tcp/127.0.0.1:1"),
-        "are for what is at tls/..., and not for tcp/127.0.0.1:1",
+        "need an endpoint tls/HOST:PORT, got --router tcp/127.0.0.1:1",
     ),
     "no keys": (("--router", "tls/127.0.0.1:1"), "it is reached with keys alone: say where they are by --keys FOLDER"),
     "nothing there": (("--keys", "nowhere", "--router", "tls/127.0.0.1:1"), "nowhere/ca.pem: error: cannot be read"),

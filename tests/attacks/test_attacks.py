@@ -8,8 +8,8 @@ from contextlib import AbstractAsyncContextManager
 
 import pytest
 
-from argosy.doctor.access_checks import findings
 from argosy.doctor.findings import Said
+from argosy.doctor.security_checks import findings
 from commd.bus import access_probe
 from commd.bus.errors import AccessDenied
 from commd.client import Client, NotJoined, UnknownReceiver, join

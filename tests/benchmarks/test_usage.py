@@ -10,7 +10,7 @@ from typing import Any, cast
 import msgspec
 import pytest
 
-from argosy.processes.search_world import servo_log
+from argosy.processes.simulators import servo_log
 from benchmarks import results
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Flight, setup_in
 from benchmarks.paper import usage

@@ -13,9 +13,8 @@ from typing import Any
 import pytest
 
 from argosy.doctor.command import CHECKS, show
-from argosy.doctor.daemon_checks import clocks, daemons, disks, links, mail, versions
 from argosy.doctor.findings import Facts, RobotFacts, Said
-from argosy.doctor.robot_checks import failsafes, percepts, vehicles
+from argosy.doctor.fleet_checks import clocks, daemons, disks, failsafes, links, mail, percepts, vehicles, versions
 from argosy.fleet_model.fleet_status import Row
 from schemas.mission.model import load_mission
 from schemas.version import RELEASE

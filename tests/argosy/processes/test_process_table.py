@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from argosy.processes.boards import Place, places
 from argosy.processes.mavlink_links import bound_links, check_links, peer_of, together
-from argosy.processes.process_table import Setup, plan, real_robots
+from argosy.processes.process_table import Place, Setup, places, plan, real_robots
 from argosy.processes.simulators import only_real
 from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
 from schemas.mission.model import Mission, read_mission

@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 from argosy.cli.journal import Journal
-from argosy.processes import restarts
+from argosy.processes import supervisor
 from argosy.processes.process_table import Kind, Process
-from argosy.processes.restarts import MOST, Restarts
-from argosy.processes.supervisor import Child, Supervisor
+from argosy.processes.supervisor import MOST, Child, Restarts, Supervisor
 from tests.support.buses import until
 
 DAEMON = Kind("daemon", lambda setup: [], lambda setup, subject: [])
@@ -65,7 +64,7 @@ def supervised(body: Callable[[Run], Awaitable[None]], on: bool = True) -> None:
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let nobody wait long for a restart."""
-    monkeypatch.setattr(restarts, "FIRST", 0.01)
+    monkeypatch.setattr(supervisor, "FIRST", 0.01)
 
 
 def test_a_daemon_that_is_killed_runs_again_by_the_same_command_in_its_place() -> None:
@@ -119,7 +118,7 @@ def test_a_daemon_that_dies_again_and_again_is_given_up_and_the_reason_says_so()
 
 
 def test_deaths_that_are_long_ago_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(restarts, "WINDOW", 0.0)
+    monkeypatch.setattr(supervisor, "WINDOW", 0.0)
 
     async def body(run: Run) -> None:
         await run.start("import sys; sys.exit(1)")
@@ -161,8 +160,8 @@ def test_without_restart_whoever_dies_is_dead() -> None:
 
 
 def test_nothing_is_started_any_more_when_the_run_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(restarts, "FIRST", 600.0)
-    monkeypatch.setattr(restarts, "LONGEST", 600.0)
+    monkeypatch.setattr(supervisor, "FIRST", 600.0)
+    monkeypatch.setattr(supervisor, "LONGEST", 600.0)
 
     async def body(run: Run) -> None:
         daemon = await run.start("import time; time.sleep(600)")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from argosy.processes.process_table import Setup, plan
-from argosy.processes.search_world import camera_arguments, check_world
+from argosy.processes.simulators import camera_arguments, check_world
 from schemas.files.findings import Findings
 from schemas.mission.model import Mission, read_mission
 

@@ -9,8 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from argosy.processes.process_table import plan
-from argosy.processes.restarts import Restarts
-from argosy.processes.supervisor import Child, Supervisor
+from argosy.processes.supervisor import Child, Restarts, Supervisor
 from argosy.run import recovery as module
 from argosy.run.end_conditions import EndConditions, Ending
 from argosy.run.recovery import Recovery

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from argosy.__main__ import main
-from argosy.processes.search_world import servo_log, victims
+from argosy.processes.simulators import servo_log, victims
 from argosy.simulate.referee import drops_of, judge
 from bridged.simulation.copter.servo_log import ServoMove
 from bridged.simulation.copter.world import Victim
@@ -205,6 +205,6 @@ def test_a_recording_of_something_else_is_not_judged(
     file = tmp_path / "flight.mcap"
     recorded(endpoint, file, [], [])
     assert main(["referee", str(MISSION), str(file)]) == 2
-    assert f"expected a recording of the fleet `sar`, it has {FLEET}" in capsys.readouterr().err
+    assert f"expected a recording of fleet `sar`, it has {FLEET}" in capsys.readouterr().err
     assert main(["referee", str(MISSION), str(mission)]) == 2
     assert "not an MCAP file" in capsys.readouterr().err

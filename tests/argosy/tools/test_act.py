@@ -17,7 +17,7 @@ import pytest
 
 from argosy.__main__ import main
 from argosy.tools.act import _perform
-from argosy.tools.action_text import read_action
+from argosy.tools.record_text import read_action
 from commd.bus.bus import Bus
 from schemas.wire.records import ActionStatus, Header
 from schemas.wire.term_text import BadTerm
@@ -128,7 +128,7 @@ def test_what_nobody_can_read_is_no_success(flying: Trial) -> None:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, cwd=ROOT)
     assert (done.returncode, done.stderr) == (
         1,
-        "error: what it has to say cannot be written: No space left on device\n",
+        "error: the output cannot be written: No space left on device\n",
     )
 
 

@@ -44,7 +44,7 @@ def test_an_observer_does_not(world: World, capsys: pytest.CaptureFixture[str]) 
     assert act(world, "eye", "a", "cmd_vel", "1", "0", "0") == 1
     said = capsys.readouterr().err
     assert "answers for `a`; where access is controlled, only operators may ask" in said
-    assert "note: `eye` is an observer by the mission: where access is controlled it sees, and orders nothing" in said
+    assert "note: `eye` is an observer in the mission: it may not give orders" in said
 
 
 def test_an_observer_of_telemetry_is_told_that_it_sees_no_minds(

@@ -330,7 +330,7 @@ def test_what_cannot_be_shown_is_written_otherwise_and_what_is_lost_is_no_succes
         assert (closed.returncode, closed.stderr) == (0, "")
         full = command("> /dev/full")
         assert full.returncode == 1
-        assert full.stderr == "error: what it has to say cannot be written: No space left on device\n"
+        assert full.stderr == "error: the output cannot be written: No space left on device\n"
 
 
 def test_list_of_nobody_fails(endpoint: str) -> None:

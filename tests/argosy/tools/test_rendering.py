@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from argosy.tools import echo
 from argosy.tools.bus_tap import Heard
-from argosy.tools.decoding import candidates, read_record
-from argosy.tools.record_text import in_words, line_of
+from argosy.tools.record_text import candidates, in_words, line_of, read_record
 from argosy.zenoh_cli_codec import decode, encode
 from schemas.humanize import LONGEST
 from schemas.manifest.loader import ActionDescription

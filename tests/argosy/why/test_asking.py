@@ -70,7 +70,7 @@ def test_names_of_every_kind_are_explained(tmp_path: Path, endpoint: str) -> Non
             done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, cwd=ROOT)
         assert (done.returncode, done.stderr) == (
             1,
-            "error: what it has to say cannot be written: No space left on device\n",
+            "error: the output cannot be written: No space left on device\n",
         )
         code, text, _ = why(endpoint, "uav", "!step(0)", "--json")
         data = json.loads(text)

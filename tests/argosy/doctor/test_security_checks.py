@@ -12,9 +12,9 @@ import pytest
 import zenoh
 
 from argosy.__main__ import main as argosy
-from argosy.doctor import certificate_checks
-from argosy.doctor.certificate_checks import certificates
+from argosy.doctor import security_checks
 from argosy.doctor.findings import Said
+from argosy.doctor.security_checks import certificates
 from commd.bus.session import session_config
 from schemas.mission.model import Mission, load_mission, read_mission
 from tests.support.fleet_keys import FleetKeys
@@ -72,7 +72,7 @@ def test_dates_are_seen_on_this_machine_and_from_the_boards_that_show_them(
             (fine,) = kept.seen()
             assert fine.level == "ok"
             assert fine.text.startswith("3 certificates, the first ends on 20")
-            monkeypatch.setattr(certificate_checks, "SOON", 500 * 86_400.0)
+            monkeypatch.setattr(security_checks, "SOON", 500 * 86_400.0)
             soon = kept.seen()
             assert [one.level for one in soon] == ["warning"] * 3
             assert [one.text.partition(" ends")[0] for one in soon] == [
