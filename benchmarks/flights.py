@@ -18,8 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
 
-from argosy.processes.process_table import places
-from argosy.processes.process_table import Kind, Process, Setup, plan, python_command
+from argosy.processes.process_table import Kind, Process, Setup, places, plan, python_command
 from argosy.simulate.referee import judge_run
 from benchmarks.minds import done
 from benchmarks.processes import BenchmarkFailed

@@ -12,8 +12,7 @@ from typing import Final
 
 import msgspec
 
-from argosy.processes.process_table import places
-from argosy.processes.process_table import Setup, plan
+from argosy.processes.process_table import Setup, places, plan
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.scale import health as scale_health
 from benchmarks.scale import reading
