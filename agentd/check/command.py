@@ -15,22 +15,24 @@ from agentd.check.finding_kinds import Kind
 from agentd.check.programs import Surveyed, read_subjects, read_survey
 from agentd.check.rules_actions import (
     action_types,
+    directives_as_beliefs,
     external_actions,
     formulas_as_actions,
     internal_actions,
     undotted_internal_actions,
+    unknown_performatives,
+    wrong_directives,
 )
-from agentd.check.rules_beliefs import beliefs_never_added, events_never_perceived
-from agentd.check.rules_directives import directives_as_beliefs, wrong_directives
-from agentd.check.rules_loops import busy_loops
-from agentd.check.rules_messages import endless_asks, unknown_performatives
-from agentd.check.rules_plans import (
+from agentd.check.rules_events import (
+    beliefs_never_added,
     duplicate_labels,
+    events_never_perceived,
     goals_without_plans,
     shadowed_plans,
     unused_belief_plans,
     unused_plans,
 )
+from agentd.check.rules_loops import busy_loops, endless_asks
 from agentd.check.rules_variables import named_variables, singletons, unbound_variables
 from agentd.conversion.slow_notice import loading, told_if_long
 from agentd.language.syntax_tree.nodes import Program

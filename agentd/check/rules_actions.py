@@ -1,4 +1,4 @@
-"""Actions against those that exist: external ones of a manifest, internal ones and functions of the library."""
+"""Actions, directives and performatives against those that exist; actions against their manifest."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from agentd.check.external_knowledge import Arities, arguments, takes
 from agentd.check.finding_kinds import Kind, finding, warning
 from agentd.check.symbol_table import ANY_ARITY, Call, Mention, Survey
+from agentd.language.compiler.compile import mistake_in
 from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree.nodes import (
     And,
@@ -26,6 +27,7 @@ from agentd.language.syntax_tree.nodes import (
 from agentd.language.syntax_tree.printer import source_text
 from schemas.files.findings import Finding
 from schemas.manifest.model import Parameter, Values
+from schemas.mission.model import PERFORMATIVES
 
 
 def external_actions(survey: Survey, known: Arities, internal: Arities) -> Iterator[Finding]:
@@ -166,3 +168,31 @@ def _formulas_as_actions(body: Body) -> Iterator[Finding]:
             case Step(Operator.ACTION, Structure("true" | "false" as word)) if index or word == "false":
                 text = f"{word} in a body is performed as an action, and fails; only a first true is skipped"
                 yield warning(Kind.FORMULA_AS_ACTION, step.position, text)
+
+
+def wrong_directives(survey: Survey) -> Iterator[Finding]:
+    """Directives that `agentd run` would refuse."""
+    for directive in survey.directives:
+        if mistake := mistake_in(directive):
+            yield finding(Kind.UNKNOWN_DIRECTIVE, directive.position, mistake)
+
+
+def directives_as_beliefs(survey: Survey) -> Iterator[Finding]:
+    """``include("f.asl").``, a belief."""
+    for belief in survey.beliefs:
+        match belief.literal:
+            case Structure("include" | "register_function", (String(), *_)) as literal:
+                directive = f"{{ {source_text(literal)} }}"
+                text = f"{literal.functor}(...) is a belief here; a directive stands in braces: {directive}"
+                yield warning(Kind.DIRECTIVE_AS_BELIEF, literal.position, text)
+
+
+def unknown_performatives(survey: Survey) -> Iterator[Finding]:
+    """Performatives that are nearly one of those that exist; any other may be the agents' own."""
+    for call in survey.calls:
+        match call.action.name, call.action.args:
+            case (".send", (_, Structure(functor) as term, _, *_)) | (".broadcast", (Structure(functor) as term, _)):
+                hint = "" if functor in PERFORMATIVES else near(functor, PERFORMATIVES, 0.75)
+                if hint:
+                    text = f"{functor} is no performative that agents handle by themselves{hint}"
+                    yield warning(Kind.UNKNOWN_PERFORMATIVE, term.position, text)

@@ -1,4 +1,4 @@
-"""Loops that never end and never wait: they keep a processor busy for nothing."""
+"""Loops that never end and never wait, and asks that wait for ever."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 from agentd.check.external_knowledge import Elsewhere
 from agentd.check.finding_kinds import Kind, warning
-from agentd.check.symbol_table import PlacedPlan, Survey
+from agentd.check.symbol_table import PlacedPlan, Survey, steps_of
 from agentd.language.syntax_tree.nodes import (
     BodyFormula,
     InternalAction,
@@ -22,6 +22,8 @@ from agentd.language.syntax_tree.nodes import (
     While,
 )
 from schemas.files.findings import Finding
+
+_ASKS: Final = ("askOne", "askIf", "askAll", "askHow")
 
 _INSTANT: Final = frozenset((".print", ".println", ".printf", ".log"))
 """Internal actions that neither wait nor fail; any other may end the loop."""
@@ -94,3 +96,16 @@ def _unconditional(plan: Plan) -> bool:
         return False
     names = [arg.name for arg in literal.args if isinstance(arg, Variable)]
     return len(set(names)) == len(literal.args) and literal.annotations is None
+
+
+def endless_asks(survey: Survey) -> Iterator[Finding]:
+    """Synchronous asks of the agent itself in an atomic plan: it answers only when that plan has ended."""
+    for plan in (placed.plan for placed in survey.plans if placed.is_labelled("atomic")):
+        for step in steps_of(plan.body):
+            match step.term:
+                case InternalAction(".send", (Structure("self", ()), Structure(functor), _, _), position=position) if (
+                    functor in _ASKS
+                ):
+                    text = "this ask never ends: the agent answers itself only when this atomic plan has ended; "
+                    text += "give a time limit in ms as fifth argument of .send"
+                    yield warning(Kind.ENDLESS_ASK, position, text)

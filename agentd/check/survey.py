@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import NamedTuple, TypeAlias
 
 from agentd.check.symbol_table import ANY_ARITY, Call, Mention, PlacedPlan, Survey, asks_others, qualified
-from agentd.language.compiler.compile import DIRECTIVES
+from agentd.language.compiler.compile import USAGE
 from agentd.language.compiler.plan_patterns import PATTERNS, WrongPattern
 from agentd.language.parser.fact_runs import GroundFact
 from agentd.language.syntax_tree.nodes import (
@@ -179,7 +179,7 @@ class _Walk:
         """Whether a fact mentions only what one before it has: no variable, no call and the same predicate."""
         sig = fact.term().sig
         if (namespace, sig) in self._facts:
-            return sig.functor not in DIRECTIVES
+            return sig.functor not in USAGE
         self._facts.add((namespace, sig))
         return False
 
@@ -333,7 +333,7 @@ class _Walk:
         self.found.teaches |= performative == "tellHow"
         self.found.open_plans |= performative == "askHow"  # without a variable for the answer, the plans are added
         self.found.ends_others |= performative in ("unachieve", "untellHow")
-        goal = performative in ("achieve", "askOne", "askAll")
+        goal = performative in ("achieve", "askOne", "askIf", "askAll")
         for term in content.items if isinstance(content, ListTerm) else (content,):
             if isinstance(term, Structure):
                 self._mention(self.found.wanted if goal else self.found.told, term, namespace)

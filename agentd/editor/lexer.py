@@ -21,7 +21,7 @@ from agentd.editor.token_classes import (
     class_of_word,
     library_names,
 )
-from agentd.jason_project.project_lexer import TOKEN
+from agentd.jason_project.project_parser import TOKEN
 from agentd.language.parser.lexer import BROKEN, Lexicon, lexicon
 from agentd.language.parser.parse_tables import load
 

@@ -1,1 +1,1 @@
-"""Jason's project files (.mas2j): lexer, parser, syntax, and the loader that turns one into agents."""
+"""Jason's project files (.mas2j): the parser with its tree, and the loader that turns a project into agents."""

@@ -7,8 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from agentd.jason_project.project_parser import parse_project
-from agentd.jason_project.syntax import AgentEntry, ClassSpec, Option, Project
+from agentd.jason_project.project_parser import AgentEntry, ClassSpec, Option, Project, parse_project
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError
 from agentd.language.parse import parse_term
 from agentd.language.syntax_tree import nodes
@@ -115,7 +114,7 @@ def _program(paths: SourcePaths, project: Project, entry: AgentEntry) -> Compile
         raise Findings([_finding(position, text)]) from error
     except DirectiveError as error:
         message = error.message
-        java = next((spec for name, spec in project.directives if f"'{name.text}'" in message), None)
+        java = next((spec for name, spec in project.directives if name.text == error.name), None)
         if java is not None:
             message += f"; its Java class {java.name} cannot be used here"
         raise Findings([_finding(error.position, message)]) from error

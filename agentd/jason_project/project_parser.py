@@ -13,16 +13,129 @@ MAS name {
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from typing import Any
 
-from agentd.jason_project.project_lexer import END, Token, tokenize
-from agentd.jason_project.syntax import AgentEntry, ClassSpec, Named, Option, Project
+from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree.errors import Problem, SyntaxErrors, problem_at
-from agentd.language.syntax_tree.nodes import Position
+from agentd.language.syntax_tree.nodes import NOWHERE, Position
 from agentd.language.syntax_tree.source import Source
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A name, path or text, and where it stands."""
+
+    text: str
+    position: Position
+
+
+@dataclass(frozen=True, slots=True)
+class ClassSpec:
+    """A Java class, maybe with arguments: ``env.Field(10, "fast")``; the arguments are texts without quotes."""
+
+    name: str
+    arguments: tuple[str, ...]
+    position: Position
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """``beliefs="a(1)"`` or ``verbose=2`` of an agent."""
+
+    name: str
+    value: str
+    position: Position
+
+
+@dataclass(frozen=True, slots=True)
+class AgentEntry:
+    """An agent, or ``count`` agents, of a project."""
+
+    name: str
+    position: Position
+    file: Named | None = None
+    options: tuple[Option, ...] = ()
+    architectures: tuple[ClassSpec, ...] = ()
+    agent_class: ClassSpec | None = None
+    belief_base: ClassSpec | None = None
+    count: int = 1
+    host: Named | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Project:
+    """A project file."""
+
+    name: str
+    file: str
+    infrastructure: ClassSpec | None = None
+    environment: ClassSpec | None = None
+    environment_host: Named | None = None
+    control: ClassSpec | None = None
+    agents: tuple[AgentEntry, ...] = ()
+    source_paths: tuple[Named, ...] = ()
+    class_paths: tuple[Named, ...] = ()
+    directives: tuple[tuple[Named, ClassSpec], ...] = ()
+    position: Position = NOWHERE
+
+
+TOKEN = re.compile(
+    r"""(?P<blank>[ \t\r\n\f\ufeff]+|//[^\n]*|/\*.*?\*/)
+      | (?P<string>"(?:[^"\\\n]|\\.)*")
+      | (?P<number>\d+(?:\.\d+)?(?![\w.$/\\]))
+      | (?P<word>(?:[\w$~.-]|/(?![/*])|\\)+)
+      | (?P<mark>[{}()\[\]:;,=\#])""",
+    re.VERBOSE | re.DOTALL,
+)
+
+END = "end"
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """``kind`` is string, number, word, mark or end; the text of a string is without quotes."""
+
+    kind: str
+    text: str
+    at: int
+    """Its offset in the source."""
+
+    def __str__(self) -> str:
+        if self.kind == END:
+            return "the end of the file"
+        return f'the text "{self.text}"' if self.kind == "string" else f"'{self.text}'"
+
+
+def tokenize(source: Source) -> list[Token]:
+    """The tokens of a source, the last one is its end. Raises `SyntaxErrors` for what is no token."""
+    found: list[Token] = []
+    text, at, end = source.text, 0, 0
+    while at < len(text):
+        match = TOKEN.match(text, at)
+        if match is None:
+            raise SyntaxErrors([problem_at(source, at, _complaint(text, at))])
+        kind = str(match.lastgroup)
+        if kind == "string":
+            found.append(Token(kind, re.sub(r"\\([\"\\])", r"\1", match.group()[1:-1]), at))
+        elif kind != "blank":
+            found.append(Token(kind, match.group(), at))
+        at = match.end()
+        if kind != "blank":
+            end = at
+    found.append(Token(END, "", end))
+    return found
+
+
+def _complaint(text: str, at: int) -> str:
+    if text.startswith('"', at):
+        return "this text has no closing quote on its line"
+    if text.startswith("/*", at):
+        return "this comment is never closed by */"
+    return f"'{text[at]}' means nothing in a project file"
+
 
 MOST_AGENTS = 10_000
 """More agents than this under one name (``#n``) are taken for a mistake."""
@@ -99,10 +212,8 @@ class _Parser:
     def _no_section(self, keyword: Token) -> str:
         if keyword.text in _SECTIONS:
             return f"a ':' is missing after {keyword.text}"
-        near = get_close_matches(keyword.text, _SECTIONS, 1) if keyword.kind == "word" else []
-        hint = (
-            f"; did you mean {near[0]}:" if near else f"; expected one of {', '.join(_SECTIONS)}, or the closing '}}'"
-        )
+        hint = near(keyword.text, _SECTIONS) if keyword.kind == "word" else ""
+        hint = hint or f"; expected {', '.join(_SECTIONS)} or the closing '}}'"
         return f"{keyword} begins no section{hint}"
 
     # --- sections ---
@@ -197,9 +308,8 @@ class _Parser:
                 return replace(entry, host=self._host())
         if self.at_section_end() or token.kind == END:
             raise self.missing(f"a ';' is missing after the agent {entry.name}")
-        near = get_close_matches(token.text, _OF_AN_AGENT, 1)
-        hint = f"did you mean {near[0]}, or " if near else ""
-        raise self.wrong(f"{token} is not allowed in the entry of the agent {entry.name}; {hint}is a ';' missing?")
+        hint = near(token.text, _OF_AN_AGENT) or "; is a ';' missing before it?"
+        raise self.wrong(f"{token} is not allowed in the entry of the agent {entry.name}{hint}")
 
     def _options(self) -> list[Option]:
         self.at += 1

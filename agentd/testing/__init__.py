@@ -1,1 +1,1 @@
-"""`agentd test`: run test plans. `discovery` finds them, `runner` runs them, `report` prints the results."""
+"""`agentd test`: run test plans. `discovery` finds them, `runner` runs them, `command` reports the results."""

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
-from agentd.check.includes import Includes
+from agentd.check.programs import Includes
 from agentd.language.syntax_tree.nodes import And, Directive, Formula, Not, Or, Program, Structure
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.runtime.program_paths import SourcePaths

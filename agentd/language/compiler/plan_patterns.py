@@ -191,7 +191,7 @@ def _sequence(args: tuple[Any, ...]) -> tuple[Trigger, Any, Structure]:
                 context = parse_formula(context.value) if isinstance(context, nodes.String) else context
                 return trigger, context, parse_literal(goal.value) if isinstance(goal, nodes.String) else goal
             except SyntaxErrors as errors:
-                raise WrongPattern(f"cannot read its arguments: {errors}") from errors
+                raise WrongPattern(f"cannot read its arguments: {errors.findings[0].message}") from errors
     raise WrongPattern("needs a trigger, a context and a goal: sga({ +event(X) }, ready, goal(X))")
 
 

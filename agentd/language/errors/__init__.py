@@ -1,5 +1,5 @@
 """Messages for syntax errors: what is wrong, where, what was expected, and what to write.
 
-`explain` makes the message; `syntax_errors.txt` is the table of patterns and texts, read by `token_patterns`;
+`explain` makes the message, by the table of patterns and texts `syntax_errors.txt`;
 `error_context` says what the parser was in, `lexical` judges characters, `suggestions` finds similar names.
 """

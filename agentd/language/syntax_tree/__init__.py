@@ -1,1 +1,1 @@
-"""The syntax tree: `nodes`, `printer`, `traversal`, names (`namespaces`, `signatures`), `source`, `errors`."""
+"""The syntax tree: `nodes`, `printer`, `traversal`, `signatures`, `source`, `errors`."""

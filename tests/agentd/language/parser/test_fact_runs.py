@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from agentd.check.command import check_program
-from agentd.check.includes import Includes
+from agentd.check.programs import Includes
 from agentd.check.survey import survey
 from agentd.language import parse
 from agentd.language.compiler.compile import compile_program

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from agentd.language.errors.error_context import ErrorContext
-from agentd.language.errors.token_patterns import Row, rows
+from agentd.language.errors.explain import Row, rows
 from agentd.language.parse import MOST_PROBLEMS, parse_file, parse_program, parse_term
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from tests.agentd.mistakes import MISTAKES
