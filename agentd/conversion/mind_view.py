@@ -1,62 +1,64 @@
-"""What a mind shows of itself to observers, as records: bounded, and what is as before is not made again."""
+"""The view of a mind for observers, as records: bounded, filtered as asked for, and reused where nothing changed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
 from itertools import islice
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
-import msgspec
+from msgspec.structs import replace
 
 from agentd.conversion.introspection import EVERYTHING, MOST_BELIEFS, Look
+from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text
-from agentd.language.terms.terms import Literal
+from agentd.language.terms.format import flat_text, text
+from agentd.language.terms.terms import EMPTY, List, Literal
 from agentd.mind import Mind
-from agentd.mind.introspection.decision_log import record_of
-from agentd.mind.introspection.decision_views import (
+from agentd.mind.introspection.decision_log import Decision, Failure, record_of
+from agentd.mind.introspection.decision_views import Views, is_about, plan_view, written
+from agentd.mind.introspection.mind_snapshot import event_view, intention_views, place, question_views, sources_of
+from agentd.mind.introspection.term_snapshot import held
+from agentd.mind.plans.plan_library import Plan
+from schemas.wire.mind_records import (
+    BeliefView,
     DecisionView,
+    EventView,
     FailureView,
+    IntentionView,
     PlanView,
-    RejectedView,
-    Views,
-    is_about,
-    plan_view,
-    written,
+    QuestionView,
 )
-from agentd.mind.introspection.mind_snapshot import belief_text, believed, sources_of
-from agentd.mind.plans.plan_usage import plan_context, plan_uses
-from schemas.wire import mind_records
-
-V = TypeVar("V")
 
 MOST_PLANS: Final = 10
-"""So many plans of a decision are shown."""
+"""Plans shown of a decision, of those rejected and of those untried."""
 MOST_INTENTIONS: Final = 100
-MOST_GOALS: Final = 100
-"""So many goals of an intention are shown, the top of its stack first."""
 MOST_EVENTS: Final = 50
 MOST_QUESTIONS: Final = 50
 MOST_LISTED_PLANS: Final = 1000
 MOST_NAMES: Final = 20
-"""So many names whose plans were asked for are remembered."""
+"""Names whose plans were asked for and are remembered."""
+MOST_USES: Final = 60
+"""Formulas named of a plan's body."""
+LONGEST_BELIEF: Final = 2_000
+"""Characters shown of a belief."""
+_MOST_LOOKED_AT: Final = 2_000
+"""Parts of a belief that are examined."""
 
 
 class Beliefs:
-    """The beliefs of a mind as records; those that are still there are made once."""
+    """The beliefs of a mind as records. The record of a fact is reused while the fact is believed."""
 
     def __init__(self, mind: Mind) -> None:
         self._mind = mind
-        self._shown: dict[int, tuple[Literal, mind_records.BeliefView]] = {}
-        """What the last look has shown of facts that do not change, by their identity; it keeps them alive."""
+        self._shown: dict[int, tuple[Literal, BeliefView]] = {}
+        """The records of unchangeable facts shown last, by identity of the fact, which this keeps alive."""
         self._whole = False
-        """Whether the last look has shown everything."""
+        """Whether everything was shown last."""
 
-    def shown(self, look: Look, now: float) -> tuple[tuple[mind_records.BeliefView, ...], int]:
-        """The beliefs, and how many more there are."""
-        facts, count = believed(self._mind, look.beliefs, look.about)
-        before, known = self._shown, dict[int, tuple[Literal, mind_records.BeliefView]]()
-        views: list[mind_records.BeliefView] = []
+    def shown(self, look: Look, now: float) -> tuple[tuple[BeliefView, ...], int]:
+        """The beliefs, and how many more there are; ``now`` in mission seconds."""
+        facts, count = self._believed(look.beliefs, look.about)
+        before, known = self._shown, dict[int, tuple[Literal, BeliefView]]()
+        views: list[BeliefView] = []
         for fact in facts:
             entry = before.get(id(fact))
             if entry is None:
@@ -71,59 +73,97 @@ class Beliefs:
             self._shown, self._whole = known, count == len(facts)
         return tuple(views), count - len(facts)
 
-    def _view(self, fact: Literal, new: float | None) -> tuple[mind_records.BeliefView, bool]:
-        """A belief that the last look has not shown, and so is `new` if that one has shown everything.
+    def _believed(self, most: int, about: str) -> tuple[list[Literal], int]:
+        """The facts to show and how many there are; ``about`` is their functor, empty for any.
 
-        And whether it need not be made again while it is believed.
+        Each predicate has an equal share of the room, newest facts first, so that one with many facts hides no other.
+        """
+        predicates = [p for p in self._mind.beliefs.predicates() if not about or p.sig.functor == about]
+        sizes = [len(predicate.entries) - predicate.rules for predicate in predicates]
+        share = most
+        left, room = sum(sizes), most
+        if left > most:
+            share = 0
+            for rank, size in enumerate(sorted(sizes)):
+                share = max(1, room // (len(sizes) - rank))
+                room -= min(size, share)
+        shown: list[Literal] = []
+        for predicate, size in zip(predicates, sizes, strict=True):
+            if size:
+                facts = (entry for entry in reversed(predicate.entries.values()) if type(entry) is Literal)
+                shown += islice(facts, min(share, most - len(shown)))
+        return shown, left
+
+    def _view(self, fact: Literal, new: float | None) -> tuple[BeliefView, bool]:
+        """The record of a belief not shown last, and whether it is valid while the fact is believed.
+
+        If everything was shown last, the belief is as old as ``new``, in mission seconds.
         """
         base = self._mind.beliefs
-        text, stays = belief_text(fact)
+        shown, stays = _belief_text(fact)
         since, known = base.since(fact)
         if not base.dated and self._whole and stays:
             since = new
-        return mind_records.BeliefView(text=text, sources=sources_of(fact), since=since), stays and known
+        return BeliefView(text=shown, sources=sources_of(fact), since=since), stays and known
 
 
-def intentions_of(mind: Mind) -> tuple[tuple[mind_records.IntentionView, ...], int]:
-    """The intentions as they stand, and how many more there are."""
-    shown = tuple(
-        mind_records.IntentionView(
-            id=view.id,
-            state=view.state,
-            waits_for=None if view.waits_for is None else mind_records.WaitView(**view.waits_for._asdict()),
-            stack=tuple(goal.trigger for goal in view.stack[:MOST_GOALS]),
-            at=view.stack[0].position if view.stack else "",
-            since=view.since,
-        )
-        for view in mind.intention_views(MOST_INTENTIONS)
-    )
+def _belief_text(fact: Literal) -> tuple[str, bool]:
+    """The text of a belief with its annotations, cut at `LONGEST_BELIEF`, and whether it cannot change."""
+    whole = flat_text(fact)
+    if whole is not None:
+        return whole, fact.ground
+    whole = text(held(fact))
+    return whole if len(whole) <= LONGEST_BELIEF else f"{whole[: LONGEST_BELIEF - 3]}...", _lasting(fact)
+
+
+def _lasting(fact: Literal) -> bool:
+    """Whether a fact consists of numbers, strings, structures and lists of these, and of few."""
+    pending: list[Any] = [*fact.args, *fact.annots]
+    for _ in range(_MOST_LOOKED_AT):
+        if not pending:
+            return fact.ground
+        part = pending.pop()
+        kind = type(part)
+        if kind is Literal:
+            pending += part.args
+            pending += part.annots
+        elif kind is List:
+            if part is not EMPTY:
+                pending += (part.tail, *part.items[part.at : part.at + _MOST_LOOKED_AT])
+        elif kind is not float and kind is not str:
+            return False
+    return False
+
+
+def intentions_of(mind: Mind) -> tuple[tuple[IntentionView, ...], int]:
+    """The intentions, and how many more there are."""
+    shown = tuple(intention_views(mind, MOST_INTENTIONS))
     if len(shown) < MOST_INTENTIONS:
         return shown, 0
     return shown, sum(bool(intention.stack) for intention in mind.all_intentions()) - len(shown)
 
 
-def events_of(mind: Mind, about: str) -> tuple[tuple[mind_records.EventView, ...], int]:
-    """The events that are taken next, and how many more wait; those of another name are not shown."""
-    views = mind.event_views(MOST_EVENTS)
-    shown = [view for view in views if not about or view.name == about]
-    return _records(shown, mind_records.EventView), len(mind.all_events()) - len(views)
+def events_of(mind: Mind, about: str) -> tuple[tuple[EventView, ...], int]:
+    """The next events, of the name ``about`` if it is not empty, and how many more wait."""
+    events = mind.all_events()
+    shown = [event for event in events[:MOST_EVENTS] if not about or event[0].sig.functor == about]
+    return tuple(map(event_view, shown)), max(0, len(events) - MOST_EVENTS)
 
 
-def questions_of(mind: Mind, life: str) -> tuple[mind_records.QuestionView, ...]:
-    """What others were asked and have not answered; the ids of messages end with `life` on the way."""
-    views = mind.question_views()[:MOST_QUESTIONS]
-    return _records((replace(view, id=f"{view.id}.{life}") for view in views), mind_records.QuestionView)
+def questions_of(mind: Mind, life: str) -> tuple[QuestionView, ...]:
+    """The synchronous asks without an answer; ``life`` is what ids of messages end with on the bus."""
+    return tuple(question_views(mind, life)[:MOST_QUESTIONS])
 
 
 class Plans:
-    """The plans of a mind as records, made anew when there are others."""
+    """The plans of a mind as records, made again when the library has changed."""
 
     def __init__(self, mind: Mind) -> None:
         self._mind = mind
         self._version = -1
-        self._made: dict[str, tuple[mind_records.PlanView, ...]] = {}
+        self._made: dict[str, tuple[PlanView, ...]] = {}
 
-    def shown(self, look: Look) -> tuple[mind_records.PlanView, ...]:
+    def shown(self, look: Look) -> tuple[PlanView, ...]:
         """The plans in order, if they are asked for."""
         if not look.plans:
             return ()
@@ -136,112 +176,86 @@ class Plans:
         return made
 
 
-def _functor(plan: Any) -> Any:
-    return getattr(plan.syntax.trigger.literal, "functor", None)
+def _functor(plan: Plan) -> str:
+    literal = plan.syntax.trigger.literal
+    return literal.functor if isinstance(literal, nodes.Structure) else ""
 
 
-def _plan(plan: Any) -> mind_records.PlanView:
-    shown = plan_view(plan)
-    return mind_records.PlanView(
-        label=shown.label,
-        trigger=shown.trigger,
-        position=shown.position,
-        context=written(plan_context(plan.syntax)),
+def _plan(plan: Plan) -> PlanView:
+    context = plan.syntax.context
+    return replace(
+        plan_view(plan),
+        context="" if context is None else written(source_text(context)),
         uses=plan_uses(plan.syntax),
         source=source_text(plan.syntax),
     )
 
 
-def decisions_of(
-    mind: Mind, look: Look = EVERYTHING
-) -> tuple[tuple[mind_records.DecisionView, ...], tuple[mind_records.FailureView, ...]]:
-    """The last decisions and the failures among them. One whose outcome is known is made a record once."""
+def plan_uses(plan: nodes.Plan) -> dict[str, str]:
+    """What a plan's body does, each with the ``file:line`` of the first place.
+
+    ``!go/1`` and ``!!serve/0`` are goals, ``?where/1`` tests, ``+found/3`` and ``-found/3`` changes of beliefs,
+    ``takeoff/1`` actions, ``.send/4`` internal actions.
+    """
+    found: dict[str, str] = {}
+    pending: list[object] = [plan.body]
+    while pending and len(found) < MOST_USES:
+        node = pending.pop(0)
+        match node:
+            case nodes.Body(formulas=formulas):
+                pending[:0] = formulas
+            case nodes.If(branches=branches, otherwise=otherwise):
+                pending[:0] = [body for _, body in branches] + ([] if otherwise is None else [otherwise])
+            case nodes.While(body=body) | nodes.For(body=body):
+                pending.insert(0, body)
+            case nodes.Fork(branches=bodies):
+                pending[:0] = bodies
+            case nodes.Step(operator=operator, term=term, position=position):
+                name = _name(term)
+                if name:
+                    found.setdefault(operator.value + name, place(position))
+    return found
+
+
+def _name(term: nodes.Term) -> str:
+    match term:
+        case nodes.Structure(functor=functor, args=args, negated=negated):
+            return f"{'~' if negated else ''}{functor}/{len(args)}"
+        case nodes.InternalAction(name=name, args=args):
+            return f"{name}/{len(args)}"
+    return ""
+
+
+def decisions_of(mind: Mind, look: Look = EVERYTHING) -> tuple[tuple[DecisionView, ...], tuple[FailureView, ...]]:
+    """The last decisions and the failures among them. The record of a decision with a known outcome is made once."""
     recorder, most = mind.recorder, look.last
     if recorder is None or not most:
         return (), ()
     entries, known = recorder.entries(), recorder.shown
     wanted = [entry for entry in entries if is_about(record_of(entry), look.about)] if look.about else entries
     views: Views | None = None
-    made: list[mind_records.DecisionView | mind_records.FailureView] = []
+    made: list[DecisionView | FailureView] = []
     for entry in wanted[-most:]:
         record = known[id(entry)][1] if id(entry) in known else None
-        if record is None or (isinstance(record, mind_records.DecisionView) and record.outcome == "running"):
+        if record is None or (isinstance(record, DecisionView) and record.outcome == "running"):
             if views is None:
                 views = Views.among(mind, list(map(record_of, entries)))
-            record = _seen_again(views, record_of(entry), record)
+            record = _record(views, record_of(entry), record)
             known[id(entry)] = (entry, record)
         made.append(record)
     if len(known) > len(entries):
         here = set(map(id, entries))
         for gone in [identity for identity in known if identity not in here]:
             del known[gone]
-    decisions = tuple(record for record in made if isinstance(record, mind_records.DecisionView))
-    return decisions, tuple(record for record in made if isinstance(record, mind_records.FailureView))
+    decisions = tuple(record for record in made if isinstance(record, DecisionView))
+    return decisions, tuple(record for record in made if isinstance(record, FailureView))
 
 
-def _seen_again(views: Views, record: Any, before: Any) -> mind_records.DecisionView | mind_records.FailureView:
-    """A record as it is now; what it was at the last look, if it goes on as it did."""
-    if before is not None and views.outcome(record) == before.outcome:
-        known: mind_records.DecisionView = before
-        return known
+def _record(views: Views, record: Decision | Failure, before: DecisionView | None) -> DecisionView | FailureView:
+    """A record with at most `MOST_PLANS` plans of a kind; ``before`` if the outcome is still the same."""
+    if before is not None and isinstance(record, Decision) and views.outcome(record) == before.outcome:
+        return before
     view = views.of(record)
-    if isinstance(view, DecisionView):
-        return decision_record(view)
-    return failure_record(view)
-
-
-def decision_record(view: DecisionView) -> mind_records.DecisionView:
-    """A decision as a record, with not too many plans."""
-    failure = None if view.failure is None else failure_record(view.failure)
-    return mind_records.DecisionView(
-        cycle=view.cycle,
-        time=view.time,
-        event=view.event,
-        kind=view.kind,
-        name=view.name,
-        source=view.source,
-        intention=view.intention,
-        goal=view.goal,
-        cause=None if view.cause is None else _record(view.cause, mind_records.CauseView),
-        asked_at=view.asked_at,
-        rejected=tuple(map(_rejected, view.rejected[:MOST_PLANS])),
-        chosen=None if view.chosen is None else _plan_record(view.chosen),
-        untried=tuple(map(_plan_record, view.untried[:MOST_PLANS])),
-        outcome=view.outcome,  # type: ignore[arg-type]
-        failure=failure,
-        dropped_by=view.dropped_by,
-        dropped_at=view.dropped_at,
-    )
-
-
-def _rejected(view: RejectedView) -> mind_records.RejectedView:
-    return mind_records.RejectedView(
-        plan=_plan_record(view.plan),
-        why=view.why,  # type: ignore[arg-type]
-        literal=view.literal,
-        filled=view.filled,
-        message=view.message,
-    )
-
-
-def _plan_record(view: PlanView) -> mind_records.PlanView:
-    return mind_records.PlanView(label=view.label, trigger=view.trigger, position=view.position, bindings=view.bindings)
-
-
-def failure_record(view: FailureView) -> mind_records.FailureView:
-    """A failure as a record."""
-    record: mind_records.FailureView = _record(view, mind_records.FailureView)
-    return record
-
-
-def drops_of(mind: Mind) -> tuple[mind_records.DropView, ...]:
-    """What was dropped because too much waited, by its name."""
-    return _records(mind.drops.by_name, mind_records.DropView)
-
-
-def _records(views: Iterable[Any], kind: type[V]) -> tuple[V, ...]:
-    return tuple(_record(view, kind) for view in views)
-
-
-def _record(view: Any, kind: type[Any]) -> Any:
-    return msgspec.convert(view, kind, from_attributes=True)
+    if isinstance(view, DecisionView) and max(len(view.rejected), len(view.untried)) > MOST_PLANS:
+        return replace(view, rejected=view.rejected[:MOST_PLANS], untried=view.untried[:MOST_PLANS])
+    return view

@@ -23,24 +23,40 @@ from agentd.mind.execution.generated_code_api import RUNTIME
 from agentd.mind.execution.option_selection import RULE, Chooser, Selector, by_function, by_rule, selectors_of
 from agentd.mind.execution.program_loading import copy_mind, load_program
 from agentd.mind.introspection.decision_log import Decisions
-from agentd.mind.introspection.decision_views import DecisionView, FailureView, view_of, views_of
-from agentd.mind.introspection.mind_snapshot import (
-    BeliefView,
-    EventView,
-    IntentionView,
-    QuestionView,
-    views_of_beliefs,
-    views_of_events,
-    views_of_intentions,
-    views_of_questions,
-)
+from agentd.mind.introspection.decision_views import view_of, views_of
+from agentd.mind.introspection.mind_snapshot import belief_views, intention_views
 from agentd.mind.persistence.change_tracking import Keeper
 from agentd.mind.plans.nested_plans import select_first, select_nested, select_noted
 from agentd.mind.plans.plan_library import PlanLibrary, Selection
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import BeliefView, DecisionView, FailureView, IntentionView
 
 MOST_FRAMES: Final = 300_000
 """Plans that an intention may be in the middle of; a goal that calls itself without end fails beyond."""
+
+
+_SLEEPING: Final = SignalRaised.named("jag_sleeping")
+_AWAKING: Final = SignalRaised.named("jag_awaking")
+
+
+def wake_up(mind: MindState) -> None:
+    """Before cycles: end the sleep if there is an input, a message or a timer that is due. Its event comes first."""
+    inputs, heap = mind.inputs, mind.timers.heap
+    told = bool(inputs) and inputs[0] is _SLEEPING
+    if mind.asleep and (len(inputs) > told or mind.mailbox or (heap and heap[0].due <= mind.now)):
+        mind.asleep = False
+        inputs.insert(int(told), _AWAKING)
+
+
+def fall_asleep(mind: MindState) -> None:
+    """After cycles without effect: begin a sleep if there is nothing left to do but to wait. Once until it ends."""
+    if mind.asleep is not False or mind.atomic is not None:
+        return
+    mind.asleep = True
+    if mind.ready:
+        mind.asleep = False
+    else:
+        mind.inputs.append(_SLEEPING)
 
 
 class Mind(MindState):
@@ -196,20 +212,12 @@ class Mind(MindState):
             self.random, self.on_input, self.effects, self.now, self.warned = own
 
     def intention_views(self, most: int | None = None) -> list[IntentionView]:
-        """The intentions as they stand, for people; of many only the first so many."""
-        return views_of_intentions(self, most)
+        """The present intentions by their ids, at most ``most`` (None: all)."""
+        return intention_views(self, most)
 
     def belief_views(self) -> list[BeliefView]:
-        """The beliefs as they stand, for people."""
-        return views_of_beliefs(self)
-
-    def event_views(self, most: int) -> list[EventView]:
-        """The events that are taken next, for people."""
-        return views_of_events(self, most)
-
-    def question_views(self) -> list[QuestionView]:
-        """What others were asked and have not answered, for people."""
-        return views_of_questions(self)
+        """The present beliefs."""
+        return belief_views(self)
 
     def decision_views(self, last: int | None = None, about: str = "") -> list[DecisionView | FailureView]:
         """The last decisions and failures, oldest first, for people; none unless the mind was made to remember any.
@@ -220,27 +228,3 @@ class Mind(MindState):
 
 
 _SELECTION: Final = Selection(select_first, select_nested, select_noted, by_rule)
-
-
-_SLEEPING: Final = SignalRaised.named("jag_sleeping")
-_AWAKING: Final = SignalRaised.named("jag_awaking")
-
-
-def wake_up(mind: MindState) -> None:
-    """Before cycles: end the sleep if there is an input, a message or a timer that is due. Its event comes first."""
-    inputs, heap = mind.inputs, mind.timers.heap
-    told = bool(inputs) and inputs[0] is _SLEEPING
-    if mind.asleep and (len(inputs) > told or mind.mailbox or (heap and heap[0].due <= mind.now)):
-        mind.asleep = False
-        inputs.insert(int(told), _AWAKING)
-
-
-def fall_asleep(mind: MindState) -> None:
-    """After cycles without effect: begin a sleep if there is nothing left to do but to wait. Once until it ends."""
-    if mind.asleep is not False or mind.atomic is not None:
-        return
-    mind.asleep = True
-    if mind.ready:
-        mind.asleep = False
-    else:
-        mind.inputs.append(_SLEEPING)

@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, tzinfo
 from itertools import chain
 from random import Random
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeAlias
+from typing import Literal as OneOf
+
+from msgspec.structs import replace
 
 from agentd.language.syntax_tree.signatures import Signature
 from agentd.language.terms.source_annotations import told_by_others
@@ -26,6 +29,7 @@ from agentd.mind.data.inputs import Input, Mail, TimeRead
 from agentd.mind.data.intention import PLAN, Event, Frame, Intention, Question, Request, Step, Timer, Timers, Wait
 from agentd.mind.data.registry import Library
 from agentd.mind.plans.plan_library import PlanLibrary, Relevant
+from schemas.wire.mind_records import DropView
 
 MOST_FOCUSES: Final = 100_000
 """Events and intentions at most; an agent that raises more floods itself, and the newest are dropped."""
@@ -81,68 +85,43 @@ def _at(key: tuple[int, ...], args: tuple[Any, ...]) -> Any:
 
 
 PERIOD: Final = 10.0
-"""Mission seconds between two notes about what is dropped."""
+"""Mission seconds between two log lines about what is dropped."""
 MOST_NAMES: Final = 50
-"""So many kinds of what was dropped are told apart; of further ones only the number is known."""
-
-
-@dataclass(slots=True)
-class Dropped:
-    """What was dropped of one kind: ``what`` is ``events``, ``messages`` or ``questions``.
-
-    ``name`` is the event's, such as ``+tick/1``, or the sender's.
-    ``first`` and ``last`` are mission seconds; ``reason`` says why, in words.
-    """
-
-    what: str
-    name: str
-    reason: str
-    first: float
-    last: float
-    count: int = 0
+"""Names of dropped items that are counted separately; beyond, only the total is known."""
+DropKind: TypeAlias = OneOf["events", "messages", "questions"]
 
 
 class Drops:
-    """The drops of one mind."""
+    """Counts of what a mind dropped because too much waited. The first drop of a kind is logged, then the totals."""
 
     def __init__(self) -> None:
         self.counts: dict[str, int] = {}
-        """How many were dropped: of ``events``, ``messages``, ``questions``."""
-        self._by_name: dict[tuple[str, str], Dropped] = {}
-        self._told: dict[str, tuple[int, float]] = {}
-        """How many had been dropped when that was told last, and when that was."""
+        self.by_name: dict[tuple[DropKind, str], DropView] = {}
+        """In the order in which each kind and name was dropped first."""
+        self._logged: dict[str, tuple[int, float]] = {}
+        """The count logged last, and when."""
 
-    @property
-    def by_name(self) -> list[Dropped]:
-        """What was dropped, by its name, in the order in which that began."""
-        return list(self._by_name.values())
+    def note(self, kind: DropKind, text: str, name: str, now: float) -> Log | None:
+        """Count one that is dropped at ``now`` (mission seconds) and return the line to be logged, if any.
 
-    def note(self, kind: str, text: str, name: str, now: float) -> Log | None:
-        """Count one that is dropped at ``now`` (mission seconds) and return what is to be logged of it, if anything.
-
-        ``text`` says of what kind and why, ``name`` which: `Dropped.name`.
+        ``text`` is the reason; ``name`` is that of the event, such as ``+tick/1``, or of the sender.
         """
         count = self.counts[kind] = self.counts.get(kind, 0) + 1
-        self._note_name(kind, name, text, now)
-        told = self._told.get(kind)
-        if told is not None and now < told[1] + PERIOD:
+        known = self.by_name.get((kind, name))
+        if known is not None:
+            self.by_name[kind, name] = replace(known, count=known.count + 1, last=now)
+        elif len(self.by_name) < MOST_NAMES:
+            self.by_name[kind, name] = DropView(what=kind, name=name, count=1, first=now, last=now, reason=text)
+        logged = self._logged.get(kind)
+        if logged is not None and now < logged[1] + PERIOD:
             return None
-        self._told[kind] = (count, now)
-        return Log("warning", text if told is None else f"{text} ({count} so far)")
+        self._logged[kind] = (count, now)
+        return Log("warning", text if logged is None else f"{text} ({count} so far)")
 
-    def _note_name(self, kind: str, name: str, text: str, now: float) -> None:
-        known = self._by_name.get((kind, name))
-        if known is None:
-            if len(self._by_name) >= MOST_NAMES:
-                return
-            known = self._by_name[kind, name] = Dropped(kind, name, text, now, now)
-        known.count += 1
-        known.last = now
-
-    def untold(self, now: float) -> list[Log]:
-        """Return notes about what was dropped since the last one: for the end of a run, at ``now``."""
-        left = {kind: count for kind, count in self.counts.items() if count > self._told[kind][0]}
-        self._told.update((kind, (count, now)) for kind, count in left.items())
+    def unlogged(self, now: float) -> list[Log]:
+        """Return the totals that grew since they were logged last: for the end of a run, at ``now``."""
+        left = {kind: count for kind, count in self.counts.items() if count > self._logged[kind][0]}
+        self._logged.update((kind, (count, now)) for kind, count in left.items())
         return [Log("warning", f"{count} {kind} were dropped in all") for kind, count in left.items()]
 
 
@@ -305,7 +284,7 @@ class MindState:
         else:
             self.inputs.append(item)
 
-    def drop(self, kind: str, text: str, name: str = "") -> None:
+    def drop(self, kind: DropKind, text: str, name: str = "") -> None:
         """Count what is dropped, and log it from time to time: see `Drops.note`."""
         self.timers.looks += 1
         log = self.drops.note(kind, text, name, self.now)

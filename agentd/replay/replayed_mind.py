@@ -8,8 +8,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-import msgspec
-
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.parse import parse_formula
 from agentd.language.syntax_tree.errors import SyntaxErrors
@@ -247,7 +245,8 @@ class ReplayedMind:
         """The decision with its rejected plans, as it was made; None for what is none."""
         if type(done.what) is not tuple:
             return None
-        return msgspec.convert(view_of(self.mind, Decision(*done.what)), DecisionView, from_attributes=True)
+        view = view_of(self.mind, Decision(*done.what))
+        return view if isinstance(view, DecisionView) else None
 
 
 def _read(record: Any) -> tuple[int, Given]:

@@ -464,7 +464,7 @@ class AgentHost:
 
     async def _leave(self, in_order: bool) -> None:
         """Keep what there is, let the mail leave, end; after `.stopMAS` nothing is to come back."""
-        for note in self._mind.drops.untold(self._mind.now):
+        for note in self._mind.drops.unlogged(self._mind.now):
             self._carry_out(note)
         self._mailing.inbox.withdraw()
         if self._checkpointer is not None:

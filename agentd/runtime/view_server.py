@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from agentd.conversion.introspection import EVERYTHING, BadParameter, Look
-from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, drops_of, events_of, intentions_of, questions_of
+from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
 from agentd.language.syntax_tree.nodes import Formula
 from agentd.mind import Mind
 from agentd.runtime.operator_control import OperatorControl
@@ -102,7 +102,7 @@ class Viewer:
             decisions=decisions,
             failures=failures,
             dropped=dict(mind.drops.counts),
-            drops=drops_of(mind),
+            drops=tuple(mind.drops.by_name.values()),
             actions=tuple(self._actions),
             done={text: mind.query(formula) for text, formula in self._done.items()},
             failed={text: mind.query(formula) for text, formula in self._failed.items()},

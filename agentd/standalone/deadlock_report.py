@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from agentd.mind import Mind
 from agentd.mind.data.effects import Log
-from agentd.mind.data.intention import PLAN, Intention
+from agentd.mind.data.intention import PLAN, Intention, wait_text
 from agentd.mind.execution.control_flow import Fork
 from agentd.mind.introspection.failure_text import brief, code_of, event_text, goal_text, written
 
@@ -41,7 +41,7 @@ def stuck_note(intention: Intention) -> Log:
     else:
         text = f"{formula} waits for what cannot come any more"
         if intention.waiting is not None and intention.waiting.kind not in ("time", "formula", "event"):
-            details.insert(0, f"it waits for: {intention.waiting}")
+            details.insert(0, f"it waits for: {wait_text(intention.waiting)}")
     return Log("warning", text, tuple(details), step.syntax.position)
 
 

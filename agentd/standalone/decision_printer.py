@@ -7,8 +7,8 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
 
-from agentd.mind.introspection.decision_views import CauseView, DecisionView, FailureView, PlanView, RejectedView
 from schemas.humanize import escape_lines
+from schemas.wire.mind_records import CauseView, DecisionView, FailureView, PlanView, RejectedView
 
 IN_FULL = 3
 """So often decisions that were made for the same reasons are told; further ones are counted."""

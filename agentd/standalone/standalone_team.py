@@ -142,7 +142,7 @@ class Team:
     def _finish(self) -> None:
         """Tell what is left to be told."""
         for mind in self.minds.values():
-            for note in mind.drops.untold(mind.now):
+            for note in mind.drops.unlogged(mind.now):
                 self._carry_out(mind, note)
         if self._narrator is not None:
             self._narrator.finish()

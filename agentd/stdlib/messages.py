@@ -8,12 +8,13 @@ from agentd.language.terms.terms import EMPTY, List, Literal, Var, atom, deref, 
 from agentd.mind.beliefs.term_copy import detached
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
-from agentd.mind.data.intention import Awaited, Question
+from agentd.mind.data.intention import Question
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.execution import await_something
 from agentd.mind.execution.messages import send
 from agentd.mind.execution.waiting import forget_question, milliseconds, time_out, wrong_answer
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import WaitView
 
 _ASKS = ("askOne", "askAll", "askHow", "askIf")
 
@@ -92,7 +93,7 @@ def _ask(
         return None
     intention = mind.own_intention
     question = Question(intention, answer, many, receivers, force, content, mind.now)
-    await_something(mind, intention, Awaited("answer", agents=tuple(receivers)), question)
+    await_something(mind, intention, WaitView(kind="answer", agents=tuple(receivers)), question)
     for receiver in receivers:
         try:
             msg_id = send(mind, _present(mind, receiver), force, content, kind="sync")

@@ -20,12 +20,12 @@ from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.data.effects import Log, Print, StopTeam
 from agentd.mind.data.inputs import GoalAdded
-from agentd.mind.introspection.decision_views import DecisionView
 from agentd.standalone.clocks import VirtualClock
 from agentd.standalone.standalone_team import Team
 from agentd.testing.assertions import FAILED
 from agentd.testing.discovery import LIBRARY, Case, TestPaths
 from agentd.testing.results import Asserted, Outcome, TestEnded, Verdict
+from schemas.wire.mind_records import DecisionView
 
 if TYPE_CHECKING:
     from agentd.environment import Environment

@@ -207,7 +207,7 @@ def decisions(agent: TeamAgent, opened: set[str], now: float) -> list[Row]:
     for _, key, one in sorted(together, key=lambda found: found[0], reverse=True):
         rows.append(_failure(one, key) if isinstance(one, FailureView) else _decision(one, key))
         if key in opened:
-            lines = failure_lines(one) if isinstance(one, FailureView) else decision_lines(one)  # type: ignore[arg-type]
+            lines = failure_lines(one) if isinstance(one, FailureView) else decision_lines(one)
             rows += [Row(said(f"      {places(line)}"), indent=10) for line in lines]
             if isinstance(one, DecisionView) and one.dropped_by:
                 where = f" ({one.dropped_at})" if one.dropped_at else ""

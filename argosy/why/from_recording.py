@@ -7,7 +7,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from agentd.conversion.introspection import MOST_BELIEFS, Look
-from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, drops_of, events_of, intentions_of, questions_of
+from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
 from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.recording.mind_inputs import Life, in_words
@@ -114,6 +114,6 @@ def _view(lived: ReplayedMind, at: float | None, actions: Iterable[Deed]) -> Min
         decisions=decisions,
         failures=failures,
         dropped=dict(mind.drops.counts),
-        drops=drops_of(mind),
+        drops=tuple(mind.drops.by_name.values()),
         actions=tuple(actions),
     )

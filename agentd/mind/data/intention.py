@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from agentd.language.syntax_tree.traversal import HIDDEN
 from agentd.language.terms.terms import Literal, Var, deref
+from schemas.wire.mind_records import WaitView
 
 if TYPE_CHECKING:
     from agentd.mind.plans.plan_library import Relevant
@@ -104,26 +105,18 @@ Event: TypeAlias = "tuple[Relevant, tuple[Any, ...], tuple[Any, ...], Intention 
 (or None)."""
 
 
-class Awaited(NamedTuple):
-    """What an intention waits for; the fields are those of `schemas.wire.mind_records.WaitView`."""
-
-    kind: str
-    name: str = ""
-    agents: tuple[str, ...] = ()
-    seconds: float | None = None
-
-    def __str__(self) -> str:
-        """Return what ``.intention`` gives: ``action takeoff``, ``answer of bob``, ``wait(5s)``."""
-        match self.kind:
-            case "answer":
-                return f"answer of {', '.join(self.agents)}"
-            case "time":
-                return f"wait({self.seconds:g}s)"
-            case "formula" | "event":
-                return f"wait({self.kind})"
-            case "action" | "team":
-                return f"{self.kind} {self.name}"
-        return self.name or self.kind.replace("_", " ")
+def wait_text(awaited: WaitView) -> str:
+    """What an intention waits for, as ``.intention`` shows it: ``action takeoff``, ``answer of bob``, ``wait(5s)``."""
+    match awaited.kind:
+        case "answer":
+            return f"answer of {', '.join(awaited.agents)}"
+        case "time":
+            return f"wait({awaited.seconds:g}s)"
+        case "formula" | "event":
+            return f"wait({awaited.kind})"
+        case "action" | "team":
+            return f"{awaited.kind} {awaited.name}"
+    return awaited.name or awaited.kind.replace("_", " ")
 
 
 class Intention:
@@ -142,7 +135,7 @@ class Intention:
         "waiting",
     )
 
-    waiting: Awaited | None
+    waiting: WaitView | None
     """None while it runs or waits for its own event."""
     suspended: str | None
     """Why it must not run although it could (``.suspend``)."""

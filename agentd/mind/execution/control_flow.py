@@ -15,10 +15,11 @@ from agentd.mind.beliefs.term_copy import Copier, is_ground
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.intention import STEP, VARIABLES, Awaited, Frame, Intention, Step
+from agentd.mind.data.intention import STEP, VARIABLES, Frame, Intention, Step
 from agentd.mind.execution.dropping import drop
 from agentd.mind.execution.execution import await_something, fail_parent, resume_waiting
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import WaitView
 
 
 class Fork:
@@ -89,7 +90,7 @@ def fork(mind: MindState, intention: Intention, frame: Frame, operator: str, fir
         branch.branch = state
         state.branches.append(branch)
         mind.running.append(branch)
-    await_something(mind, intention, Awaited("fork"), state)
+    await_something(mind, intention, WaitView(kind="fork"), state)
     return True
 
 

@@ -13,7 +13,7 @@ from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.effects import Log, Print
 from agentd.mind.data.formula_failure import Failed, as_failed
-from agentd.mind.data.intention import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Awaited, Event, Frame, Intention, Step
+from agentd.mind.data.intention import ANNOTS, ARGS, MARK, PLAN, RELEVANT, STEP, Event, Frame, Intention, Step
 from agentd.mind.execution import goal_states
 from agentd.mind.introspection.decision_log import MOST_FRAMES
 from agentd.mind.introspection.failure_report import failure_report, rejected_plans
@@ -28,6 +28,7 @@ from agentd.mind.introspection.failure_text import (
 )
 from agentd.mind.plans.nested_plans import nested_plans
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import WaitView
 
 MOST_RETRIES: Final = 100
 """So often an intention's failure plan that fails itself is tried again before the intention ends."""
@@ -85,7 +86,7 @@ def end_frames(mind: MindState, intention: Intention) -> bool:
 def _leave(mind: MindState, intention: Intention, frame: Frame) -> bool:
     """Take away a plan that needs more than that; False when its goal's condition does not hold yet, and it waits."""
     if frame[PLAN].condition is not None and not condition_holds(mind, intention, frame):
-        await_something(mind, intention, Awaited("goal_condition"))
+        await_something(mind, intention, WaitView(kind="goal_condition"))
         return False
     intention.stack.pop()
     mind.left(intention, frame)
@@ -109,7 +110,7 @@ def condition_holds(mind: MindState, intention: Intention, frame: Frame) -> bool
 # --- waiting ---
 
 
-def await_something(mind: MindState, intention: Intention, awaited: Awaited, token: Any = None) -> None:
+def await_something(mind: MindState, intention: Intention, awaited: WaitView, token: Any = None) -> None:
     """Take an intention out of the round until `resume_waiting` or `fail_waiting`.
 
     ``token`` is what a drop must take back.

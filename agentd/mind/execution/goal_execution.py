@@ -11,7 +11,7 @@ from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots, with_source
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.formula_failure import Failed
-from agentd.mind.data.intention import STEP, Awaited, Frame, Intention, Step
+from agentd.mind.data.intention import STEP, Frame, Intention, Step
 from agentd.mind.execution.belief_updates import change_term
 from agentd.mind.execution.execution import await_something
 from agentd.mind.execution.goal_states import pending, raise_state
@@ -19,6 +19,7 @@ from agentd.mind.plans.nested_plans import nested_plans
 from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.plans.plan_terms import lone_goal, trigger_literal
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import WaitView
 
 
 def literal_of(term: Any) -> Literal:
@@ -119,7 +120,7 @@ def perform(mind: MindState, intention: Intention, action: Any) -> bool:
     number = intention.action = mind.action_count
     mind.action_client[number] = intention
     mind.effects.append(PerformAction(number, name, args))
-    await_something(mind, intention, Awaited("action", name))
+    await_something(mind, intention, WaitView(kind="action", name=name))
     return True
 
 

@@ -10,9 +10,10 @@ from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.order import sorted_annots
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all
-from agentd.mind.data.intention import ANNOTS, ARGS, RELEVANT, Frame, Intention, values_of
+from agentd.mind.data.intention import ANNOTS, ARGS, RELEVANT, Frame, Intention, values_of, wait_text
 from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import WaitView
 
 if TYPE_CHECKING:
     from agentd.mind.data.formula_failure import Failed
@@ -103,7 +104,7 @@ def reason_of(intention: Intention) -> Literal | None:
         case "action":
             return atom("act")
         case "time" | "formula" | "event":
-            return Literal(_WAIT, (_waited_for(intention),))
+            return Literal(_WAIT, (_waited_for(intention, awaited),))
         case "answer":
             return atom("waiting_ask")
         case "python":
@@ -111,9 +112,9 @@ def reason_of(intention: Intention) -> Literal | None:
     return atom(awaited.kind)
 
 
-def _waited_for(intention: Intention) -> Any:
+def _waited_for(intention: Intention, awaited: WaitView) -> Any:
     """The first argument of the ``.wait`` that an intention is in."""
     step = None if intention.last is None else intention.last.syntax
     if isinstance(step, nodes.Step) and isinstance(step.term, nodes.InternalAction):
         return resolve(instantiate(step.term.args[0], values_of(intention.stack[-1])))
-    return str(intention.waiting)
+    return wait_text(awaited)

@@ -11,7 +11,7 @@ from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Code, Literal, atom, deref, make_list
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.beliefs.unification import undo, unify
-from agentd.mind.data.intention import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Intention, Step, values_of
+from agentd.mind.data.intention import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Frame, Intention, Step, values_of, wait_text
 from agentd.mind.plans.plan_terms import label_with_line
 from agentd.mind.state import MindState
 
@@ -34,7 +34,7 @@ def state_of(mind: MindState, intention: Intention) -> Literal:
     if intention.suspended is not None:
         return Literal(_SUSPENDED, (atom(intention.suspended),))
     if intention.waiting is not None:
-        return Literal(_WAITING, (str(intention.waiting),))
+        return Literal(_WAITING, (wait_text(intention.waiting),))
     if any(event[3] is intention for event in mind.events):
         return atom("pending")
     return atom("running")

@@ -14,11 +14,12 @@ from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.effects import TeamRequest
 from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
 from agentd.mind.data.inputs import Mail, TeamReply
-from agentd.mind.data.intention import Awaited, Frame, Intention, Question, Request, Wait
+from agentd.mind.data.intention import Frame, Intention, Question, Request, Wait
 from agentd.mind.execution.execution import await_something, fail_waiting, resume_waiting
 from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.plans.plan_terms import trigger_literal
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import WaitView
 
 
 def milliseconds(term: Any) -> float:
@@ -36,7 +37,7 @@ def wait_time(mind: MindState, intention: Intention, seconds: float) -> bool:
         resume_waiting(mind, intention)
 
     timer = mind.timers.at(mind.now + seconds, over)
-    await_something(mind, intention, Awaited("time", seconds=seconds), timer)
+    await_something(mind, intention, WaitView(kind="time", seconds=seconds), timer)
     return True
 
 
@@ -54,7 +55,7 @@ def wait_until(
     wait = Wait(intention, frame, mind.now)
     wait.check, wait.elapsed = check, elapsed
     mind.conditions.append(wait)
-    _start(mind, wait, seconds, Awaited("formula"))
+    _start(mind, wait, seconds, WaitView(kind="formula"))
     return True
 
 
@@ -68,11 +69,11 @@ def wait_event(mind: MindState, intention: Intention, trigger: Code, limit: Any 
     wait.pattern = (node.operator, node.goal, trigger_literal(trigger))
     wait.elapsed = elapsed
     mind.listeners.append(wait)
-    _start(mind, wait, seconds, Awaited("event"))
+    _start(mind, wait, seconds, WaitView(kind="event"))
     return True
 
 
-def _start(mind: MindState, wait: Wait, seconds: float | None, awaited: Awaited) -> None:
+def _start(mind: MindState, wait: Wait, seconds: float | None, awaited: WaitView) -> None:
     mind.timers.looks += 1  # at the time since when it waits
     if seconds is not None:
         wait.timer = mind.timers.at(mind.now + seconds, lambda: timed_out(mind, wait))
@@ -158,7 +159,7 @@ class Suspension:
 
     def __init__(self, mind: MindState, reason: str) -> None:
         self._mind, self._intention = mind, mind.own_intention
-        await_something(mind, self._intention, Awaited("python", reason), self)
+        await_something(mind, self._intention, WaitView(kind="python", name=reason), self)
 
     @property
     def over(self) -> bool:
@@ -217,7 +218,7 @@ def request(
     intention = mind.own_intention
     mind.effects.append(TeamRequest(mind.action_count, what, arguments))
     mind.requests[mind.action_count] = Request(intention, result, use)
-    await_something(mind, intention, Awaited("team", what), mind.action_count)
+    await_something(mind, intention, WaitView(kind="team", name=what), mind.action_count)
     return True
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
+from typing import Literal as OneOf
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text
@@ -19,98 +19,12 @@ from agentd.mind.introspection.decision_log import Decision, Failure
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import CauseView, DecisionView, FailureView, PlanView, RejectedView
+
+Outcome: TypeAlias = OneOf["running", "ended", "failed", "dropped", "none"]
 
 PASSED_OVER: Final = "passed over"
 """The reason why an applicable plan was not chosen: a selection function or rule took another."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanView:
-    """A plan: its label as written (empty if it has none), its trigger, ``file:line``, and variables with values."""
-
-    label: str
-    trigger: str
-    position: str
-    bindings: dict[str, str]
-
-
-@dataclass(frozen=True, slots=True)
-class RejectedView:
-    """A plan that was tried in vain.
-
-    ``why`` is ``trigger`` (it does not unify with the event), ``context``, ``error`` (the context could not be
-    computed) or ``choice`` (it was applicable, but a selection function or rule did not choose it). For
-    ``context``, ``literal`` is the part that failed as written and ``filled`` the same with the values that its
-    variables had; these are the plan's ``bindings``. ``message`` says it in words.
-    """
-
-    plan: PlanView
-    why: str
-    literal: str
-    filled: str
-    message: str
-
-
-@dataclass(frozen=True, slots=True)
-class FailureView:
-    """A formula that failed, or a goal without a plan.
-
-    ``formula`` has its values put in; ``error`` is what ``error(E)`` shows and ``reason`` why, in words. ``given_up``
-    are the goals that ended with it, innermost first; ``handled_by`` is the event ``-!g`` that goes on from here, empty
-    if nothing does.
-    """
-
-    cycle: int
-    time: float
-    intention: int
-    formula: str
-    position: str
-    error: str
-    reason: str
-    given_up: tuple[str, ...]
-    handled_by: str
-
-
-@dataclass(frozen=True, slots=True)
-class CauseView:
-    """Where an event comes from; the fields are those of `schemas.wire.mind_records.CauseView`."""
-
-    kind: str
-    intention: int = 0
-    sender: str = ""
-    performative: str = ""
-    message: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class DecisionView:
-    """An event and the plan that was chosen for it.
-
-    ``kind`` is the operator and kind of the event, such as ``+!``, ``name`` its functor and arity. ``goal`` is the
-    event of the plan that raised it and waits for it, if any. ``cause`` is None for the agent itself; ``asked_at`` is
-    the ``file:line`` of the formula that raised it. ``rejected`` are the plans tried before the chosen one, ``untried``
-    those after it. ``outcome`` says what became of the chosen plan so far: ``running``, ``ended``, ``failed``,
-    ``dropped``, or ``none`` where no plan was chosen; ``failure`` what failed in it; ``dropped_by`` the formula that
-    dropped it, at ``dropped_at``, its ``file:line``.
-    """
-
-    cycle: int
-    time: float
-    event: str
-    kind: str
-    name: str
-    source: str
-    intention: int
-    goal: str
-    cause: CauseView | None
-    asked_at: str
-    rejected: tuple[RejectedView, ...]
-    chosen: PlanView | None
-    untried: tuple[PlanView, ...]
-    outcome: str
-    failure: FailureView | None
-    dropped_by: str = ""
-    dropped_at: str = ""
 
 
 def views_of(
@@ -154,7 +68,7 @@ class Views:
     ) -> None:
         self._mind, self._failures, self._args, self._alive = mind, failures, args, alive
 
-    def outcome(self, made: Decision) -> str:
+    def outcome(self, made: Decision) -> Outcome:
         """What became of the chosen plan so far."""
         return self._outcome(made.frame)[0]
 
@@ -190,7 +104,7 @@ class Views:
             dropped_at=_place(dropped_by),
         )
 
-    def _outcome(self, frame: Frame | None) -> tuple[str, Failure | None]:
+    def _outcome(self, frame: Frame | None) -> tuple[Outcome, Failure | None]:
         if frame is None:
             return "none", None
         failure = self._failures.get(id(frame))
@@ -209,27 +123,27 @@ class Views:
     def _cause(self, made: Decision) -> CauseView | None:
         if made.below is not None:
             failed = made.relevant.operator == "-" and made.relevant.goal
-            return CauseView("failure" if failed else "plan", made.intention)
+            return CauseView(kind="failure" if failed else "plan", intention=made.intention)
         origin = made.origin
         if made.asked is not None:
-            return CauseView("intention", made.intention)
+            return CauseView(kind="intention", intention=made.intention)
         if origin is not None and isinstance(origin[0], Mail):
             mail = origin[0]
-            return CauseView("message", sender=mail.sender, performative=mail.performative, message=mail.msg_id)
+            return CauseView(kind="message", sender=mail.sender, performative=mail.performative, message=mail.msg_id)
         sources = [a.args[0] for a in made.annots if is_source(a)]
         if (origin is not None and made.annots is SELF) or not sources:
             if origin is None:
                 return None
             if origin[0] is not None:
-                return CauseView("outside")
-            return CauseView("intention", origin[1]) if origin[1] else CauseView("program")
+                return CauseView(kind="outside")
+            return CauseView(kind="intention", intention=origin[1]) if origin[1] else CauseView(kind="program")
         match ", ".join(map(short_text, sources)):
             case "percept":
-                return CauseView("percept")
+                return CauseView(kind="percept")
             case "self":
                 return None
             case names:
-                return CauseView("told", sender=names)
+                return CauseView(kind="told", sender=names)
 
     def _failure(self, record: Failure) -> FailureView:
         handler = record.handler
@@ -258,14 +172,14 @@ def rejected_view(plan: Plan, reason: Any) -> RejectedView:
     if reason is None:
         annotated = getattr(plan.syntax.trigger.literal, "annotations", None) is not None
         message = f"its trigger {'and annotations do' if annotated else 'does'} not match"
-        return RejectedView(plan_view(plan), "trigger", "", "", message)
+        return RejectedView(plan=plan_view(plan), why="trigger", message=message)
     if reason is PASSED_OVER:
-        return RejectedView(plan_view(plan), "choice", "", "", "it is applicable, but was not chosen")
+        return RejectedView(plan=plan_view(plan), why="choice", message="it is applicable, but was not chosen")
     if reason == ():
-        return RejectedView(plan_view(plan), "context", "", "", "its context does not hold")
+        return RejectedView(plan=plan_view(plan), why="context", message="its context does not hold")
     if isinstance(reason, Exception):
         what = "it is too deep" if isinstance(reason, RecursionError) else str(reason) or type(reason).__name__
-        return RejectedView(plan_view(plan), "error", "", "", f"its context cannot be computed: {what}")
+        return RejectedView(plan=plan_view(plan), why="error", message=f"its context cannot be computed: {what}")
     number, values = reason
     node, names = plan.tried[number]
     bindings = dict(zip(names, values, strict=True))
@@ -275,7 +189,7 @@ def rejected_view(plan: Plan, reason: Any) -> RejectedView:
     filled = filled_text(node, bindings)
     shown = {name: short_text(value) for name, value in bindings.items() if type(deref(value)) is not Var}
     message = f"{filled} does not hold" if shown else f"{literal} does not hold"
-    return RejectedView(plan_view(plan, shown), "context", literal, filled, message)
+    return RejectedView(plan=plan_view(plan, shown), why="context", literal=literal, filled=filled, message=message)
 
 
 def filled_text(node: nodes.Term, bindings: dict[str, Any]) -> str:
@@ -313,7 +227,7 @@ def plan_view(plan: Any, bindings: dict[str, str] | None = None) -> PlanView:
         texts = (written_label, source_text(node.trigger), f"{node.position.file}:{node.position.line}")
         plan.shown = texts
     label, trigger, position = texts
-    return PlanView(label, trigger, position, bindings or {})
+    return PlanView(label=label, trigger=trigger, position=position, bindings=bindings or {})
 
 
 def _values(frame: Frame, values: tuple[Any, ...] | None) -> dict[str, str]:

@@ -23,7 +23,6 @@ from agentd.mind.data.intention import PLAN, RELEVANT, Event, Frame
 from agentd.mind.data.registry import ACTIONS, find_action
 from agentd.mind.introspection.decision_views import (
     PASSED_OVER,
-    RejectedView,
     event_text,
     plan_view,
     reason_of,
@@ -35,6 +34,7 @@ from agentd.mind.introspection.term_snapshot import short_text
 from agentd.mind.plans.nested_plans import candidates
 from agentd.mind.plans.plan_library import Plan
 from agentd.mind.state import MindState
+from schemas.wire.mind_records import RejectedView
 
 _MOST_SHOWN: Final = 5
 """So many plans, goals or beliefs are named; of further ones the number."""

@@ -45,9 +45,9 @@ def test_events_without_end_are_bounded_counted_and_told_once_in_a_while() -> No
     assert [text.startswith(first) for text in told] == [True] * 3
     assert "so far)" in told[1]
     assert mind.drops.counts["events"] > 1000
-    last = mind.drops.untold(mind.now)
+    last = mind.drops.unlogged(mind.now)
     assert [note.text for note in last] == [f"{mind.drops.counts['events']} events were dropped in all"]
-    assert mind.drops.untold(mind.now) == []
+    assert mind.drops.unlogged(mind.now) == []
 
 
 def test_messages_and_percepts_are_still_handled() -> None:

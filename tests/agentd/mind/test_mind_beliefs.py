@@ -58,10 +58,10 @@ def test_deletions_of_percepts_are_raised_before_additions() -> None:
 
 def test_a_query_leaves_no_trace() -> None:
     world = run("at(1,2). r(X) :- at(X,Y) & Y > 1.")
-    before = [b.annotated for b in world.mind.belief_views()]
+    before = [b.text for b in world.mind.belief_views()]
     assert world.mind.query(parse_formula("r(1) & not r(2)"))
     assert not world.mind.query(parse_formula("r(X) & X > 1"))
-    assert [b.annotated for b in world.mind.belief_views()] == before
+    assert [b.text for b in world.mind.belief_views()] == before
     assert not world.mind.ready
 
 
@@ -107,7 +107,7 @@ def test_sources_are_kept_apart_and_the_last_one_takes_the_belief_with_it() -> N
 
 def test_the_text_of_a_belief_shows_its_annotations_in_order() -> None:
     world = run("b(1)[zeta, alpha, 3].")
-    assert [b.annotated for b in world.mind.belief_views()] == ["b(1)[3,alpha,source(self),zeta]"]
+    assert [b.text for b in world.mind.belief_views()] == ["b(1)[3,alpha,source(self),zeta]"]
     assert text(Var("X")) == "X"
 
 

@@ -7,7 +7,7 @@ import pytest
 from agentd.conversion.term_conversion import to_wire
 from agentd.mind.data.effects import CancelAction, PerformAction, Print
 from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded
-from agentd.mind.data.intention import Awaited
+from schemas.wire.mind_records import WaitView
 from schemas.wire.terms import Variable
 from tests.agentd.minds import mind_of, run, term
 
@@ -120,5 +120,5 @@ def test_an_agent_that_floods_itself_is_bounded_and_says_so(monkeypatch: pytest.
 def test_the_snapshot_tells_goals_positions_and_what_is_waited_for() -> None:
     world = run("!fly.\n+!fly <- !climb(5).\n+!climb(A) <-\n  takeoff(A).")
     (view,) = world.mind.intention_views()
-    assert (view.state, view.waits_for) == ("waiting", Awaited("action", "takeoff"))
-    assert [(g.trigger, g.position) for g in view.stack] == [("+!climb(5)", "test.asl:4"), ("+!fly", "test.asl:2")]
+    assert (view.state, view.waits_for) == ("waiting", WaitView(kind="action", name="takeoff"))
+    assert (view.stack, view.at) == (("+!climb(5)", "+!fly"), "test.asl:4")

@@ -22,7 +22,7 @@ def test_the_program_of_the_page_can_be_run() -> None:
     mind = Mind("uav", compile_program(parse_program(source, "page.asl")))
     for _ in range(20):
         mind.step(0.0)
-    assert "leg(1)[source(self)]" in [belief.annotated for belief in mind.belief_views()]
+    assert "leg(1)[source(self)]" in [belief.text for belief in mind.belief_views()]
 
 
 def test_the_figures_of_the_page_are_those_of_the_code() -> None:

@@ -13,7 +13,7 @@ from agentd.mind import Mind
 from agentd.mind.data.inputs import GoalAdded, Mail
 from agentd.mind.data.intention import Intention
 from agentd.mind.execution.option_selection import Event, Option
-from agentd.mind.introspection.decision_views import DecisionView
+from schemas.wire.mind_records import DecisionView
 from tests.agentd.minds import World, mind_of, run, term
 
 PLANS = """

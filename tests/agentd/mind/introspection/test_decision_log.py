@@ -17,9 +17,9 @@ from agentd.language.terms.terms import List, Literal, Var
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, BeliefAdded, GoalAdded, Mail, PerceptAdded
 from agentd.mind.execution.event_selection import take_event, take_event_recorded
-from agentd.mind.introspection.decision_views import CauseView, DecisionView, FailureView
 from agentd.mind.introspection.term_snapshot import held, held_all, short_text
 from agentd.standalone.decision_printer import DecisionPrinter
+from schemas.wire.mind_records import CauseView, DecisionView, FailureView
 from tests.agentd.minds import World, mind_of, run, term
 
 
@@ -130,16 +130,16 @@ def test_where_an_event_comes_from_is_told() -> None:
     world.feed(PerceptAdded(term("ball(1)")), Mail("ann", "tell", term("hello(1)"), "m1"))
     world.feed(Mail("ann", "achieve", term("help"), "m2"), BeliefAdded(term("given(1)")), GoalAdded(term("asked")))
     assert {view.name: (view.cause, view.asked_at, view.source) for view in of(world)} == {
-        "note/1": (CauseView("program"), "", "self"),
-        "start/0": (CauseView("program"), "", "self"),
-        "sub/0": (CauseView("plan", 2), "test.asl:3", "self"),
-        "apart/0": (CauseView("intention", 2), "test.asl:3", "self"),
-        "seen/1": (CauseView("plan", 2), "test.asl:3", "self"),
-        "ball/1": (CauseView("percept"), "", "percept"),
-        "hello/1": (CauseView("message", 0, "ann", "tell", "m1"), "", "ann"),
-        "help/0": (CauseView("message", 0, "ann", "achieve", "m2"), "", "ann"),
-        "given/1": (CauseView("outside"), "", "self"),
-        "asked/0": (CauseView("outside"), "", "self"),
+        "note/1": (CauseView(kind="program"), "", "self"),
+        "start/0": (CauseView(kind="program"), "", "self"),
+        "sub/0": (CauseView(kind="plan", intention=2), "test.asl:3", "self"),
+        "apart/0": (CauseView(kind="intention", intention=2), "test.asl:3", "self"),
+        "seen/1": (CauseView(kind="plan", intention=2), "test.asl:3", "self"),
+        "ball/1": (CauseView(kind="percept"), "", "percept"),
+        "hello/1": (CauseView(kind="message", sender="ann", performative="tell", message="m1"), "", "ann"),
+        "help/0": (CauseView(kind="message", sender="ann", performative="achieve", message="m2"), "", "ann"),
+        "given/1": (CauseView(kind="outside"), "", "self"),
+        "asked/0": (CauseView(kind="outside"), "", "self"),
     }
 
 
@@ -186,7 +186,10 @@ def test_a_failed_action_has_the_reason_of_the_vehicle_and_the_handler_that_goes
     assert (view.formula, view.reason, view.handled_by) == ("takeoff(5)", "PreArm: need 3D fix", "-!fly/0")
     handler = of(world)[-1]
     assert handler.kind == "-!"
-    assert (handler.cause, handler.goal) == (CauseView("failure", 1), "+!fly") or handler.chosen is not None
+    assert (handler.cause, handler.goal) == (
+        CauseView(kind="failure", intention=1),
+        "+!fly",
+    ) or handler.chosen is not None
 
 
 def test_memory_is_bounded_by_the_number_asked_for() -> None:
