@@ -19,7 +19,7 @@ from msgspec.structs import replace
 
 from agentd.language.syntax_tree.signatures import Signature
 from agentd.language.terms.source_annotations import told_by_others
-from agentd.language.terms.terms import Var
+from agentd.language.terms.terms import Term, Var
 from agentd.mind.beliefs.belief_base import BeliefBase, OpenBeliefs, Predicate
 from agentd.mind.beliefs.unification import Trail
 from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked
@@ -46,12 +46,12 @@ class Perceived:
     __slots__ = ("args", "by_key", "gained", "lost", "predicate")
 
     def __init__(self, predicate: Predicate, gained: Relevant, lost: Relevant) -> None:
-        self.args: dict[tuple[Any, ...], None] = {}
+        self.args: dict[tuple[Term, ...], None] = {}
         self.predicate, self.gained, self.lost = predicate, gained, lost
-        self.by_key: dict[tuple[int, ...], dict[Any, dict[tuple[Any, ...], None]]] = {}
+        self.by_key: dict[tuple[int, ...], dict[Any, dict[tuple[Term, ...], None]]] = {}
         """For each key that is used, the percepts by their arguments at its positions."""
 
-    def agreeing(self, args: tuple[Any, ...], key: tuple[int, ...]) -> list[tuple[Any, ...]]:
+    def agreeing(self, args: tuple[Term, ...], key: tuple[int, ...]) -> list[tuple[Term, ...]]:
         """The percepts whose arguments at the positions ``key`` are these: it costs as much as there are of them."""
         if not key:
             return list(self.args)
@@ -64,13 +64,13 @@ class Perceived:
                 index.setdefault(_at(key, percept), {})[percept] = None
         return list(index.get(_at(key, args), ()))
 
-    def put(self, args: tuple[Any, ...]) -> None:
+    def put(self, args: tuple[Term, ...]) -> None:
         """Note a percept that was not there."""
         self.args[args] = None
         for key, index in self.by_key.items() if self.by_key else ():
             index.setdefault(_at(key, args), {})[args] = None
 
-    def drop(self, args: tuple[Any, ...]) -> None:
+    def drop(self, args: tuple[Term, ...]) -> None:
         """Forget a percept that is there."""
         del self.args[args]
         for key, index in self.by_key.items() if self.by_key else ():
@@ -80,7 +80,7 @@ class Perceived:
                 del index[_at(key, args)]
 
 
-def _at(key: tuple[int, ...], args: tuple[Any, ...]) -> Any:
+def _at(key: tuple[int, ...], args: tuple[Term, ...]) -> Any:
     return args[key[0]] if len(key) == 1 else tuple([args[place] for place in key])
 
 
@@ -138,7 +138,9 @@ class Recorder(Protocol):
     def select_after(
         self, trail: Trail, event: Event, broken: Any, rejected: list[tuple[Any, Any]], error: Exception
     ) -> Frame | None: ...
-    def decided(self, event: Event, args: Any, rejected: Any, frame: Frame | None, bound: bool) -> None: ...
+    def decided(
+        self, event: Event, args: tuple[Term, ...], rejected: Any, frame: Frame | None, bound: bool
+    ) -> None: ...
     def failed(
         self, intention: Intention | None, failed: Failed, frames: Sequence[Frame], handler: Relevant | None
     ) -> None: ...
@@ -338,7 +340,7 @@ class MindState:
 
     # --- events and intentions ---
 
-    def post(self, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+    def post(self, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> None:
         """Queue an event that starts an intention of its own; arguments and annotations are resolved."""
         focuses = len(self.events) + len(self.running) + len(self.waiting) + len(self.suspended)
         if focuses >= MOST_FOCUSES and (focuses >= MOST_FOCUSES + FOR_OTHERS or not told_by_others(annots)):

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.from_ast import instantiate
-from agentd.language.terms.terms import Code, Literal, Open, Var, atom, deref, make_list
+from agentd.language.terms.terms import Code, Literal, Open, Term, Var, atom, deref, make_list
 from agentd.mind.beliefs.belief_base import Predicate, RuleClause
 from agentd.mind.beliefs.term_copy import Copier, detach, resolve_all, resolve_annots, with_source
 from agentd.mind.beliefs.unification import Trail, undo, unify
@@ -19,7 +18,7 @@ from agentd.mind.state import MindState
 
 
 @internal_action(".abolish", 1)
-def abolish(mind: MindState, trail: Trail, pattern: Any) -> bool:
+def abolish(mind: MindState, trail: Trail, pattern: Term) -> bool:
     """``.abolish(B)``: removes every belief that unifies, from any source, with a deletion event each.
 
     ``.abolish(_[source(ann)])``: every belief with that annotation, whatever its name. The events have no annotations.
@@ -35,7 +34,7 @@ def abolish(mind: MindState, trail: Trail, pattern: Any) -> bool:
     return True
 
 
-def _abolish(mind: MindState, trail: Trail, pattern: Any, predicate: Predicate) -> None:
+def _abolish(mind: MindState, trail: Trail, pattern: Term, predicate: Predicate) -> None:
     """Remove the facts of a predicate that unify with a belief, or with a variable that has annotations."""
     for fact in predicate.candidates(pattern.args) if type(pattern) is Literal else predicate.facts():
         mark = len(trail)
@@ -47,7 +46,7 @@ def _abolish(mind: MindState, trail: Trail, pattern: Any, predicate: Predicate) 
         undo(trail, mark)
 
 
-def _assert(mind: MindState, term: Any, last: bool) -> bool:
+def _assert(mind: MindState, term: Term, last: bool) -> bool:
     term = deref(term)
     if type(term) is Code and isinstance(term.syntax, nodes.Rule):
         add_rule(mind, term.syntax, dict(term.values), last=last)
@@ -62,19 +61,19 @@ def _assert(mind: MindState, term: Any, last: bool) -> bool:
 
 
 @internal_action(".asserta", 1)
-def asserta(mind: MindState, trail: Trail, term: Any) -> bool:
+def asserta(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.asserta(B)``: believes B, or adds the rule B, before all others of its name."""
     return _assert(mind, term, last=False)
 
 
 @internal_action(".assertz", 1)
-def assertz(mind: MindState, trail: Trail, term: Any) -> bool:
+def assertz(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.assertz(B)``: as ``.asserta``, after all others of its name."""
     return _assert(mind, term, last=True)
 
 
 @internal_action(".belief", 1, backtracks=True)
-def belief(mind: MindState, trail: Trail, pattern: Any) -> Iterator[None]:
+def belief(mind: MindState, trail: Trail, pattern: Term) -> Iterator[None]:
     """``.belief(B)``: each fact that unifies; rules are not asked.
 
     ?- .belief(door(D)) gives D = open; D = closed
@@ -95,7 +94,7 @@ def belief(mind: MindState, trail: Trail, pattern: Any) -> Iterator[None]:
 
 
 @internal_action(".relevant_rules", 2)
-def relevant_rules(mind: MindState, trail: Trail, pattern: Any, result: Any) -> bool:
+def relevant_rules(mind: MindState, trail: Trail, pattern: Term, result: Term) -> bool:
     """``.relevant_rules(H, L)``: the rules whose head unifies, as terms."""
     pattern = deref(pattern)
     if type(pattern) is not Literal:
@@ -113,7 +112,7 @@ def relevant_rules(mind: MindState, trail: Trail, pattern: Any, result: Any) -> 
 
 
 @internal_action(".namespace", 1, backtracks=True)
-def namespace(mind: MindState, trail: Trail, name: Any) -> Iterator[None]:
+def namespace(mind: MindState, trail: Trail, name: Term) -> Iterator[None]:
     """``.namespace(N)``: the namespaces in use.
 
     ?- .namespace(N) gives N = default
@@ -127,7 +126,7 @@ def namespace(mind: MindState, trail: Trail, name: Any) -> Iterator[None]:
 
 
 @internal_action(".namespace_set_prop", 3)
-def namespace_set_prop(mind: MindState, trail: Trail, name: Any, key: Any, term: Any) -> bool:
+def namespace_set_prop(mind: MindState, trail: Trail, name: Term, key: Term, term: Term) -> bool:
     """``.namespace_set_prop(N, Key, V)``: keeps a value under a key of a namespace."""
     mind.namespaces.setdefault(_name(name), {})[_name(key)] = resolve_all((term,))[0]
     return True
@@ -135,7 +134,7 @@ def namespace_set_prop(mind: MindState, trail: Trail, name: Any, key: Any, term:
 
 @internal_action(".namespace_get_prop", (2, 4), backtracks=True)
 def namespace_get_prop(
-    mind: MindState, trail: Trail, name: Any, key: Any, term: Any = None, default: Any = None
+    mind: MindState, trail: Trail, name: Term, key: Term, term: Term | None = None, default: Term | None = None
 ) -> Iterator[None]:
     """``.namespace_get_prop(N, Key[, V[, Default]])``: the value under a key, or under each key where Key is free.
 
@@ -156,6 +155,6 @@ def namespace_get_prop(
     undo(trail, mark)
 
 
-def _name(term: Any) -> str:
+def _name(term: Term) -> str:
     term = deref(term)
     return term.sig.functor if type(term) is Literal else str(term)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from agentd.language.terms.order import compare, distinct, is_in, ordered, place_in
-from agentd.language.terms.terms import Collection, Var, atom, deref, make_list, proper
+from agentd.language.terms.terms import Collection, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
@@ -14,7 +14,7 @@ from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
 
 
-def _held(term: Any, kinds: tuple[str, ...], trail: Trail) -> Any:
+def _held(term: Term, kinds: tuple[str, ...], trail: Trail) -> Any:
     """The collection that an argument holds; a free variable becomes an empty map or set where that is needed."""
     collection = deref(term)
     if type(collection) is Var and kinds is not _QUEUE:
@@ -26,7 +26,7 @@ def _held(term: Any, kinds: tuple[str, ...], trail: Trail) -> Any:
     return collection
 
 
-def _create(kind: str, term: Any, trail: Trail) -> bool:
+def _create(kind: str, term: Term, trail: Trail) -> bool:
     if type(deref(term)) is not Var:
         return False
     return unify(term, Collection(kind, {} if kind == "map" else []), trail)
@@ -42,13 +42,13 @@ def _for_all_kinds(name: str, kinds: tuple[str, ...]) -> None:
     """Register what maps, sets and queues have in common."""
 
     @internal_action(f".{name}.clear", 1)
-    def clear(mind: MindState, trail: Trail, term: Any) -> bool:
+    def clear(mind: MindState, trail: Trail, term: Term) -> bool:
         """``.map.clear(C)``, ``.set.clear(C)``, ``.queue.clear(C)``: empties it."""
         _held(term, kinds, trail).content.clear()
         return True
 
     @internal_action(f".{name}.copy", 2)
-    def copy(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
+    def copy(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
         """``.map.copy(C, D)``, ``.set.copy(C, D)``, ``.queue.copy(C, D)``: another one of the same members.
 
         The outer container only: containers within it are shared.
@@ -60,7 +60,7 @@ def _for_all_kinds(name: str, kinds: tuple[str, ...]) -> None:
         return
 
     @internal_action(f".{name}.to_list", 2)
-    def to_list(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
+    def to_list(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
         """``.set.to_list(C, L)``, ``.queue.to_list(C, L)``: its members in order.
 
         ?- .set.add_all(S, [c,a,c]) & .set.to_list(S, L) gives L = [a,c]
@@ -74,13 +74,13 @@ _for_all_kinds("queue", _QUEUE)
 
 
 @internal_action(".map.create", 1)
-def map_create(mind: MindState, trail: Trail, term: Any) -> bool:
+def map_create(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.map.create(M)``: an empty map; fails when M has a value. ``.map.put`` makes one by itself where M is free."""
     return _create("map", term, trail)
 
 
 @internal_action(".map.put", 3)
-def map_put(mind: MindState, trail: Trail, term: Any, key: Any, value: Any) -> bool:
+def map_put(mind: MindState, trail: Trail, term: Term, key: Term, value: Term) -> bool:
     """``.map.put(M, Key, V)``: V under Key, in place of what was there.
 
     ?- .map.put(M, alt, 5) & .map.put(M, alt, 7) & .map.get(M, alt, A) gives A = 7
@@ -90,7 +90,7 @@ def map_put(mind: MindState, trail: Trail, term: Any, key: Any, value: Any) -> b
 
 
 @internal_action(".map.get", (3, 4))
-def map_get(mind: MindState, trail: Trail, term: Any, key: Any, value: Any, default: Any = None) -> bool:
+def map_get(mind: MindState, trail: Trail, term: Term, key: Term, value: Term, default: Term | None = None) -> bool:
     """``.map.get(M, Key, V[, Default])``: the value under Key; fails when there is none and no default.
 
     ?- .map.create(M) & .map.get(M, alt, A, 0) gives A = 0
@@ -101,13 +101,13 @@ def map_get(mind: MindState, trail: Trail, term: Any, key: Any, value: Any, defa
 
 
 @internal_action(".map.remove", 3)
-def map_remove(mind: MindState, trail: Trail, term: Any, key: Any, value: Any) -> bool:
+def map_remove(mind: MindState, trail: Trail, term: Term, key: Term, value: Term) -> bool:
     """``.map.remove(M, Key, V)``: takes Key out; V is what was there. Fails when nothing was."""
     found = _held(term, _MAP, trail).content.pop(resolve(key), None)
     return found is not None and unify(value, found, trail)
 
 
-def _one_by_one(members: list[Any], item: Any, trail: Trail) -> Iterator[None]:
+def _one_by_one(members: list[Term], item: Term, trail: Trail) -> Iterator[None]:
     mark = len(trail)
     for member in members:
         if unify(item, member, trail):
@@ -116,7 +116,7 @@ def _one_by_one(members: list[Any], item: Any, trail: Trail) -> Iterator[None]:
 
 
 @internal_action(".map.key", 2, backtracks=True)
-def map_key(mind: MindState, trail: Trail, term: Any, key: Any) -> Iterator[None]:
+def map_key(mind: MindState, trail: Trail, term: Term, key: Term) -> Iterator[None]:
     """``.map.key(M, Key)``: each key.
 
     ?- .map.put(M, a, 1) & .map.put(M, b, 2) & .map.key(M, K) gives K = a; K = b
@@ -125,19 +125,19 @@ def map_key(mind: MindState, trail: Trail, term: Any, key: Any) -> Iterator[None
 
 
 @internal_action(".map.value", 2, backtracks=True)
-def map_value(mind: MindState, trail: Trail, term: Any, value: Any) -> Iterator[None]:
+def map_value(mind: MindState, trail: Trail, term: Term, value: Term) -> Iterator[None]:
     """``.map.value(M, V)``: the value of each key."""
     yield from _one_by_one(list(_held(term, _MAP, trail).content.values()), value, trail)
 
 
 @internal_action(".set.create", 1)
-def set_create(mind: MindState, trail: Trail, term: Any) -> bool:
+def set_create(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.set.create(S)``: an empty set; fails when S has a value. The other actions make one where S is free."""
     return _create("set", term, trail)
 
 
 @internal_action(".set.add", 2)
-def set_add(mind: MindState, trail: Trail, term: Any, item: Any) -> bool:
+def set_add(mind: MindState, trail: Trail, term: Term, item: Term) -> bool:
     """``.set.add(S, X)``: X is in the set, once."""
     content, new = _held(term, _SET, trail).content, resolve(item)
     place = place_in(content, new)
@@ -146,7 +146,7 @@ def set_add(mind: MindState, trail: Trail, term: Any, item: Any) -> bool:
     return True
 
 
-def _members(term: Any) -> list[Any]:
+def _members(term: Term) -> list[Term]:
     term = deref(term)
     if type(term) is Collection and term.kind != "map":
         return list(term.content)
@@ -158,7 +158,7 @@ def _members(term: Any) -> list[Any]:
 
 @internal_action(".set.add_all", 2)
 @internal_action(".set.union", 2)
-def set_add_all(mind: MindState, trail: Trail, term: Any, items: Any) -> bool:
+def set_add_all(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
     """``.set.add_all(S, L)``, ``.set.union(S, L)``: the members of a list, set or queue too.
 
     ?- .set.add(S, b) & .set.union(S, [c,a]) & .set.to_list(S, L) gives L = [a,b,c]
@@ -169,7 +169,7 @@ def set_add_all(mind: MindState, trail: Trail, term: Any, items: Any) -> bool:
 
 
 @internal_action(".set.remove", 2)
-def set_remove(mind: MindState, trail: Trail, term: Any, item: Any) -> bool:
+def set_remove(mind: MindState, trail: Trail, term: Term, item: Term) -> bool:
     """``.set.remove(S, X)``: X is not in the set."""
     content, gone = _held(term, _SET, trail).content, resolve(item)
     if is_in(content, gone):
@@ -178,7 +178,7 @@ def set_remove(mind: MindState, trail: Trail, term: Any, item: Any) -> bool:
 
 
 @internal_action(".set.intersection", 2)
-def set_intersection(mind: MindState, trail: Trail, term: Any, items: Any) -> bool:
+def set_intersection(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
     """``.set.intersection(S, L)``: only what is in L too stays.
 
     ?- .set.add_all(S, [a,b,c]) & .set.intersection(S, [b,d]) & .set.to_list(S, L) gives L = [b]
@@ -189,7 +189,7 @@ def set_intersection(mind: MindState, trail: Trail, term: Any, items: Any) -> bo
 
 
 @internal_action(".set.difference", 2)
-def set_difference(mind: MindState, trail: Trail, term: Any, items: Any) -> bool:
+def set_difference(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
     """``.set.difference(S, L)``: what is in L goes.
 
     ?- .set.add_all(S, [a,b,c]) & .set.difference(S, [b,d]) & .set.to_list(S, L) gives L = [a,c]
@@ -200,12 +200,12 @@ def set_difference(mind: MindState, trail: Trail, term: Any, items: Any) -> bool
 
 
 @internal_action(".queue.create", (1, 2))
-def queue_create(mind: MindState, trail: Trail, term: Any, kind: Any = None) -> bool:
+def queue_create(mind: MindState, trail: Trail, term: Term, kind: Term | None = None) -> bool:
     """``.queue.create(Q[, priority])``: an empty queue; with ``priority`` the least member comes first."""
     return _create("priority" if kind is not None and deref(kind) == _PRIORITY else "queue", term, trail)
 
 
-def _enqueue(held: Collection, items: list[Any]) -> None:
+def _enqueue(held: Collection, items: list[Term]) -> None:
     """Equal terms of a priority queue keep their order."""
     held.content.extend(items)
     if held.kind == "priority":
@@ -213,14 +213,14 @@ def _enqueue(held: Collection, items: list[Any]) -> None:
 
 
 @internal_action(".queue.add", 2)
-def queue_add(mind: MindState, trail: Trail, term: Any, item: Any) -> bool:
+def queue_add(mind: MindState, trail: Trail, term: Term, item: Term) -> bool:
     """``.queue.add(Q, X)``: at its end, or at its place in a priority queue."""
     _enqueue(_held(term, _QUEUE, trail), [resolve(item)])
     return True
 
 
 @internal_action(".queue.add_all", 2)
-def queue_add_all(mind: MindState, trail: Trail, term: Any, items: Any) -> bool:
+def queue_add_all(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
     """``.queue.add_all(Q, L)``: the members of a list, set or queue, in order.
 
     ?- .queue.create(Q, priority) & .queue.add_all(Q, [5,3,4]) & .queue.head(Q, X) gives X = 3
@@ -230,14 +230,14 @@ def queue_add_all(mind: MindState, trail: Trail, term: Any, items: Any) -> bool:
 
 
 @internal_action(".queue.head", 2)
-def queue_head(mind: MindState, trail: Trail, term: Any, item: Any) -> bool:
+def queue_head(mind: MindState, trail: Trail, term: Term, item: Term) -> bool:
     """``.queue.head(Q, X)``: its first member, which stays; fails when it is empty."""
     content = _held(term, _QUEUE, trail).content
     return bool(content) and unify(item, content[0], trail)
 
 
 @internal_action(".queue.remove", 2)
-def queue_remove(mind: MindState, trail: Trail, term: Any, item: Any) -> bool:
+def queue_remove(mind: MindState, trail: Trail, term: Term, item: Term) -> bool:
     """``.queue.remove(Q, X)``: takes the first member out; fails when it is empty.
 
     ?- .queue.create(Q) & .queue.add_all(Q, [a,b]) & .queue.remove(Q, X) & .queue.to_list(Q, L) gives X = a, L = [b]

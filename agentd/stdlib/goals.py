@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from agentd.language.syntax_tree.signatures import signature
-from agentd.language.terms.terms import Literal, Var, atom, deref
+from agentd.language.terms.terms import Literal, Term, Var, atom, deref
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import wrong_arguments
 from agentd.mind.data.intention import PLAN, STEP, Event, Intention
@@ -23,19 +23,19 @@ _INTENTION = signature("intention", 2)
 _SUSPENDED = atom("suspend_ia")
 
 
-def _goal(term: Any) -> Literal:
+def _goal(term: Term) -> Literal:
     term = deref(term)
     if type(term) is not Literal:
         wrong_arguments("a goal is needed")
     return term
 
 
-def _any_goal(term: Any) -> Any:
+def _any_goal(term: Term) -> Any:
     """A goal, or a free variable for each."""
     return term if type(deref(term)) is Var else _goal(term)
 
 
-def _each(found: Iterator[Any], number: Any, trail: Trail) -> Iterator[None]:
+def _each(found: Iterator[Any], number: Term, trail: Trail) -> Iterator[None]:
     for intention in found:
         if number is None:
             yield None
@@ -64,7 +64,7 @@ def _own_end(mind: MindState, own: bool) -> bool | None:
 
 
 @internal_action(".drop_intention", (0, 1), suspends=True)
-def drop_intention(mind: MindState, trail: Trail, goal: Any = None) -> bool | None:
+def drop_intention(mind: MindState, trail: Trail, goal: Term | None = None) -> bool | None:
     """``.drop_intention(G)``: ends every intention with G, without any event; its action is cancelled.
 
     ``.drop_intention``: the own one.
@@ -77,13 +77,13 @@ def drop_intention(mind: MindState, trail: Trail, goal: Any = None) -> bool | No
 
 
 @internal_action(".drop_desire", 1, suspends=True)
-def drop_desire(mind: MindState, trail: Trail, goal: Any) -> bool | None:
+def drop_desire(mind: MindState, trail: Trail, goal: Term) -> bool | None:
     """``.drop_desire(G)``: ``.drop_event`` and ``.drop_intention``."""
     return _own_end(mind, dropping.drop_desire(mind, _goal(goal), trail))
 
 
 @internal_action(".drop_event", 1, suspends=True)
-def drop_event(mind: MindState, trail: Trail, goal: Any) -> bool | None:
+def drop_event(mind: MindState, trail: Trail, goal: Term) -> bool | None:
     """``.drop_event(G)``: takes G out of the events that wait, with the intentions that wait for it."""
     return _own_end(mind, dropping.drop_event(mind, _goal(goal), trail))
 
@@ -115,7 +115,7 @@ def drop_all_desires(mind: MindState, trail: Trail) -> bool:
     return True
 
 
-def _end(mind: MindState, goal: Any, trail: Trail, succeeded: bool) -> bool | None:
+def _end(mind: MindState, goal: Term, trail: Trail, succeeded: bool) -> bool | None:
     pattern = _goal(goal)
     own = False
     for intention in mind.all_intentions():
@@ -132,19 +132,19 @@ def _end(mind: MindState, goal: Any, trail: Trail, succeeded: bool) -> bool | No
 
 
 @internal_action(".succeed_goal", 1, suspends=True)
-def succeed_goal(mind: MindState, trail: Trail, goal: Any) -> bool | None:
+def succeed_goal(mind: MindState, trail: Trail, goal: Term) -> bool | None:
     """``.succeed_goal(G)``: G is over as achieved wherever it stands, and its callers go on."""
     return _end(mind, goal, trail, True)
 
 
 @internal_action(".fail_goal", 1, suspends=True)
-def fail_goal(mind: MindState, trail: Trail, goal: Any) -> bool | None:
+def fail_goal(mind: MindState, trail: Trail, goal: Term) -> bool | None:
     """``.fail_goal(G)``: as if the plan for G had failed."""
     return _end(mind, goal, trail, False)
 
 
 @internal_action(".drop_future_intention", 1, suspends=True)
-def drop_future_intention(mind: MindState, trail: Trail, goal: Any) -> bool | None:
+def drop_future_intention(mind: MindState, trail: Trail, goal: Term) -> bool | None:
     """``.drop_future_intention(G)``: intentions whose innermost plan still has ``!G`` or ``!!G`` ahead."""
     pattern, own = _goal(goal), False
     for intention in mind.all_intentions():
@@ -157,7 +157,7 @@ def drop_future_intention(mind: MindState, trail: Trail, goal: Any) -> bool | No
 
 
 @internal_action(".current_intention", (1, 2))
-def current_intention(mind: MindState, trail: Trail, first: Any, stack: Any = None) -> bool:
+def current_intention(mind: MindState, trail: Trail, first: Term, stack: Term | None = None) -> bool:
     """``.current_intention(intention(Id, Stack))``, ``.current_intention(Id, Stack)``: the own one."""
     own = mind.current
     if own is None:
@@ -170,7 +170,7 @@ def current_intention(mind: MindState, trail: Trail, first: Any, stack: Any = No
 
 @internal_action(".intention", (2, 4), backtracks=True)
 def intention(
-    mind: MindState, trail: Trail, number: Any, state: Any, stack: Any = None, own: Any = None
+    mind: MindState, trail: Trail, number: Term, state: Term, stack: Term | None = None, own: Term | None = None
 ) -> Iterator[None]:
     """``.intention(Id, State[, Stack[, current]])``: each intention (or the own one), innermost plan first."""
     mark = len(trail)
@@ -190,7 +190,7 @@ def done(mind: MindState, trail: Trail) -> bool | None:
 
 
 @internal_action(".suspend", (0, 1), suspends=True)
-def suspend(mind: MindState, trail: Trail, goal: Any = None) -> bool | None:
+def suspend(mind: MindState, trail: Trail, goal: Term | None = None) -> bool | None:
     """``.suspend``, ``.suspend(G)``: the own intention, or those with G, stop until ``.resume``.
 
     A goal that has no plan yet begins at ``.resume``. A variable in G takes the value of the first goal found.
@@ -226,7 +226,7 @@ def _halt(mind: MindState, intention: Intention, event: Event | None) -> None:
 
 
 @internal_action(".resume", 1)
-def resume(mind: MindState, trail: Trail, goal: Any) -> bool:
+def resume(mind: MindState, trail: Trail, goal: Term) -> bool:
     """``.resume(G)``: suspended intentions with G go on; a wait that ended meanwhile counts as ended.
 
     A variable in G takes the value of the first goal found, so that goals of other values stay suspended.
@@ -254,7 +254,7 @@ def _release(mind: MindState, intention: Intention) -> None:
 
 
 @internal_action(".suspended", 2, backtracks=True)
-def suspended(mind: MindState, trail: Trail, goal: Any, reason: Any) -> Iterator[None]:
+def suspended(mind: MindState, trail: Trail, goal: Term, reason: Term) -> Iterator[None]:
     """``.suspended(G, R)``: the intentions with G that do not run, and why.
 
     R is ``wait(What)``, ``waiting_ask``, ``act`` or the like for one that waits, also if it was suspended then; else

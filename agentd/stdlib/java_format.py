@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from agentd.language.terms.format import text
 from agentd.language.terms.numbers import double_text, number_text
-from agentd.language.terms.terms import List, deref, split
+from agentd.language.terms.terms import List, Term, deref, split
 from agentd.mind.data.formula_failure import Failed
 
 _PLACE: Final = re.compile(r"%(?:(\d+)\$|(<))?([-#+ 0,(]*)(\d*)(?:\.(\d+))?([a-zA-Z%])|%")
@@ -32,7 +32,7 @@ class _Place(NamedTuple):
     kind: str
 
 
-def java_format(form: str, values: list[Any]) -> str:
+def java_format(form: str, values: list[Term]) -> str:
     """``form`` with its places filled by ``values``, resolved terms. Fails with ``unknown`` where Java throws."""
     following = 0
     last = -1
@@ -68,7 +68,7 @@ def _fail(why: str) -> Any:
     raise Failed("unknown", f"the format of .printf: {why}")
 
 
-def _converted(value: Any, place: _Place) -> str:
+def _converted(value: Term, place: _Place) -> str:
     match place.kind.lower():
         case "s":
             shown = double_text(value) if type(value) is float else java_text(value)
@@ -85,7 +85,7 @@ def _converted(value: Any, place: _Place) -> str:
     return _justified(shown.upper() if place.kind.isupper() else shown, place)
 
 
-def java_text(value: Any) -> str:
+def java_text(value: Term) -> str:
     """A term as Java shows the object that Jason hands over: strings bare, lists with a blank after the comma."""
     if type(value) is float:
         return number_text(value)

@@ -11,6 +11,7 @@ from agentd.language.terms.order import distinct, is_in, ordered
 from agentd.language.terms.terms import (
     Collection,
     List,
+    Term,
     Var,
     deref,
     make_list,
@@ -29,7 +30,7 @@ _COUNTED = 1024
 """So many numbers of a `.range` are counted together."""
 
 
-def members_of(term: Any, what: str) -> list[Any]:
+def members_of(term: Term, what: str) -> list[Term]:
     """The elements of a list. Fails with ``wrong_arguments`` for anything else."""
     found = proper(term)
     if found is None:
@@ -38,7 +39,7 @@ def members_of(term: Any, what: str) -> list[Any]:
 
 
 @internal_action(".member", 2, backtracks=True, counts=True)
-def member(mind: MindState, trail: Trail, item: Any, collection: Any) -> Iterator[None]:
+def member(mind: MindState, trail: Trail, item: Term, collection: Term) -> Iterator[None]:
     """``.member(X, C)``: each member of a list, set or queue that unifies.
 
     ?- .member(X, [a,b]) gives X = a; X = b
@@ -62,7 +63,7 @@ def member(mind: MindState, trail: Trail, item: Any, collection: Any) -> Iterato
 
 
 @internal_action(".nth", 3, backtracks=True)
-def nth(mind: MindState, trail: Trail, position: Any, collection: Any, item: Any) -> Iterator[None]:
+def nth(mind: MindState, trail: Trail, position: Term, collection: Term, item: Term) -> Iterator[None]:
     """``.nth(I, ListOrString, X)``: from 0; with I free, each position whose element unifies.
 
     ?- .nth(1, [a,b,c], X) gives X = b
@@ -132,7 +133,7 @@ def _delete_positions(what: list[Any], collection: Any, result: Any, trail: Trai
 
 
 @internal_action(".sort", 2)
-def sort(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
+def sort(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     """``.sort(L, R)``: in standard order, duplicates kept.
 
     ?- .sort([b,3,a,1,a], R) gives R = [1,3,a,a,b]
@@ -141,7 +142,7 @@ def sort(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
 
 
 @internal_action(".min", 2)
-def minimum(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
+def minimum(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     """``.min(L, X)``: the least member; fails for an empty list.
 
     ?- .min([3,1,2], X) gives X = 1
@@ -151,7 +152,7 @@ def minimum(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
 
 
 @internal_action(".max", 2)
-def maximum(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
+def maximum(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     """``.max(L, X)``: the greatest member; fails for an empty list.
 
     ?- .max([3,1,2], X) gives X = 3
@@ -160,14 +161,14 @@ def maximum(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
     return bool(members) and unify(result, members[-1], trail)
 
 
-def _sets(what: str, left: Any, right: Any, result: Any) -> tuple[list[Any], list[Any]]:
+def _sets(what: str, left: Term, right: Term, result: Term) -> tuple[list[Term], list[Term]]:
     if type(deref(result)) not in (Var, List):
         wrong_arguments(f"the result of {what} is a list")
     return distinct(members_of(left, what)), distinct(members_of(right, what))
 
 
 @internal_action(".union", 3)
-def union(mind: MindState, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+def union(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
     """``.union(A, B, R)``: the members of both, each once, in order.
 
     ?- .union([b,a], [c,a], R) gives R = [a,b,c]
@@ -177,7 +178,7 @@ def union(mind: MindState, trail: Trail, left: Any, right: Any, result: Any) -> 
 
 
 @internal_action(".intersection", 3)
-def intersection(mind: MindState, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+def intersection(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
     """``.intersection(A, B, R)``: the members that both have.
 
     ?- .intersection([b,a], [c,a], R) gives R = [a]
@@ -187,7 +188,7 @@ def intersection(mind: MindState, trail: Trail, left: Any, right: Any, result: A
 
 
 @internal_action(".difference", 3)
-def difference(mind: MindState, trail: Trail, left: Any, right: Any, result: Any) -> bool:
+def difference(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
     """``.difference(A, B, R)``: the members of A that B has not.
 
     ?- .difference([b,a], [c,a], R) gives R = [b]
@@ -196,7 +197,7 @@ def difference(mind: MindState, trail: Trail, left: Any, right: Any, result: Any
     return unify(result, make_list([x for x in a if not is_in(b, x)]), trail)
 
 
-def _parts(mind: MindState, what: str, pattern: Any, whole: Any, cuts: Any, trail: Trail) -> Iterator[None]:
+def _parts(mind: MindState, what: str, pattern: Term, whole: Term, cuts: Any, trail: Trail) -> Iterator[None]:
     whole, wanted = deref(whole), deref(pattern)
     members: Any = whole if type(whole) is str else members_of(whole, what)
     if type(wanted) is not Var and type(wanted) is not type(whole):
@@ -211,7 +212,7 @@ def _parts(mind: MindState, what: str, pattern: Any, whole: Any, cuts: Any, trai
 
 
 @internal_action(".prefix", 2, backtracks=True, counts=True)
-def prefix(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+def prefix(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
     """``.prefix(P, ListOrString)``: each beginning that unifies, the longest first.
 
     ?- .prefix(P, [a,b]) gives P = [a,b]; P = [a]; P = []
@@ -220,7 +221,7 @@ def prefix(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator[
 
 
 @internal_action(".suffix", 2, backtracks=True, counts=True)
-def suffix(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+def suffix(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
     """``.suffix(S, ListOrString)``: each end that unifies, the longest first.
 
     ?- .suffix(S, [a,b]) gives S = [a,b]; S = [b]; S = []
@@ -229,7 +230,7 @@ def suffix(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator[
 
 
 @internal_action(".sublist", 2, backtracks=True, counts=True)
-def sublist(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator[None]:
+def sublist(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
     """``.sublist(S, ListOrString)``: each part that unifies.
 
     ?- .sublist(S, [a,b]) gives S = [a,b]; S = [a]; S = [b]; S = []
@@ -245,7 +246,9 @@ def sublist(mind: MindState, trail: Trail, pattern: Any, whole: Any) -> Iterator
 
 
 @internal_action(".range", (3, 4), backtracks=True, counts=True)
-def number_range(mind: MindState, trail: Trail, item: Any, first: Any, last: Any, step: Any = 1.0) -> Iterator[None]:
+def number_range(
+    mind: MindState, trail: Trail, item: Term, first: Term, last: Term, step: Term = 1.0
+) -> Iterator[None]:
     """``.range(X, From, To[, Step])``: both ends included; with X bound, a test.
 
     ?- .range(X, 1, 5, 2) gives X = 1; X = 3; X = 5

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agentd.language.terms.numbers import java_round
-from agentd.language.terms.terms import deref, proper
+from agentd.language.terms.terms import Term, deref, proper
 from agentd.mind.data.registry import function
 from agentd.mind.state import MindState
 
@@ -51,7 +51,7 @@ _OF_ONE: dict[str, tuple[Callable[[float], float], str]] = {
 
 def _register(name: str, compute: Callable[[float], float], what: str) -> None:
     @function(name, 1)
-    def of_one(mind: MindState, x: Any) -> Any:
+    def of_one(mind: MindState, x: Term) -> Any:
         return compute(x) if type(x) is float else None
 
     of_one.__doc__ = f"``{name}(X)``: {what}."
@@ -77,19 +77,19 @@ def e(mind: MindState) -> float:
 
 
 @function("math.random", 0, 1)
-def random(mind: MindState, factor: Any = 1.0) -> Any:
+def random(mind: MindState, factor: Term = 1.0) -> Any:
     """``math.random``, ``math.random(F)``: a random number from 0 to 1, or to F."""
     return mind.random.random() * factor if type(factor) is float else None
 
 
-def _numbers(term: Any) -> list[float] | None:
+def _numbers(term: Term) -> list[float] | None:
     """The numbers of a list, other members skipped; None if it is no list."""
     members = proper(term)
     return None if members is None else [m for m in map(deref, members) if type(m) is float]
 
 
 @function("math.max", 1, 2)
-def maximum(mind: MindState, first: Any, second: Any = None) -> Any:
+def maximum(mind: MindState, first: Term, second: Term | None = None) -> Any:
     """``math.max(A, B)``, ``math.max(L)``: the greater of two numbers, the greatest of a list.
 
     Of an empty list it is the smallest positive double, as in Jason.
@@ -104,7 +104,7 @@ def maximum(mind: MindState, first: Any, second: Any = None) -> Any:
 
 
 @function("math.min", 1, 2)
-def minimum(mind: MindState, first: Any, second: Any = None) -> Any:
+def minimum(mind: MindState, first: Term, second: Term | None = None) -> Any:
     """``math.min(A, B)``, ``math.min(L)``: the smaller of two numbers, the smallest of a list.
 
     ?- X = math.min([2,7,5]) gives X = 2
@@ -116,7 +116,7 @@ def minimum(mind: MindState, first: Any, second: Any = None) -> Any:
 
 
 @function("math.sum", 1)
-def total(mind: MindState, items: Any) -> Any:
+def total(mind: MindState, items: Term) -> Any:
     """``math.sum(L)``: the sum of the numbers of a list.
 
     ?- X = math.sum([1,2,3.5]) gives X = 6.5
@@ -127,7 +127,7 @@ def total(mind: MindState, items: Any) -> Any:
 
 @function("math.average", 1)
 @function("math.mean", 1)
-def average(mind: MindState, items: Any) -> Any:
+def average(mind: MindState, items: Term) -> Any:
     """``math.average(L)``, ``math.mean(L)``: the mean of the numbers of a list; of none, NaN.
 
     ?- X = math.average([1,2,6]) gives X = 3
@@ -139,7 +139,7 @@ def average(mind: MindState, items: Any) -> Any:
 
 
 @function("math.median", 1)
-def median(mind: MindState, items: Any) -> Any:
+def median(mind: MindState, items: Term) -> Any:
     """``math.median(L)``: the middle of a list of numbers.
 
     ?- X = math.median([9,1,2]) gives X = 2
@@ -154,7 +154,7 @@ def median(mind: MindState, items: Any) -> Any:
 
 
 @function("math.std_dev", 1)
-def standard_deviation(mind: MindState, items: Any) -> Any:
+def standard_deviation(mind: MindState, items: Term) -> Any:
     """``math.std_dev(L)``: the sample's standard deviation (n-1) of the numbers of a list.
 
     ?- X = math.std_dev([1,3,5]) gives X = 2

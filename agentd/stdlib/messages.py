@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms.terms import EMPTY, List, Literal, Var, atom, deref, make_list, proper
+from agentd.language.terms.terms import EMPTY, List, Literal, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.term_copy import detached
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
@@ -19,7 +19,7 @@ from schemas.wire.mind_records import WaitView
 _ASKS = ("askOne", "askAll", "askHow", "askIf")
 
 
-def name_of(term: Any) -> str:
+def name_of(term: Term) -> str:
     """An agent's name given as atom or string. Fails with ``wrong_arguments`` for anything else."""
     if type(term) is Var:
         term = deref(term)
@@ -39,17 +39,17 @@ def _present(mind: MindState, name: str) -> str:
     return name
 
 
-def _receivers(to: Any) -> list[str]:
+def _receivers(to: Term) -> list[str]:
     return [name_of(member) for member in proper(to) or []] if type(to) is List else [name_of(to)]
 
 
-def _asked(mind: MindState, to: Any) -> list[str]:
+def _asked(mind: MindState, to: Term) -> list[str]:
     """The names of those whose answers are waited for: the agent itself goes by its own."""
     return [mind.name if name == "self" else name for name in _receivers(to)]
 
 
 @internal_action(".send", 3, suspends=True, names=2)
-def send_message(mind: MindState, trail: Trail, to: Any, performative: Any, content: Any) -> None:
+def send_message(mind: MindState, trail: Trail, to: Term, performative: Term, content: Term) -> None:
     """``.send(To, Performative, Content)``: a message to an agent, or to each of a list of them.
 
     Fails at once with ``receiver_not_found``, or when a mailbox is full; what goes wrong later is told by
@@ -67,7 +67,7 @@ def send_message(mind: MindState, trail: Trail, to: Any, performative: Any, cont
 
 @internal_action(".send", (4, 5), suspends=True)
 def send_and_wait(
-    mind: MindState, trail: Trail, to: Any, performative: Any, content: Any, answer: Any, limit: Any = None
+    mind: MindState, trail: Trail, to: Term, performative: Term, content: Term, answer: Term, limit: Term | None = None
 ) -> bool | None:
     """``.send(To, Performative, Content, Answer[, TimeoutMs])``: the intention waits for the answer to a question
     (``askOne``, ``askAll``, ``askIf``, ``askHow``); to a list of agents, for the list of their answers.
@@ -83,7 +83,7 @@ def send_and_wait(
 
 
 def _ask(
-    mind: MindState, receivers: list[str], many: bool, force: str, content: Any, rest: tuple[Any, Any]
+    mind: MindState, receivers: list[str], many: bool, force: str, content: Term, rest: tuple[Any, Any]
 ) -> bool | None:
     answer, limit = rest
     seconds = mind.ask_timeout if limit is None else milliseconds(limit)
@@ -110,14 +110,14 @@ def _ask(
 
 
 @internal_action(".broadcast", 2)
-def broadcast(mind: MindState, trail: Trail, performative: Any, content: Any) -> bool:
+def broadcast(mind: MindState, trail: Trail, performative: Term, content: Term) -> bool:
     """``.broadcast(Performative, Content)``: a message to all others."""
     send(mind, None, name_of(performative), detached(content))
     return True
 
 
 @internal_action(".all_names", 1)
-def all_names(mind: MindState, trail: Trail, result: Any) -> bool:
+def all_names(mind: MindState, trail: Trail, result: Term) -> bool:
     """``.all_names(L)``: everybody who can be sent to, the agent itself included."""
     names = [mind.name] if mind.agents is None else list(mind.agents())
     return unify(result, make_list([atom(n) for n in names]), trail)

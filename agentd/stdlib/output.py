@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from agentd.language.terms.format import code_text, printed, text
 from agentd.language.terms.numbers import java_int
-from agentd.language.terms.terms import Code, Literal, Var, deref
+from agentd.language.terms.terms import Code, Literal, Term, Var, deref
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, unify
@@ -25,7 +24,7 @@ def _line(mind: MindState, shown: str) -> Print:
 
 @internal_action(".print", (0, None))
 @internal_action(".println", (0, None))
-def print_terms(mind: MindState, trail: Trail, *args: Any) -> bool:
+def print_terms(mind: MindState, trail: Trail, *args: Term) -> bool:
     """``.print(T, ...)``, ``.println(T, ...)``: the texts of the terms, joined, as one line."""
     mind.effects.append(_line(mind, "".join([printed(resolve(a)) for a in args])))
     return True
@@ -37,7 +36,7 @@ _LEVELS = {"severe": "error", "warning": "warning", "info": "info"}
 
 
 @internal_action(".log", (1, None))
-def log(mind: MindState, trail: Trail, level: Any, *args: Any) -> bool:
+def log(mind: MindState, trail: Trail, level: Term, *args: Term) -> bool:
     """``.log(Level, T, ...)``: as ``.print``; below ``info`` nothing is shown unless ``.verbose(2)`` says so."""
     name = deref(level)
     if type(name) is not Literal:
@@ -49,7 +48,7 @@ def log(mind: MindState, trail: Trail, level: Any, *args: Any) -> bool:
 
 
 @internal_action(".verbose", 1)
-def verbose(mind: MindState, trail: Trail, level: Any) -> bool:
+def verbose(mind: MindState, trail: Trail, level: Term) -> bool:
     """``.verbose(N)``: 0 prints without the agent's name, 1 is normal, 2 shows what is logged below info too."""
     number = deref(level)
     if type(number) is not float:
@@ -59,7 +58,7 @@ def verbose(mind: MindState, trail: Trail, level: Any) -> bool:
 
 
 @internal_action(".printf", (1, None))
-def printf(mind: MindState, trail: Trail, pattern: Any, *args: Any) -> bool:
+def printf(mind: MindState, trail: Trail, pattern: Term, *args: Term) -> bool:
     """``.printf(Format, T, ...)``: Java's format; every number is a double."""
     form = deref(pattern)
     if type(form) is not str:
@@ -74,7 +73,7 @@ _PLACE = re.compile(r"#\{([A-Za-z_]\w*)\}")
 
 
 @internal_action(".puts", (1, 2))
-def puts(mind: MindState, trail: Trail, pattern: Any, result: Any = None) -> bool:
+def puts(mind: MindState, trail: Trail, pattern: Term, result: Term | None = None) -> bool:
     """``.puts("... #{X} ..."[, S])``: variables of the plan by name; with S the text is returned."""
     form = deref(pattern)
     if type(form) is not str:
@@ -103,7 +102,7 @@ def print_unifier(mind: MindState, trail: Trail) -> bool:
 
 
 @internal_action(".list_plans", (0, 1))
-def list_plans(mind: MindState, trail: Trail, trigger: Any = None) -> bool:
+def list_plans(mind: MindState, trail: Trail, trigger: Term | None = None) -> bool:
     """``.list_plans[(Trigger)]``: the plan library, or the plans for an event, as source text."""
     plans = list(mind.plans) if trigger is None else plans_for(mind, read_trigger(trigger))
     for plan in plans:

@@ -7,12 +7,13 @@ from typing import Any
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.source_annotations import SELF
-from agentd.language.terms.terms import Code, Literal, Var, atom, deref, make_list
+from agentd.language.terms.terms import Code, Literal, Term, Var, atom, deref, make_list
 from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all, with_source
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.waiting import hear
+from agentd.mind.plans.plan_library import Plan
 from agentd.mind.plans.plan_terms import (
     add_plans,
     is_label,
@@ -31,7 +32,7 @@ _MYSELF, _BEGIN = SELF[0].args[0], atom("begin")
 
 
 @internal_action(".add_plan", (1, 3))
-def add_plan(mind: MindState, trail: Trail, plans: Any, source: Any = _MYSELF, place: Any = None) -> bool:
+def add_plan(mind: MindState, trail: Trail, plans: Term, source: Term = _MYSELF, place: Term | None = None) -> bool:
     """``.add_plan(P[, Source[, begin]])``: a plan in braces, its text, or a list of both.
 
     With the atom ``begin`` it comes before all others, with any other third argument after them.
@@ -41,7 +42,7 @@ def add_plan(mind: MindState, trail: Trail, plans: Any, source: Any = _MYSELF, p
 
 
 @internal_action(".remove_plan", (1, 2))
-def remove_plan(mind: MindState, trail: Trail, plans: Any, source: Any = _MYSELF) -> bool:
+def remove_plan(mind: MindState, trail: Trail, plans: Term, source: Term = _MYSELF) -> bool:
     """``.remove_plan(Label[, Source])``: takes a source (the agent itself) away from the plans with a label.
 
     A plan goes with its last source. Also of a list of labels.
@@ -51,7 +52,7 @@ def remove_plan(mind: MindState, trail: Trail, plans: Any, source: Any = _MYSELF
 
 
 @internal_action(".relevant_plans", (2, 3))
-def relevant(mind: MindState, trail: Trail, trigger: Any, plans: Any, labels: Any = None) -> bool:
+def relevant(mind: MindState, trail: Trail, trigger: Term, plans: Term, labels: Term | None = None) -> bool:
     """``.relevant_plans({trigger}, Plans[, Labels])``: the plans for an event, as a list, and their labels."""
     if not unify(plans, make_list(relevant_plans(mind, trigger)), trail):
         return False
@@ -61,7 +62,7 @@ def relevant(mind: MindState, trail: Trail, trigger: Any, plans: Any, labels: An
 
 
 @internal_action(".relevant_plan", 2, backtracks=True)
-def relevant_plan(mind: MindState, trail: Trail, trigger: Any, plan: Any) -> Iterator[None]:
+def relevant_plan(mind: MindState, trail: Trail, trigger: Term, plan: Plan) -> Iterator[None]:
     """``.relevant_plan({trigger}, P)``: each plan for an event; of a given plan, its trigger."""
     mark = len(trail)
     given = deref(plan)
@@ -95,7 +96,7 @@ def plan_label(mind: MindState, trail: Trail, plan: Any, label: Any) -> Iterator
 
 
 @internal_action(".signal", (1, 2))
-def signal(mind: MindState, trail: Trail, trigger: Any, kind: Any = None) -> bool:
+def signal(mind: MindState, trail: Trail, trigger: Term, kind: Term | None = None) -> bool:
     """``.signal({+e})``: the event at once, with source(self); no belief is added."""
     if type(deref(trigger)) not in (Code, str):
         raise Failed("unknown", ".signal takes an event in braces, such as { +alarm(1) }")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language.terms.order import distinct, ordered
-from agentd.language.terms.terms import EMPTY, FALSE, TRUE, Expression, Literal, deref, make_list
+from agentd.language.terms.terms import EMPTY, FALSE, TRUE, Expression, Literal, Term, deref, make_list
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
@@ -14,7 +14,7 @@ from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
 
 
-def _query(term: Any) -> Any:
+def _query(term: Term) -> Any:
     """A query held by a variable. Fails with ``wrong_arguments`` when it is no formula."""
     query = deref(term)
     if type(query) not in (Literal, Expression):
@@ -22,7 +22,7 @@ def _query(term: Any) -> Any:
     return query
 
 
-def _solutions(mind: MindState, template: Any, query: Any, trail: Trail) -> list[Any]:
+def _solutions(mind: MindState, template: Term, query: Term, trail: Trail) -> list[Term]:
     found = []
     for _ in solve(mind, _query(query), trail):
         found.append(resolve(template))
@@ -30,7 +30,7 @@ def _solutions(mind: MindState, template: Any, query: Any, trail: Trail) -> list
 
 
 @internal_action(".findall", 3)
-def findall(mind: MindState, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+def findall(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
     """``.findall(T, Query, L)``: T for each solution, in order, duplicates kept; ``[]`` where there is none.
 
     ?- .findall(X, .member(X, [b,a,b]), L) gives L = [b,a,b]
@@ -39,7 +39,7 @@ def findall(mind: MindState, trail: Trail, template: Any, query: Any, result: An
 
 
 @internal_action(".setof", 3)
-def setof(mind: MindState, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+def setof(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
     """``.setof(T, Query, L)``: T for each solution, in standard order, each once.
 
     ?- .setof(X, .member(X, [b,a,b]), L) gives L = [a,b]
@@ -48,7 +48,7 @@ def setof(mind: MindState, trail: Trail, template: Any, query: Any, result: Any)
 
 
 @internal_action(".min", 3)
-def minimum_of(mind: MindState, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+def minimum_of(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
     """``.min(T, Query, X)``: the least T of all solutions; fails where there is none.
 
     ?- .min(X, .member(X, [3,1,2]), M) gives M = 1
@@ -58,14 +58,14 @@ def minimum_of(mind: MindState, trail: Trail, template: Any, query: Any, result:
 
 
 @internal_action(".max", 3)
-def maximum_of(mind: MindState, trail: Trail, template: Any, query: Any, result: Any) -> bool:
+def maximum_of(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
     """``.max(T, Query, X)``: the greatest T of all solutions; fails where there is none."""
     found = ordered(_solutions(mind, template, query, trail))
     return bool(found) and unify(result, found[-1], trail)
 
 
 @internal_action(".count", 2)
-def count(mind: MindState, trail: Trail, query: Any, result: Any) -> bool:
+def count(mind: MindState, trail: Trail, query: Term, result: Term) -> bool:
     """``.count(Query, N)``: how many solutions there are.
 
     ?- .count(.member(X, [b,a,b]), N) gives N = 3
@@ -74,7 +74,7 @@ def count(mind: MindState, trail: Trail, query: Any, result: Any) -> bool:
 
 
 @internal_action(".eval", 2)
-def evaluate(mind: MindState, trail: Trail, result: Any, query: Any) -> bool:
+def evaluate(mind: MindState, trail: Trail, result: Term, query: Term) -> bool:
     """``.eval(R, Formula)``: R is ``true`` or ``false``, as the formula holds.
 
     ?- .eval(R, 1 < 2 & 3 < 2) gives R = false

@@ -7,7 +7,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from agentd.language.terms.numbers import java_int
-from agentd.language.terms.terms import List, Var, deref, make_list
+from agentd.language.terms.terms import List, Term, Var, deref, make_list
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import wrong_arguments
 from agentd.mind.data.registry import internal_action
@@ -49,7 +49,7 @@ class JavaRandom(Random):
 
 
 @internal_action(".shuffle", 2)
-def shuffle(mind: MindState, trail: Trail, items: Any, result: Any) -> bool:
+def shuffle(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     """``.shuffle(L, R)``: the members in a random order."""
     members = members_of(items, ".shuffle")
     mind.random.shuffle(members)
@@ -86,7 +86,7 @@ def random(mind: MindState, trail: Trail, *args: Any) -> Iterator[None]:
         undo(trail, mark)
 
 
-def _times(term: Any) -> int:
+def _times(term: Term) -> int:
     number = deref(term)
     if type(number) is not float:
         wrong_arguments(".random takes a number of times")
@@ -94,7 +94,7 @@ def _times(term: Any) -> int:
 
 
 @internal_action(".set_random_seed", 1)
-def set_random_seed(mind: MindState, trail: Trail, seed: Any) -> bool:
+def set_random_seed(mind: MindState, trail: Trail, seed: Term) -> bool:
     """``.set_random_seed(N)``: the random numbers of this agent are from now on those of Java's generator for a seed.
 
     Until then each agent has numbers of its own, seeded by the run.

@@ -10,7 +10,19 @@ from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.terms.format import text
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.numbers import java_int
-from agentd.language.terms.terms import EMPTY, Collection, List, Literal, Var, atom, deref, make_list, proper, split
+from agentd.language.terms.terms import (
+    EMPTY,
+    Collection,
+    List,
+    Literal,
+    Term,
+    Var,
+    atom,
+    deref,
+    make_list,
+    proper,
+    split,
+)
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
@@ -24,7 +36,7 @@ MOST_MEMBERS = 1_000_000
 """Members of one list that ``.concat`` makes."""
 
 
-def plain_text(term: Any) -> str:
+def plain_text(term: Term) -> str:
     """The text of a term without the quotes of a string or quoted atom."""
     term = deref(term)
     if type(term) is str:
@@ -72,7 +84,7 @@ def concat(mind: MindState, trail: Trail, *args: Any) -> bool:
     return unify(result, whole, trail)
 
 
-def length_of(term: Any) -> float | None:
+def length_of(term: Term) -> float | None:
     term = deref(term)
     if type(term) is List:
         if term is not EMPTY and term.tail is EMPTY:
@@ -84,7 +96,7 @@ def length_of(term: Any) -> float | None:
 
 
 @internal_action(".length", 2)
-def length(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
+def length(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.length(ListOrString, N)``: how many members, or characters.
 
     ?- .length([a,b], N) gives N = 2
@@ -94,7 +106,7 @@ def length(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
 
 
 @function(".length", 1)
-def length_function(mind: MindState, term: Any) -> Any:
+def length_function(mind: MindState, term: Term) -> Any:
     """``.length(ListOrString)`` as a value: how many members, or characters.
 
     ?- N = .length([a,b]) + 1 gives N = 3
@@ -138,7 +150,7 @@ def substring(mind: MindState, trail: Trail, *args: Any) -> Iterator[None]:
         at = whole.find(part, at + 1)
 
 
-def _position(term: Any) -> int:
+def _position(term: Term) -> int:
     number = deref(term)
     if type(number) is not float:
         raise Failed("unknown", "a position in a string is a number")
@@ -146,7 +158,7 @@ def _position(term: Any) -> int:
 
 
 @internal_action(".replace", 4)
-def replace(mind: MindState, trail: Trail, term: Any, pattern: Any, new: Any, result: Any) -> bool:
+def replace(mind: MindState, trail: Trail, term: Term, pattern: Term, new: Term, result: Term) -> bool:
     """``.replace(T, Regex, New, R)``: all matches; ``$1`` in New is a group.
 
     ?- .replace("a1b22", "([0-9]+)", "<$1>", R) gives R = "a<1>b<22>"
@@ -158,7 +170,7 @@ def replace(mind: MindState, trail: Trail, term: Any, pattern: Any, new: Any, re
 
 
 @internal_action(".lower_case", 2)
-def lower_case(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
+def lower_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.lower_case(S, R)``: in small letters.
 
     ?- .lower_case("GUIDED", R) gives R = "guided"
@@ -167,7 +179,7 @@ def lower_case(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
 
 
 @internal_action(".upper_case", 2)
-def upper_case(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
+def upper_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.upper_case(S, R)``: in capitals.
 
     ?- .upper_case("rtl", R) gives R = "RTL"
@@ -176,7 +188,7 @@ def upper_case(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
 
 
 @internal_action(".reverse", 2)
-def reverse(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
+def reverse(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.reverse(ListOrString, R)``: from the last to the first.
 
     ?- .reverse([a,b], R) gives R = [b,a]
@@ -210,7 +222,7 @@ def read_term(mind: MindState, written: str) -> Any:
 
 
 @internal_action(".term2string", 2)
-def term2string(mind: MindState, trail: Trail, term: Any, string: Any) -> bool:
+def term2string(mind: MindState, trail: Trail, term: Term, string: Term) -> bool:
     """``.term2string(T, S)``, either way; with both bound it compares the texts.
 
     ?- .term2string(at(3,4), S) gives S = "at(3,4)"
@@ -229,7 +241,7 @@ def term2string(mind: MindState, trail: Trail, term: Any, string: Any) -> bool:
 
 
 @internal_action(".empty", 1)
-def empty(mind: MindState, trail: Trail, term: Any) -> bool:
+def empty(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.empty(ListOrString)``: it has nothing in it.
 
     ?- .empty([]) holds

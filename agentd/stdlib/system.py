@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from agentd.language.terms.source_annotations import is_source
-from agentd.language.terms.terms import Literal, atom, deref
+from agentd.language.terms.terms import Literal, Term, atom, deref
 from agentd.mind.beliefs.term_copy import resolve_all
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.effects import AskPercepts, StopTeam
@@ -15,13 +13,13 @@ from agentd.mind.state import MindState
 
 
 @internal_action(".my_name", 1)
-def my_name(mind: MindState, trail: Trail, name: Any) -> bool:
+def my_name(mind: MindState, trail: Trail, name: Term) -> bool:
     """``.my_name(N)``: the agent's own name."""
     return unify(name, atom(mind.name), trail)
 
 
 @internal_action(".stopMAS", (0, 2))
-def stop_mas(mind: MindState, trail: Trail, delay: Any = 0.0, code: Any = 0.0) -> bool:
+def stop_mas(mind: MindState, trail: Trail, delay: Term = 0.0, code: Term = 0.0) -> bool:
     """``.stopMAS([Ms[, ExitCode]])``: the team ends, at once or after a delay."""
     delay, code = deref(delay), deref(code)
     if type(delay) is not float or type(code) is not float:
@@ -31,7 +29,7 @@ def stop_mas(mind: MindState, trail: Trail, delay: Any = 0.0, code: Any = 0.0) -
 
 
 @internal_action(".fail", (0, None))
-def fail(mind: MindState, trail: Trail, *args: Any) -> bool:
+def fail(mind: MindState, trail: Trail, *args: Term) -> bool:
     """``.fail(Annotation, ...)``: the plan fails; the arguments become annotations of the failure event."""
     if not args:
         raise Failed("ia_failed")
@@ -51,7 +49,7 @@ def perceive(mind: MindState, trail: Trail) -> bool:
 
 
 @internal_action(".version", 1)
-def version(mind: MindState, trail: Trail, result: Any) -> bool:
+def version(mind: MindState, trail: Trail, result: Term) -> bool:
     """``.version(V)``: what runs the program: ``"argosy"``.
 
     ?- .version(V) gives V = "argosy"
@@ -60,6 +58,6 @@ def version(mind: MindState, trail: Trail, result: Any) -> bool:
 
 
 @internal_action(".join", (0, None))
-def join(mind: MindState, trail: Trail, *args: Any) -> bool:
+def join(mind: MindState, trail: Trail, *args: Term) -> bool:
     """``.join``: what Jason puts at the end of the branches of a ``.fork``; it is not for programs."""
     return wrong_arguments(".join ends the branches of .fork by itself and is not to be called")

@@ -10,7 +10,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.language.terms.format import text
-from agentd.language.terms.terms import Code, List, Literal, Var, atom, deref, proper
+from agentd.language.terms.terms import Code, List, Literal, Term, Var, atom, deref, proper
 from agentd.language.terms.to_ast import NoSyntax, ToSyntax
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.term_copy import resolve
@@ -27,7 +27,9 @@ from agentd.stdlib.strings import plain_text
 
 
 @internal_action(".create_agent", (1, 3), suspends=True)
-def create_agent(mind: MindState, trail: Trail, name: Any, file: Any = None, options: Any = None) -> bool:
+def create_agent(
+    mind: MindState, trail: Trail, name: Term, file: Term | None = None, options: Term | None = None
+) -> bool:
     """``.create_agent(Name[, File[, Options]])``: a free name is made up from its own and bound to a string."""
     wanted, path = deref(name), deref(file) if file is not None else ""
     if type(path) is not str:
@@ -50,7 +52,7 @@ _PLAIN_CLASSES: Final = {
 """Options of Jason that name Java classes, and the classes that stand for what every agent has here."""
 
 
-def _check_options(mind: MindState, options: Any) -> None:
+def _check_options(mind: MindState, options: Term) -> None:
     """Fail for what a new agent cannot be: an agent of a Java class would not be what the program means."""
     for option in proper(options) or []:
         term = deref(option)
@@ -66,7 +68,7 @@ def _check_options(mind: MindState, options: Any) -> None:
 
 
 @internal_action(".clone", 1, suspends=True)
-def clone(mind: MindState, trail: Trail, name: Any) -> bool:
+def clone(mind: MindState, trail: Trail, name: Term) -> bool:
     """``.clone("name")``: an agent with the same beliefs and plans, without the goals."""
     wanted = deref(name)
     if type(wanted) is not str:
@@ -75,7 +77,7 @@ def clone(mind: MindState, trail: Trail, name: Any) -> bool:
 
 
 @internal_action(".kill_agent", (1, 2), suspends=True)
-def kill_agent(mind: MindState, trail: Trail, name: Any, delay: Any = 0.0) -> bool:
+def kill_agent(mind: MindState, trail: Trail, name: Term, delay: Term = 0.0) -> bool:
     """``.kill_agent(Name[, Ms])``: ends an agent, at once or after so many milliseconds."""
     pause = deref(delay)
     if type(pause) is not float:
@@ -84,31 +86,31 @@ def kill_agent(mind: MindState, trail: Trail, name: Any, delay: Any = 0.0) -> bo
 
 
 @internal_action(".df_register", (1, 2), suspends=True)
-def df_register(mind: MindState, trail: Trail, service: Any, kind: Any = None) -> bool:
+def df_register(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
     """``.df_register(Service[, Type])``: this agent offers a service, until it says otherwise or is gone."""
     return request(mind, "df_register", (plain_text(service),))
 
 
 @internal_action(".df_deregister", (1, 2), suspends=True)
-def df_deregister(mind: MindState, trail: Trail, service: Any, kind: Any = None) -> bool:
+def df_deregister(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
     """``.df_deregister(Service[, Type])``: it does not any more."""
     return request(mind, "df_deregister", (plain_text(service),))
 
 
 @internal_action(".df_search", (2, 3), suspends=True)
-def df_search(mind: MindState, trail: Trail, service: Any, *rest: Any) -> bool:
+def df_search(mind: MindState, trail: Trail, service: Term, *rest: Term) -> bool:
     """``.df_search(Service[, Type], List)``: the names of those who offer it."""
     return request(mind, "df_search", (plain_text(service),), rest[-1])
 
 
 @internal_action(".df_subscribe", (1, 2), suspends=True)
-def df_subscribe(mind: MindState, trail: Trail, service: Any, kind: Any = None) -> bool:
+def df_subscribe(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
     """``.df_subscribe(Service)``: beliefs ``provider(Agent, Service)`` for those there and those to come."""
     return request(mind, "df_subscribe", (plain_text(service),))
 
 
 @internal_action(".list_files", (2, 3), suspends=True)
-def list_files(mind: MindState, trail: Trail, folder: Any, *rest: Any) -> bool:
+def list_files(mind: MindState, trail: Trail, folder: Term, *rest: Term) -> bool:
     """``.list_files(Folder[, Regex], List)``: the files below a folder whose path or name is of this form, as strings.
 
     ``[]`` if there is no such folder.
@@ -120,7 +122,7 @@ def list_files(mind: MindState, trail: Trail, folder: Any, *rest: Any) -> bool:
 
 
 @internal_action(".save_agent", (1, 2), suspends=True)
-def save_agent(mind: MindState, trail: Trail, file: Any, goals: Any = None) -> bool:
+def save_agent(mind: MindState, trail: Trail, file: Term, goals: Any = None) -> bool:
     """``.save_agent(File[, Goals])``: beliefs, rules, these goals and the plans as source text."""
     path = deref(file)
     if type(path) is not str:
@@ -129,7 +131,7 @@ def save_agent(mind: MindState, trail: Trail, file: Any, goals: Any = None) -> b
 
 
 @internal_action(".include", (1, 2), suspends=True)
-def include(mind: MindState, trail: Trail, file: Any, namespace: Any = None) -> bool:
+def include(mind: MindState, trail: Trail, file: Term, namespace: Term | None = None) -> bool:
     """``.include(File[, Namespace])``: adds the beliefs, goals and plans of a file."""
     path = deref(file)
     if type(path) is not str:
@@ -138,7 +140,7 @@ def include(mind: MindState, trail: Trail, file: Any, namespace: Any = None) -> 
     return request(mind, "include", (path, into), use=lambda program: include_program(mind, program, into))
 
 
-def _namespace(mind: MindState, trail: Trail, term: Any) -> str:
+def _namespace(mind: MindState, trail: Trail, term: Term) -> str:
     """The namespace that a file is included into; for a free variable a new one, which it is bound to."""
     named = deref(term)
     if type(named) is Literal and not named.args:
@@ -193,7 +195,7 @@ def _belief(to: ToSyntax, fact: Literal) -> Any:
     return nodes.Belief(to.term(fact))
 
 
-def _goal(to: ToSyntax, goal: Any) -> Any:
+def _goal(to: ToSyntax, goal: Term) -> Any:
     if type(goal) is not Literal:
         raise NoSyntax("it is no goal")
     return nodes.Goal(to.term(goal))

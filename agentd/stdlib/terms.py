@@ -16,6 +16,7 @@ from agentd.language.terms.terms import (
     Expression,
     List,
     Literal,
+    Term,
     Var,
     atom,
     deref,
@@ -29,18 +30,18 @@ from agentd.mind.data.registry import ACTIONS, internal_action
 from agentd.mind.state import MindState
 
 
-def _is_atom(term: Any) -> bool:
+def _is_atom(term: Term) -> bool:
     return type(term) is Literal and not term.args and not term.annots and not term.sig.negated
 
 
-def _is_structure(mind: MindState, term: Any) -> bool:
+def _is_structure(mind: MindState, term: Term) -> bool:
     if type(term) is Literal:
         return bool(term.args or term.annots or term.sig.negated) and not _is_number(mind, term)
     return type(term) is List or type(term) is Code or _is_literal(mind, term)
 
 
 @internal_action(".atom", 1)
-def is_atom(mind: MindState, trail: Trail, term: Any) -> bool:
+def is_atom(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.atom(T)``: an atom such as ``home``.
 
     ?- .atom(home) holds
@@ -50,21 +51,21 @@ def is_atom(mind: MindState, trail: Trail, term: Any) -> bool:
     return _is_atom(found) and not _is_number(mind, found)
 
 
-def _is_number(mind: MindState, term: Any) -> bool:
+def _is_number(mind: MindState, term: Term) -> bool:
     """Whether a term is a number, or arithmetic or a function that could not be computed: these count as one."""
     if type(term) is Literal:
         return bool(mind.compiler.is_function(term.sig.functor, term.sig.arity))
     return type(term) is float or (type(term) is Expression and term.operator in ARITHMETIC)
 
 
-def _is_literal(mind: MindState, term: Any) -> bool:
+def _is_literal(mind: MindState, term: Term) -> bool:
     if type(term) is Literal:
         return not _is_number(mind, term)
     return type(term) is Expression and term.operator not in ARITHMETIC
 
 
 @internal_action(".number", 1)
-def is_number(mind: MindState, trail: Trail, term: Any) -> bool:
+def is_number(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.number(T)``: a number.
 
     ?- .number(3.5) holds
@@ -73,7 +74,7 @@ def is_number(mind: MindState, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".string", 1)
-def is_string(mind: MindState, trail: Trail, term: Any) -> bool:
+def is_string(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.string(T)``: a string.
 
     ?- .string("home") holds
@@ -82,7 +83,7 @@ def is_string(mind: MindState, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".list", 1)
-def is_list(mind: MindState, trail: Trail, term: Any) -> bool:
+def is_list(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.list(T)``: a list.
 
     ?- .list([a]) holds
@@ -91,7 +92,7 @@ def is_list(mind: MindState, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".literal", 1)
-def is_literal(mind: MindState, trail: Trail, term: Any) -> bool:
+def is_literal(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.literal(T)``: an atom, a structure, or one negated by ``~``.
 
     ?- .literal(~at(3)) holds
@@ -100,7 +101,7 @@ def is_literal(mind: MindState, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".structure", 1)
-def is_structure(mind: MindState, trail: Trail, term: Any) -> bool:
+def is_structure(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.structure(T)``: it has arguments or annotations, or is negated, a list, or code in braces.
 
     ?- .structure(at(3)) holds
@@ -110,7 +111,7 @@ def is_structure(mind: MindState, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".ground", 1)
-def ground(mind: MindState, trail: Trail, term: Any) -> bool:
+def ground(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.ground(T)``: no variable in it is free.
 
     ?- .ground(at(X)) fails
@@ -119,7 +120,7 @@ def ground(mind: MindState, trail: Trail, term: Any) -> bool:
 
 
 @internal_action(".internal_action", 1)
-def is_internal_action(mind: MindState, trail: Trail, term: Any) -> bool:
+def is_internal_action(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.internal_action(T)``: T would be an internal action.
 
     ?- .internal_action(.print(a)) holds
@@ -128,7 +129,7 @@ def is_internal_action(mind: MindState, trail: Trail, term: Any) -> bool:
     return type(term) is Literal and (term.sig.functor in ACTIONS or term.sig.functor.startswith("."))
 
 
-def _kinds(mind: MindState, term: Any) -> list[str]:
+def _kinds(mind: MindState, term: Term) -> list[str]:
     kinds = {
         "number": _is_number(mind, term),
         "atom": _is_atom(term) and not _is_number(mind, term),
@@ -148,7 +149,7 @@ def _kinds(mind: MindState, term: Any) -> list[str]:
 
 
 @internal_action(".type", 2, backtracks=True)
-def kind_of(mind: MindState, trail: Trail, term: Any, kind: Any) -> Iterator[None]:
+def kind_of(mind: MindState, trail: Trail, term: Term, kind: Term) -> Iterator[None]:
     """``.type(T, K)``: each kind of the term.
 
     ?- .type(5, K) gives K = number; K = ground
@@ -160,7 +161,7 @@ def kind_of(mind: MindState, trail: Trail, term: Any, kind: Any) -> Iterator[Non
         undo(trail, mark)
 
 
-def _copied(term: Any) -> Any:
+def _copied(term: Term) -> Any:
     term = deref(term)
     if type(term) is not Literal:
         raise Failed("unknown", "only literals can be copied")
@@ -169,13 +170,13 @@ def _copied(term: Any) -> Any:
 
 @internal_action(".copy_term", 2)
 @internal_action(".rename_apart", 2)
-def copy_term(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
+def copy_term(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.copy_term(T, R)``, ``.rename_apart(T, R)``: the same literal with variables of its own."""
     return unify(result, _copied(term), trail)
 
 
 @internal_action(".add_annot", 3)
-def add_annot(mind: MindState, trail: Trail, term: Any, annot: Any, result: Any) -> bool:
+def add_annot(mind: MindState, trail: Trail, term: Term, annot: Any, result: Term) -> bool:
     """``.add_annot(T, A, R)``: with the annotation A too; of a list, each literal of it.
 
     ?- .add_annot(at(3), by(gps), R) gives R = at(3)[by(gps)]
@@ -183,7 +184,7 @@ def add_annot(mind: MindState, trail: Trail, term: Any, annot: Any, result: Any)
     return unify(result, _annotated(term, resolve(annot)), trail)
 
 
-def _annotated(term: Any, annot: Any) -> Any:
+def _annotated(term: Term, annot: Any) -> Any:
     term = resolve(term)
     if type(term) is Literal:
         return term.with_annots(sorted_annots((*term.annots, annot)))
@@ -192,7 +193,7 @@ def _annotated(term: Any, annot: Any) -> Any:
 
 
 @internal_action(".add_nested_source", 3)
-def add_nested_source(mind: MindState, trail: Trail, term: Any, who: Any, result: Any) -> bool:
+def add_nested_source(mind: MindState, trail: Trail, term: Term, who: Term, result: Term) -> bool:
     """``.add_nested_source(T, S, R)``: S wraps the sources that were there.
 
     ?- .add_nested_source(at(3)[source(ann)], bob, R) gives R = at(3)[source(bob)[source(ann)]]
@@ -200,7 +201,7 @@ def add_nested_source(mind: MindState, trail: Trail, term: Any, who: Any, result
     return unify(result, _nested(term, resolve(who)), trail)
 
 
-def _nested(term: Any, who: Any) -> Any:
+def _nested(term: Term, who: Term) -> Any:
     term = resolve(term)
     if type(term) is Literal:
         inner = tuple(a for a in term.annots if is_source(a))
@@ -211,7 +212,7 @@ def _nested(term: Any, who: Any) -> Any:
 
 
 @internal_action(".remove_source_annot", 2)
-def remove_source_annot(mind: MindState, trail: Trail, term: Any, result: Any) -> bool:
+def remove_source_annot(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.remove_source_annot(T, R)``: without its sources.
 
     ?- .remove_source_annot(at(3)[source(ann),by(gps)], R) gives R = at(3)[by(gps)]
@@ -219,7 +220,7 @@ def remove_source_annot(mind: MindState, trail: Trail, term: Any, result: Any) -
     return unify(result, _without_sources(term), trail)
 
 
-def _without_sources(term: Any) -> Any:
+def _without_sources(term: Term) -> Any:
     term = resolve(term)
     if type(term) is Literal:
         return term.with_annots(tuple(a for a in term.annots if not is_source(a)))

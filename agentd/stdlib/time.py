@@ -7,11 +7,12 @@ from datetime import UTC, datetime
 from typing import Any
 
 from agentd.language.syntax_tree import nodes
-from agentd.language.terms.terms import Code, Expression, Literal, deref
+from agentd.language.terms.terms import Code, Expression, Literal, Term, deref
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import detach, resolve_all
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.intention import Frame, Intention
 from agentd.mind.data.registry import function, internal_action
 from agentd.mind.execution.waiting import hear, milliseconds, wait_event, wait_time, wait_until
 from agentd.mind.plans.plan_terms import read_trigger, trigger_literal
@@ -19,7 +20,9 @@ from agentd.mind.state import MindState
 
 
 @internal_action(".wait", (1, 3), suspends=True)
-def wait(mind: MindState, trail: Trail, what: Any, limit: Any = None, elapsed: Any = None) -> bool | None:
+def wait(
+    mind: MindState, trail: Trail, what: Term, limit: Term | None = None, elapsed: Term | None = None
+) -> bool | None:
     """``.wait(Ms)``, ``.wait({event}[, Ms[, Elapsed]])``, ``.wait(Formula[, Ms[, Elapsed]])``: so long, or until then.
 
     After Ms milliseconds without the event or formula it fails, or goes on if Elapsed asks how long it took.
@@ -35,7 +38,7 @@ def wait(mind: MindState, trail: Trail, what: Any, limit: Any = None, elapsed: A
         return wait_event(mind, intention, read_trigger(term), limit, elapsed)
     if type(term) in (Literal, Expression):
 
-        def check(mind: MindState, intention: Any, frame: Any) -> bool:
+        def check(mind: MindState, intention: Intention, frame: Frame) -> bool:
             return any(True for _ in solve(mind, term, intention.trail))
 
         return wait_until(mind, intention, intention.stack[-1], check, limit, elapsed)
@@ -70,7 +73,7 @@ _UNITS = {
 
 
 @internal_action(".at", 2)
-def at(mind: MindState, trail: Trail, when: Any, trigger: Any) -> bool:
+def at(mind: MindState, trail: Trail, when: Any, trigger: Term) -> bool:
     """``.at("now +N unit", {trigger})``: raises the event then; it carries no source.
 
     Units are ``ms``, ``s``, ``minutes``, ``hours`` and ``days``.
@@ -107,7 +110,7 @@ def date(mind: MindState, trail: Trail, year: Any, month: Any, day: Any) -> bool
 
 
 @internal_action(".time", (3, 4))
-def time(mind: MindState, trail: Trail, hour: Any, minute: Any, second: Any, millisecond: Any = None) -> bool:
+def time(mind: MindState, trail: Trail, hour: Any, minute: Any, second: Term, millisecond: Any = None) -> bool:
     """``.time(Hour, Minute, Second[, Millisecond])``: now, by mission time."""
     now = _clock(mind)
     parts = [(hour, now.hour), (minute, now.minute), (second, now.second)]
@@ -117,7 +120,7 @@ def time(mind: MindState, trail: Trail, hour: Any, minute: Any, second: Any, mil
 
 
 @internal_action(".nano_time", 1)
-def nano_time(mind: MindState, trail: Trail, result: Any) -> bool:
+def nano_time(mind: MindState, trail: Trail, result: Term) -> bool:
     """``.nano_time(T)``: nanoseconds of mission time."""
     return unify(result, float(round(mind.read_clock() * 1e9)), trail)
 

@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol
 from agentd.language.syntax_tree.signatures import Signature
 from agentd.language.terms.order import sorted_annots
 from agentd.language.terms.source_annotations import is_source
-from agentd.language.terms.terms import Expression, List, Literal, Open, Var, deref
+from agentd.language.terms.terms import Expression, List, Literal, Open, Term, Var, deref
 from agentd.mind.beliefs.term_copy import Copier, detach, is_ground, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.beliefs.work_limit import Computing, work
@@ -40,10 +40,10 @@ class RuleClause:
 
     def __init__(self, syntax: Any, compile_mode: Callable[[RuleClause, Mode], Any], values: dict[str, Any]) -> None:
         self.syntax, self.compile, self.values = syntax, compile_mode, values
-        self.modes: dict[Mode, Callable[..., Iterator[tuple[Any, ...]]]] = {}
+        self.modes: dict[Mode, Callable[..., Iterator[tuple[Term, ...]]]] = {}
         """Called with mind, trail and the arguments; those not given are None."""
 
-    def answers(self, mode: Mode) -> Callable[..., Iterator[tuple[Any, ...]]]:
+    def answers(self, mode: Mode) -> Callable[..., Iterator[tuple[Term, ...]]]:
         found = self.modes.get(mode)
         if found is None:
             found = self.modes[mode] = self.compile(self, mode)
@@ -80,14 +80,14 @@ class Predicate:
         """Whether there are only ground facts: then a query is a loop over argument tuples."""
         self._indexes: dict[int, tuple[dict[Any, dict[Any, Any]], dict[Any, Any]]] = {}
 
-    def rows(self, position: int, key: Any) -> Any:
+    def rows(self, position: int, key: Term) -> Any:
         """The arguments of the facts that may have ``key`` at ``position``. For `plain` predicates only."""
         entries = self.entries
         if len(entries) <= _SMALL:
             return reversed(entries)
         return reversed(self._bucket(position, key))
 
-    def counted_rows(self, position: int, key: Any, mind: Asking) -> Any:
+    def counted_rows(self, position: int, key: Term, mind: Asking) -> Any:
         """`rows` for a loop within a loop: many of them are counted as work of the mind."""
         entries = self.entries
         if len(entries) > _SMALL:
@@ -114,7 +114,7 @@ class Predicate:
             _index_entry(index, position, args, entry)
         return index
 
-    def solve(self, mode: Mode, args: tuple[Any, ...], mind: Asking, trail: Trail) -> Any:
+    def solve(self, mode: Mode, args: tuple[Term | None, ...], mind: Asking, trail: Trail) -> Any:
         """The arguments of each answer to a query, facts and rules in order. Unify them with what was asked.
 
         ``args`` holds None where ``mode`` is False.
@@ -136,8 +136,8 @@ class Predicate:
         return self._solve_mixed(entries, mode, args, mind, trail)
 
     def _solve_mixed(
-        self, entries: dict[Any, Any], mode: Mode, args: tuple[Any, ...], mind: Asking, trail: Trail
-    ) -> Iterator[tuple[Any, ...]]:
+        self, entries: dict[Any, Any], mode: Mode, args: tuple[Term | None, ...], mind: Asking, trail: Trail
+    ) -> Iterator[tuple[Term, ...]]:
         if len(entries) > _SMALL:
             work(mind, len(entries))
         for entry in reversed(entries.values()):
@@ -149,7 +149,7 @@ class Predicate:
             else:
                 yield entry.args
 
-    def literals(self, mode: Mode, args: tuple[Any, ...], mind: Asking, trail: Trail) -> Iterator[tuple[Any, Any]]:
+    def literals(self, mode: Mode, args: tuple[Term, ...], mind: Asking, trail: Trail) -> Iterator[tuple[Any, Any]]:
         """As `solve`, with the annotations of each answer. A rule's answer has those written in its head."""
         entries = self.entries
         for position, given in enumerate(mode):
@@ -196,14 +196,14 @@ class Predicate:
             self.entries[args] = literal
         return annots
 
-    def _merge(self, args: tuple[Any, ...], known: Literal, annots: tuple[Any, ...]) -> tuple[Any, ...] | None:
+    def _merge(self, args: tuple[Term, ...], known: Literal, annots: tuple[Term, ...]) -> tuple[Term, ...] | None:
         if annots is known.annots or all(a in known.annots for a in annots):
             return None
         new = tuple(a for a in annots if a not in known.annots)
         self._replace(args, known.with_annots(sorted_annots(known.annots + new)), known.ground)
         return new
 
-    def _replace(self, args: tuple[Any, ...], literal: Literal, ground: bool) -> None:
+    def _replace(self, args: tuple[Term, ...], literal: Literal, ground: bool) -> None:
         literal.ground = ground
         self.entries[args] = literal
         for position, (buckets, wild) in self._indexes.items():
@@ -256,7 +256,7 @@ class Predicate:
         self.rules -= 1
         self.plain = not self.rules and not self.open
 
-    def candidates(self, args: tuple[Any, ...]) -> list[Literal]:
+    def candidates(self, args: tuple[Term, ...]) -> list[Literal]:
         """The facts that may unify with these arguments, in query order."""
         entries = self.entries
         try:
@@ -271,7 +271,7 @@ class Predicate:
                 break
         return [e for e in reversed(entries.values()) if type(e) is Literal]
 
-    def find(self, args: tuple[Any, ...], annots: tuple[Any, ...], trail: Trail) -> Literal | None:
+    def find(self, args: tuple[Term, ...], annots: tuple[Term, ...], trail: Trail) -> Literal | None:
         """The fact that ``-b`` with these arguments and annotations removes; its bindings are kept.
 
         That is the first that unifies. A fact with variables is one only if they are left free, as in Jason: else what
@@ -295,7 +295,7 @@ class Predicate:
             undo(trail, mark)
         return None
 
-    def take_annots(self, fact: Literal, annots: tuple[Any, ...]) -> None:
+    def take_annots(self, fact: Literal, annots: tuple[Term, ...]) -> None:
         """Remove annotations from a fact; it goes altogether with its last source."""
         if fact.annots is annots:
             self.remove(fact)
@@ -316,7 +316,9 @@ def use_open(pattern: Literal, fact: Literal, trail: Trail) -> tuple[Literal, bo
     return use, len({cell for v in fresh.values() if type(cell := deref(v)) is Var}) == len(fresh)
 
 
-def _index_entry(index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]], position: int, args: Any, entry: Any) -> None:
+def _index_entry(
+    index: tuple[dict[Any, dict[Any, Any]], dict[Any, Any]], position: int, args: tuple[Term, ...], entry: Any
+) -> None:
     buckets, wild = index
     key = None if type(entry) is RuleClause else _index_key(args[position])
     if key is None:

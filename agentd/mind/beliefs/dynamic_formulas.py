@@ -14,7 +14,19 @@ from agentd.language.syntax_tree.signatures import DEFAULT, signature
 from agentd.language.terms.format import text
 from agentd.language.terms.from_ast import calculate
 from agentd.language.terms.order import compare, sorted_annots
-from agentd.language.terms.terms import EMPTY, Code, Expression, Literal, Open, Var, deref, equal, make_list, proper
+from agentd.language.terms.terms import (
+    EMPTY,
+    Code,
+    Expression,
+    Literal,
+    Open,
+    Term,
+    Var,
+    deref,
+    equal,
+    make_list,
+    proper,
+)
 from agentd.mind.beliefs.term_copy import closed, resolve
 from agentd.mind.beliefs.unification import Trail, subsets, undo, unify, value
 from agentd.mind.beliefs.work_limit import work
@@ -22,7 +34,7 @@ from agentd.mind.plans.plan_terms import parts_of
 from agentd.mind.state import MindState
 
 
-def solve(mind: MindState, formula: Any, trail: Trail) -> Iterator[None]:
+def solve(mind: MindState, formula: Term, trail: Trail) -> Iterator[None]:
     """One solution after another of a formula; bindings are undone between them and kept at the last yield."""
     formula = deref(formula)
     mark = len(trail)
@@ -115,7 +127,7 @@ def _expression(mind: MindState, formula: Expression, trail: Trail) -> Iterator[
             yield
 
 
-def computed(mind: MindState, term: Any) -> Any:
+def computed(mind: MindState, term: Term) -> Any:
     """A side of a relation with the functions in it computed, now that their variables may have values."""
     term = deref(term)
     if type(term) is Expression:
@@ -137,7 +149,7 @@ def _is_function(mind: MindState, name: str, arity: int) -> bool:
 # --- relations and arithmetic ---
 
 
-def relation_holds(operator: str, left: Any, right: Any, trail: Trail) -> bool:
+def relation_holds(operator: str, left: Term, right: Term, trail: Trail) -> bool:
     """Whether a relation holds; ``=`` and ``=..`` may bind."""
     match operator:
         case "=":
@@ -159,12 +171,12 @@ def relation_holds(operator: str, left: Any, right: Any, trail: Trail) -> bool:
     return False
 
 
-def order(left: Any, right: Any) -> int:
+def order(left: Term, right: Term) -> int:
     """The standard order of two terms, arithmetic computed first. NaN is before and after nothing."""
     return compare(value(left), value(right))
 
 
-def same(left: Any, right: Any) -> bool:
+def same(left: Term, right: Term) -> bool:
     """``==``: equality without binding, arithmetic computed. Linked free variables are not equal (rule 25)."""
     if type(left) is Literal and type(right) is Literal:
         if left.sig is not right.sig:
@@ -176,7 +188,7 @@ def same(left: Any, right: Any) -> bool:
     return equal(resolve(left), resolve(right))
 
 
-def univ(left: Any, right: Any, trail: Trail) -> bool:
+def univ(left: Term, right: Term, trail: Trail) -> bool:
     """``=..``: a literal or plan and the list of its parts."""
     term = value(left)
     if type(term) is Open:
@@ -197,7 +209,7 @@ def univ(left: Any, right: Any, trail: Trail) -> bool:
     return False
 
 
-def _from_parts(parts: list[Any] | None) -> Any:
+def _from_parts(parts: list[Term] | None) -> Any:
     if parts is None or len(parts) not in (3, 4):
         return None
     namespace = DEFAULT
@@ -250,7 +262,7 @@ class FunctionsOf(Mapping[tuple[str, int], Callable[..., Any]]):
         return len(self._mind.compiler.functions())
 
 
-def call(function: Any, mind: MindState, trail: Trail, sig: Any, args: tuple[Any, ...]) -> Any:
+def call(function: Any, mind: MindState, trail: Trail, sig: Any, args: tuple[Term, ...]) -> Any:
     """A function of the program; a call that cannot be computed stays a term."""
     value = function(mind, *[deref(a) for a in args])
     return Literal(sig, args) if value is None else value
@@ -275,7 +287,7 @@ def by_rule(name: str, arity: int) -> Callable[..., Any]:
     return compute
 
 
-def _by_action(mind: MindState, action: Any, args: tuple[Any, ...]) -> Any:
+def _by_action(mind: MindState, action: Any, args: tuple[Term, ...]) -> Any:
     result = Var("Result")
     trail: list[Var] = []
     outcome = action.guarded()(mind, trail, *args, result)

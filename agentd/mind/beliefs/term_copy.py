@@ -18,6 +18,7 @@ from agentd.language.terms.terms import (
     Literal,
     Open,
     Rest,
+    Term,
     Var,
     atom,
     deref,
@@ -148,10 +149,10 @@ class Copier:
             return term
         return self._deep(term)
 
-    def _deep(self, term: Any) -> Any:
+    def _deep(self, term: Term) -> Any:
         """Copy without recursion: nodes are opened on the way down and built on the way up."""
         work: list[tuple[Any, bool]] = [(term, False)]
-        done: list[Any] = []
+        done: list[Term] = []
         opened: list[bool] = []
         budget, rest = FIRST_NODES, MOST_NODES
         while work:
@@ -234,7 +235,7 @@ class Copier:
 # --- annotations ---
 
 
-def with_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
+def with_source(annots: tuple[Term, ...]) -> tuple[Term, ...]:
     """Annotations with source(self) added if they name no source."""
     if not annots:
         return SELF
@@ -243,7 +244,7 @@ def with_source(annots: tuple[Any, ...]) -> tuple[Any, ...]:
     return sorted_annots(annots + SELF)
 
 
-def annots_with_tail(annots: tuple[Any, ...], tail: Any) -> tuple[Any, ...]:
+def annots_with_tail(annots: tuple[Term, ...], tail: Term) -> tuple[Term, ...]:
     """``[a|T]`` as annotations: with the elements of T if it has a value, else T stands for the rest."""
     end = deref(tail)
     if type(end) is Var:
@@ -251,7 +252,7 @@ def annots_with_tail(annots: tuple[Any, ...], tail: Any) -> tuple[Any, ...]:
     return sorted_annots((*annots, *elements(end)))
 
 
-def nested_source(annots: tuple[Any, ...], name: str) -> tuple[Any, ...]:
+def nested_source(annots: tuple[Term, ...], name: str) -> tuple[Term, ...]:
     """Annotations of what an agent says: its sources, without source(self), become annotations of source(name)."""
     if not annots:
         return SELF if name == "self" else told_by(name)

@@ -25,6 +25,7 @@ from agentd.language.terms.terms import (
     Literal,
     Open,
     Rest,
+    Term,
     Var,
     deref,
     further,
@@ -50,7 +51,7 @@ def bound_again(trail: Trail, mark: int, answer: Any) -> Iterator[Any]:
         trail.append(variable)
 
 
-def value(term: Any) -> Any:
+def value(term: Term) -> Any:
     """A term with its chain of variables followed and, if it is arithmetic that can be computed now, its result."""
     term = deref(term)
     if type(term) is Expression and term.operator in ARITHMETIC:
@@ -99,7 +100,7 @@ def unify(left: Any, right: Any, trail: Trail) -> bool:
         left, right = pending.pop()
 
 
-def _unify_other(left: Any, right: Any, trail: Trail) -> bool:
+def _unify_other(left: Term, right: Term, trail: Trail) -> bool:
     """The rare pairs: variables, expressions, decorated variables, code."""
     if type(left) is Open:
         return _unify_open(left, right, trail, left_side=True)
@@ -118,7 +119,7 @@ def _unify_other(left: Any, right: Any, trail: Trail) -> bool:
     return False
 
 
-def bind(variable: Var, term: Any, trail: Trail) -> bool:
+def bind(variable: Var, term: Term, trail: Trail) -> bool:
     """Bind a free variable. A plain variable takes no literal of another namespace."""
     term = value(term)
     if term is variable:
@@ -132,7 +133,7 @@ def bind(variable: Var, term: Any, trail: Trail) -> bool:
     return True
 
 
-def _unify_expressions(left: Any, right: Any, trail: Trail) -> bool:
+def _unify_expressions(left: Term, right: Term, trail: Trail) -> bool:
     if type(left) is Expression and type(right) is Expression:
         if left.operator != right.operator or len(left.operands) != len(right.operands):
             return False
@@ -173,7 +174,7 @@ def _unify_open(pattern: Open, other: Any, trail: Trail, left_side: bool) -> boo
     return unify(pattern.variable, bare, trail)
 
 
-def _unify_namespace(namespace: Any, actual: str, trail: Trail) -> bool:
+def _unify_namespace(namespace: Term, actual: str, trail: Trail) -> bool:
     if isinstance(namespace, str):
         return namespace == actual
     return unify(namespace, Literal(signature(actual)), trail)
@@ -186,7 +187,7 @@ def _renamed(literal: Literal, namespace: str, negated: bool) -> Literal:
     return Literal(signature(sig.functor, sig.arity, negated, namespace), literal.args, literal.annots)
 
 
-def subset(left: tuple[Any, ...], right: tuple[Any, ...], trail: Trail) -> bool:
+def subset(left: tuple[Term, ...], right: tuple[Term, ...], trail: Trail) -> bool:
     """Whether each annotation on the left unifies with one on the right (the first choice that fits, no backtracking).
 
     A `Rest` at the end of the left takes what is left over of the right.
@@ -215,13 +216,13 @@ def subsets(left: tuple[Any, ...], right: tuple[Any, ...], trail: Trail) -> Any:
         undo(trail, mark)
 
 
-def in_default(term: Any) -> bool:
+def in_default(term: Term) -> bool:
     """Whether a plain variable takes a term: no literal of another namespace (rule 100)."""
     term = deref(term)
     return type(term) is not Literal or term.sig.namespace == DEFAULT
 
 
-def open_structure(term: Any, sig: Any, trail: Trail) -> Any:
+def open_structure(term: Term, sig: Any, trail: Trail) -> Any:
     """The arguments of a term that shall be a structure of this signature; None if it is something else.
 
     A free variable becomes such a structure, with new variables as arguments.
@@ -235,13 +236,13 @@ def open_structure(term: Any, sig: Any, trail: Trail) -> Any:
     return None
 
 
-def open_bare(term: Any, sig: Any, trail: Trail) -> Any:
+def open_bare(term: Term, sig: Any, trail: Trail) -> Any:
     """`open_structure` of a term that shall have no annotations."""
     term = value(term)
     return None if type(term) is Literal and term.annots else open_structure(term, sig, trail)
 
 
-def open_list(term: Any, trail: Trail) -> Any:
+def open_list(term: Term, trail: Trail) -> Any:
     """Head and tail of a term that shall be a non-empty list, else None. A free variable becomes such a list."""
     term = deref(term)
     if type(term) is List:
@@ -328,7 +329,7 @@ def _unify_bodies(
     return True
 
 
-def _lone_variable(formula: Any, values: dict[str, Any]) -> Any:
+def _lone_variable(formula: object, values: dict[str, Any]) -> Any:
     if isinstance(formula, nodes.Step) and not formula.operator.value and isinstance(formula.term, nodes.Variable):
         return instantiate(formula.term, values)
     return None

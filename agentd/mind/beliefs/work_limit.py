@@ -11,9 +11,9 @@ counted. What the asked program has written itself, in its rules, is compiled an
 
 from __future__ import annotations
 
-from typing import Any, Final, NoReturn, Protocol
+from typing import Final, NoReturn, Protocol
 
-from agentd.language.terms.terms import EMPTY, List, deref
+from agentd.language.terms.terms import EMPTY, List, Term, deref
 from agentd.mind.data.formula_failure import Failed
 
 WITHOUT_EFFECT: Final = frozenset(
@@ -162,7 +162,7 @@ class Asked:
             self._refuse(f"it takes more than {QUESTION_STEPS} steps")
         self.check()
 
-    def action(self, name: str, args: tuple[Any, ...]) -> None:
+    def action(self, name: str, args: tuple[Term, ...]) -> None:
         """Allow an internal action that has no effect. Raises QueryRefused for any other."""
         if name not in IN_QUESTIONS:
             self._refuse(f"it names {name}, which is not known to be free of effects and quick")
@@ -185,7 +185,7 @@ class Asked:
         self.check()
 
 
-def _size(term: Any) -> int:
+def _size(term: Term) -> int:
     """How much there is in a text or list; 1 for anything else."""
     term = deref(term)
     if type(term) is str:

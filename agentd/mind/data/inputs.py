@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from agentd.language.syntax_tree.signatures import Signature, signature
-from agentd.language.terms.terms import Literal
+from agentd.language.terms.terms import Literal, Term
 
 
 @dataclass(slots=True)
@@ -108,7 +108,7 @@ class SignalRaised:
     literal: Literal
 
     @staticmethod
-    def named(functor: str, *args: Any) -> SignalRaised:
+    def named(functor: str, *args: Term) -> SignalRaised:
         return SignalRaised(Literal(signature(functor, len(args)), args))
 
 

@@ -19,6 +19,8 @@ from agentd.language.compiler.units import Form
 from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.numbers import UndefinedNumber
+from agentd.language.terms.terms import Term
+from agentd.mind.beliefs.unification import Trail
 from agentd.mind.beliefs.work_limit import Computing, TooMuchWork, work
 from agentd.mind.data.formula_failure import Failed
 
@@ -56,13 +58,13 @@ class InternalAction:
             )
         return self._guarded
 
-    def _refuse_to_wait(self, mind: Computing, trail: Any, *args: Any) -> bool:
+    def _refuse_to_wait(self, mind: Computing, trail: Trail, *args: Term) -> bool:
         mind.warn_once(f"{self.name} may have to wait, so it is false in a condition: use it as a step of a plan")
         return False
 
 
 def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
-    def guarded(mind: Computing, trail: Any, *args: Any) -> bool:
+    def guarded(mind: Computing, trail: Trail, *args: Term) -> bool:
         try:
             return bool(function(mind, trail, *args))
         except TooMuchWork:
@@ -79,7 +81,7 @@ def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
 
 
 def _guard_generator(function: Callable[..., Any], counts: bool) -> Callable[..., Iterator[Any]]:
-    def guarded(mind: Computing, trail: Any, *args: Any) -> Iterator[Any]:
+    def guarded(mind: Computing, trail: Trail, *args: Term) -> Iterator[Any]:
         try:
             if counts:
                 yield from function(mind, trail, *args)
@@ -193,7 +195,7 @@ def _look_further(name: str) -> Callable[..., Any] | None:
     if reason is None:
         return None
 
-    def refuse(*args: Any) -> Any:
+    def refuse(*args: Term) -> Any:
         raise Unusable(reason)
 
     return refuse
@@ -216,7 +218,7 @@ def find_action(name: str, arity: int) -> InternalAction | None:
         if arity in action.arities:
             return action
 
-    def wrong(mind: Computing, trail: Any, *args: Any) -> bool:
+    def wrong(mind: Computing, trail: Trail, *args: Term) -> bool:
         raise Failed("wrong_arguments", f"{name} does not take {arity} arguments")
 
     return InternalAction(name, range(arity, arity + 1), wrong)

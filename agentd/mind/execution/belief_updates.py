@@ -10,7 +10,7 @@ from agentd.language.compiler.units import compile_rule
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.source_annotations import SELF
-from agentd.language.terms.terms import Code, Literal, Open, Var, deref
+from agentd.language.terms.terms import Code, Literal, Open, Term, Var, deref
 from agentd.mind.beliefs.belief_base import Mode, Predicate, RuleClause, use_open
 from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots, with_source
 from agentd.mind.beliefs.unification import Trail, undo
@@ -22,7 +22,13 @@ from agentd.mind.state import MindState
 
 
 def believe(
-    mind: MindState, focus: Any, predicate: Predicate, relevant: Relevant, args: Any, annots: Any, last: bool = False
+    mind: MindState,
+    focus: Intention | None,
+    predicate: Predicate,
+    relevant: Relevant,
+    args: tuple[Term, ...],
+    annots: tuple[Term, ...],
+    last: bool = False,
 ) -> bool | None:
     """``+b``, all of it resolved: true when the intention has to wait for the plan of the event."""
     new = predicate.add(args, annots, last)
@@ -43,7 +49,9 @@ def add_belief(mind: MindState, literal: Literal, last: bool = False) -> None:
     believe(mind, None, predicate, relevant, detach(resolve_all(literal.args)), annots, last)
 
 
-def raise_event(mind: MindState, focus: Any, relevant: Relevant, args: Any, annots: Any) -> bool | None:
+def raise_event(
+    mind: MindState, focus: Intention | None, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]
+) -> bool | None:
     """The event of a belief change, in the focus of an intention or (None) as a new one."""
     if mind.listeners:
         hear(mind, relevant, args, annots)
@@ -61,7 +69,13 @@ def raise_event(mind: MindState, focus: Any, relevant: Relevant, args: Any, anno
 
 
 def disbelieve(
-    mind: MindState, focus: Any, predicate: Predicate, relevant: Relevant, args: Any, annots: Any, trail: Trail
+    mind: MindState,
+    focus: Intention | None,
+    predicate: Predicate,
+    relevant: Relevant,
+    args: tuple[Term, ...],
+    annots: tuple[Term, ...],
+    trail: Trail,
 ) -> bool | None:
     """``-b``: removes the first belief that unifies; its variables stay bound. No match is no failure."""
     fact = None if predicate.open else predicate.entries.get(args)
@@ -85,7 +99,13 @@ def disbelieve(
 
 
 def replace(
-    mind: MindState, focus: Any, predicate: Predicate, relevant: Relevant, gone: Any, args: Any, annots: Any
+    mind: MindState,
+    focus: Intention | None,
+    predicate: Predicate,
+    relevant: Relevant,
+    gone: Relevant,
+    args: tuple[Term, ...],
+    annots: tuple[Term, ...],
 ) -> bool | None:
     """``-+b``, all resolved: takes the annotations written from the first entry that has them, then adds (49, 50).
 
@@ -106,7 +126,7 @@ def replace(
     return believe(mind, focus, predicate, relevant, args, annots)
 
 
-def change_term(mind: MindState, intention: Intention, operator: str, term: Any) -> bool | None:
+def change_term(mind: MindState, intention: Intention, operator: str, term: Term) -> bool | None:
     """A belief operator applied to a literal, rule or plan that only the run knows."""
     term = deref(term)
     if type(term) is Open:
@@ -148,7 +168,7 @@ def _change_code(mind: MindState, operator: str, code: Code) -> None:
         raise Failed("body_var_not_literal", "Only literals, rules and plans can be added.")
 
 
-def _remove_plans(mind: MindState, label: Any) -> None:
+def _remove_plans(mind: MindState, label: nodes.Structure | nodes.Variable) -> None:
     """Take out the plans with a label, given as syntax."""
     for plan in list(mind.plans):
         if plan.label.sig.functor == getattr(label, "functor", None):

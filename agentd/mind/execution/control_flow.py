@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentd.language.terms.terms import Var, deref
+from agentd.language.terms.terms import Term, Var, deref
 from agentd.mind.beliefs.belief_base import Predicate
 from agentd.mind.beliefs.term_copy import Copier, is_ground
 from agentd.mind.beliefs.unification import Trail, undo, unify
@@ -55,7 +55,7 @@ class Fork:
             self.frame[place] = variable
         resume_waiting(mind, self.parent)
 
-    def failed(self, mind: MindState, branch: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+    def failed(self, mind: MindState, branch: Intention, extra: tuple[Term, ...], where: str, failure: Failed) -> None:
         """A branch has failed without a handler of its own: fatal for ``|&|``, tolerated by ``|||``.
 
         When all branches of ``|||`` have failed the intention ends without asking any handler, as Jason's does (rule

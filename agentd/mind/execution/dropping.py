@@ -9,7 +9,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.source_annotations import SELF
-from agentd.language.terms.terms import Literal
+from agentd.language.terms.terms import Literal, Term
 from agentd.mind.beliefs.term_copy import detach, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.effects import CancelAction
@@ -22,6 +22,7 @@ from agentd.mind.data.intention import (
     RELEVANT,
     STEP,
     Event,
+    Frame,
     Intention,
     Question,
     Timer,
@@ -87,7 +88,7 @@ def goal_of(event: Event) -> Literal | None:
     return Literal(relevant.sig, *_apart(args, annots))
 
 
-def _apart(args: tuple[Any, ...], annots: tuple[Any, ...]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+def _apart(args: tuple[Term, ...], annots: tuple[Term, ...]) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
     """Arguments and annotations of a goal for those who ask: what they bind is not bound in the plans of the goal."""
     if not annots or annots is SELF:
         return detach(args), annots
@@ -95,7 +96,7 @@ def _apart(args: tuple[Any, ...], annots: tuple[Any, ...]) -> tuple[tuple[Any, .
     return both[: len(args)], both[len(args) :]
 
 
-def fits(goal: Any, literal: Literal | None, trail: Trail) -> bool:
+def fits(goal: Term, literal: Literal | None, trail: Trail) -> bool:
     """Whether a goal that is asked for unifies with one; nothing is bound if not."""
     mark = len(trail)
     if literal is not None and unify(goal, literal, trail):
@@ -130,7 +131,7 @@ def pursues(intention: Intention, event: Event | None, goal: Literal, trail: Tra
     return held or find_goal(intention, goal, trail) is not None
 
 
-def intended(mind: MindState, goal: Any, trail: Trail, suspended: bool = False) -> Iterator[Intention]:
+def intended(mind: MindState, goal: Term, trail: Trail, suspended: bool = False) -> Iterator[Intention]:
     """The intentions with a goal, bindings undone between them."""
     for intention in mind.all_intentions():
         if intention.suspended is not None and not suspended:
@@ -142,7 +143,7 @@ def intended(mind: MindState, goal: Any, trail: Trail, suspended: bool = False) 
             undo(trail, mark)
 
 
-def desired(mind: MindState, goal: Any, trail: Trail) -> Iterator[Intention | None]:
+def desired(mind: MindState, goal: Term, trail: Trail) -> Iterator[Intention | None]:
     """As `intended`, and goals whose event still waits (None when it is to start an intention)."""
     for event in mind.all_events():
         mark = len(trail)
@@ -279,7 +280,7 @@ _PRUNE_AT = 64
 """With so many more goals it is looked which of them are over."""
 
 
-def watch(mind: MindState, intention: Intention, frame: Any) -> None:
+def watch(mind: MindState, intention: Intention, frame: Frame) -> None:
     """Ask the condition of a goal again when beliefs change. Goals that have ended otherwise are forgotten in time."""
     watched = mind.goal_conditions
     watched.append((intention, frame))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentd.language.terms.source_annotations import SELF
-from agentd.language.terms.terms import LargeLists, Literal
+from agentd.language.terms.terms import LargeLists, Literal, Term
 from agentd.mind.beliefs.term_copy import resolve_all
 from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
@@ -197,7 +197,7 @@ def _entered(mind: MindState, intention: Intention, frame: Frame) -> None:
 
 
 def _no_plan(
-    mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...], intention: Intention | None
+    mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...], intention: Intention | None
 ) -> bool:
     """An event without an applicable plan."""
     if not relevant.goal or relevant.operator == "^":
@@ -220,7 +220,9 @@ def _no_plan(
     return True
 
 
-def _built_in(mind: MindState, relevant: Relevant, args: Any, annots: Any, intention: Intention | None) -> bool:
+def _built_in(
+    mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...], intention: Intention | None
+) -> bool:
     """A message, or a failure to handle one, that no plan of the program is applicable to."""
     if relevant.operator == "+":
         handle_event(mind, args, intention)

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from agentd.language.terms.format import text
 from agentd.language.terms.order import sorted_annots
-from agentd.language.terms.terms import Literal
+from agentd.language.terms.terms import Literal, Term
 from agentd.mind.beliefs.term_copy import detach, resolve_all
 from agentd.mind.beliefs.unification import undo
 from agentd.mind.beliefs.work_limit import MOST_STEPS
@@ -27,6 +27,7 @@ from agentd.mind.introspection.failure_text import (
     written,
 )
 from agentd.mind.plans.nested_plans import nested_plans
+from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import WaitView
 
@@ -146,7 +147,7 @@ def fail_waiting(mind: MindState, intention: Intention, failed: Failed) -> None:
     step_failed(mind, intention, intention.last, frame, failed)
 
 
-def fail_parent(mind: MindState, intention: Intention, extra: tuple[Any, ...], where: str, failed: Failed) -> None:
+def fail_parent(mind: MindState, intention: Intention, extra: tuple[Term, ...], where: str, failed: Failed) -> None:
     """A branch of a fork of this intention has failed."""
     mind.waiting.pop(intention.id, None)
     intention.waiting = None
@@ -223,13 +224,17 @@ def _handles(mind: MindState, handler: Any, intention: Intention | None) -> bool
     return any(True for _ in nested_plans(mind, handler, intention))
 
 
-def _note(mind: MindState, intention: Intention | None, failure: Failed, frames: Sequence[Frame], handler: Any) -> None:
+def _note(
+    mind: MindState, intention: Intention | None, failure: Failed, frames: Sequence[Frame], handler: Relevant | None
+) -> None:
     """Remember a failure, in minds that do."""
     if mind.recorder is not None:
         mind.recorder.failed(intention, failure, frames, handler)
 
 
-def _end_unanswered(mind: MindState, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+def _end_unanswered(
+    mind: MindState, intention: Intention, extra: tuple[Term, ...], where: str, failure: Failed
+) -> None:
     """A test for which no ``+?g`` is applicable: ``-?g`` runs, but he who asked does not go on (rule 61)."""
     told = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
     mind.effects.append(Log("error", told, ends=True))
@@ -239,7 +244,7 @@ def _end_unanswered(mind: MindState, intention: Intention, extra: tuple[Any, ...
         intention.branch.failed(mind, intention, extra, where, failure)
 
 
-def fail(mind: MindState, intention: Intention, extra: tuple[Any, ...], where: str, failure: Failed) -> None:
+def fail(mind: MindState, intention: Intention, extra: tuple[Term, ...], where: str, failure: Failed) -> None:
     """Look for the handler from the innermost goal down; without one the intention is dropped with a warning."""
     stack = intention.stack
     depth = len(stack)
@@ -295,7 +300,7 @@ def _has_handler(intention: Intention) -> bool:
     )
 
 
-def _handled_again(mind: MindState, intention: Intention, handler: Frame, extra: tuple[Any, ...]) -> bool:
+def _handled_again(mind: MindState, intention: Intention, handler: Frame, extra: tuple[Term, ...]) -> bool:
     """A failure plan with no goal below it has failed: its event comes again, with what failed now.
 
     Jason does so for ever; here it ends after `MOST_RETRIES`.

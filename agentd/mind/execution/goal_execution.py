@@ -6,7 +6,7 @@ from typing import Any
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.format import text
-from agentd.language.terms.terms import Code, Expression, Literal, Open, Var, deref
+from agentd.language.terms.terms import Code, Expression, Literal, Open, Term, Var, deref
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots, with_source
 from agentd.mind.data.effects import PerformAction
@@ -22,7 +22,7 @@ from agentd.mind.state import MindState
 from schemas.wire.mind_records import WaitView
 
 
-def literal_of(term: Any) -> Literal:
+def literal_of(term: Term) -> Literal:
     """The literal that a variable in a body holds. Fails as rule 62 says."""
     term = deref(term)
     if type(term) is Var:
@@ -40,7 +40,7 @@ def literal_of(term: Any) -> Literal:
     return term
 
 
-def qualify(namespace: Any, literal: Literal) -> Any:
+def qualify(namespace: Term, literal: Literal) -> Any:
     """``N::p(1)`` as a term: a literal if N is bound, else an open one."""
     return closed(Open(Var(), None, False, deref(namespace), literal)) if literal else None
 
@@ -54,7 +54,7 @@ def add_goal(mind: MindState, literal: Literal, operator: str = "!") -> None:
     mind.post(relevant, detach(literal.args), annots)
 
 
-def achieve_term(mind: MindState, intention: Intention, term: Any, new_focus: bool) -> bool | None:
+def achieve_term(mind: MindState, intention: Intention, term: Term, new_focus: bool) -> bool | None:
     """``!X`` or ``!!X``."""
     literal = literal_of(term)
     relevant = mind.plans.relevant("+", "!", literal.sig)
@@ -69,7 +69,7 @@ def achieve_term(mind: MindState, intention: Intention, term: Any, new_focus: bo
 
 
 def test_event(
-    mind: MindState, intention: Intention, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]
+    mind: MindState, intention: Intention, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]
 ) -> bool:
     """``?g`` that the beliefs do not answer: its event if there are plans for it, else a failure."""
     if not relevant.plans and not (
@@ -82,7 +82,7 @@ def test_event(
     return True
 
 
-def test_term(mind: MindState, intention: Intention, term: Any) -> bool | None:
+def test_term(mind: MindState, intention: Intention, term: Term) -> bool | None:
     """``?X``."""
     formula = deref(term)
     if type(formula) is Var:
@@ -124,7 +124,7 @@ def perform(mind: MindState, intention: Intention, action: Any) -> bool:
     return True
 
 
-def run_term(mind: MindState, intention: Intention, frame: Frame, step: Step, term: Any) -> bool | None:
+def run_term(mind: MindState, intention: Intention, frame: Frame, step: Step, term: Term) -> bool | None:
     """A variable as formula of a body: runs the body, goal, test, belief change or action that it holds."""
     term = deref(term)
     if type(term) is Var:

@@ -8,7 +8,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.order import sorted_annots
-from agentd.language.terms.terms import Literal, atom
+from agentd.language.terms.terms import Literal, Term, atom
 from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all
 from agentd.mind.data.intention import ANNOTS, ARGS, RELEVANT, Frame, Intention, values_of, wait_text
 from agentd.mind.plans.plan_library import Relevant
@@ -22,7 +22,12 @@ _STATE, _REASON, _WAIT = signature("state", 1), signature("reason", 1), signatur
 
 
 def raise_state(
-    mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...], state: str, reason: Any = None
+    mind: MindState,
+    relevant: Relevant,
+    args: tuple[Term, ...],
+    annots: tuple[Term, ...],
+    state: str,
+    reason: Term | None = None,
 ) -> None:
     """The event ``^!g[state(S)]`` if there is a plan for it, with ``state(S)[reason(R)]`` where there is a reason."""
     meta = mind.plans.relevant("^", relevant.goal, relevant.sig)
@@ -32,7 +37,7 @@ def raise_state(
         mind.post(meta, detach(resolve_all(args)), sorted_annots((*resolve_all(annots), told)))
 
 
-def of_goals(mind: MindState, intention: Intention, state: str, reason: Any = None) -> None:
+def of_goals(mind: MindState, intention: Intention, state: str, reason: Term | None = None) -> None:
     """This state of all goals of an intention, innermost first, in programs with plans for them.
 
     The goal around a fork is its parent's and not its branches'.
@@ -48,7 +53,7 @@ def of_goals(mind: MindState, intention: Intention, state: str, reason: Any = No
             raise_state(mind, relevant, args, annots, state, reason)
 
 
-def pending(mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+def pending(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> None:
     """``^!g[state(pending)]``, in programs with plans for the states of goals."""
     raise_state(mind, relevant, args, annots, "pending")
 
@@ -59,7 +64,7 @@ def begun(mind: MindState, frame: Frame) -> None:
         raise_state(mind, frame[RELEVANT], frame[ARGS], frame[ANNOTS], "executing")
 
 
-def ended(mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+def ended(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> None:
     """A goal is achieved, by a plan for it or by its failure plan."""
     if mind.plans.has_meta and relevant.goal and relevant.operator != "^":
         raise_state(mind, relevant, args, annots, "achieved")

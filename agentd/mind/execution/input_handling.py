@@ -11,7 +11,7 @@ from typing import Any, Final
 from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.order import sorted_annots
 from agentd.language.terms.source_annotations import PERCEPT
-from agentd.language.terms.terms import Literal, atom
+from agentd.language.terms.terms import Literal, Term, atom
 from agentd.mind.beliefs.term_copy import detach, resolve_all, with_source
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import (
@@ -111,7 +111,7 @@ def perceived(mind: MindState, sig: Signature) -> Perceived:
     return found
 
 
-def forget(mind: MindState, sig: Signature, args: tuple[Any, ...]) -> None:
+def forget(mind: MindState, sig: Signature, args: tuple[Term, ...]) -> None:
     """A belief is gone that may have been a percept: told anew, it is new."""
     place = mind.percepts.get(sig)
     if place is not None and args in place.args:
@@ -158,7 +158,7 @@ def raise_additions(mind: MindState, added: Iterable[Addition]) -> None:
             mind.post(place.gained, args, annots)
 
 
-def _arguments(literal: Literal) -> tuple[Any, ...]:
+def _arguments(literal: Literal) -> tuple[Term, ...]:
     if literal.ground:
         return literal.args
     for arg in literal.args:
@@ -167,14 +167,14 @@ def _arguments(literal: Literal) -> tuple[Any, ...]:
     return literal.args
 
 
-def _of_percept(annots: tuple[Any, ...]) -> tuple[Any, ...]:
+def _of_percept(annots: tuple[Term, ...]) -> tuple[Term, ...]:
     """Annotations with source(percept): `PERCEPT` itself where there is nothing else, which is how beliefs know one."""
     if annots is PERCEPT or not annots or annots == PERCEPT:
         return PERCEPT
     return sorted_annots((*annots, *PERCEPT))
 
 
-def _add(mind: MindState, place: Perceived, literal: Literal, args: tuple[Any, ...], added: list[Addition]) -> None:
+def _add(mind: MindState, place: Perceived, literal: Literal, args: tuple[Term, ...], added: list[Addition]) -> None:
     place.put(args)
     annots = _of_percept(literal.annots)
     new = place.predicate.add(args, annots)
@@ -183,7 +183,7 @@ def _add(mind: MindState, place: Perceived, literal: Literal, args: tuple[Any, .
         added.append((place, args, new))
 
 
-def _remove(mind: MindState, place: Perceived, args: tuple[Any, ...], annots: tuple[Any, ...] = PERCEPT) -> None:
+def _remove(mind: MindState, place: Perceived, args: tuple[Term, ...], annots: tuple[Term, ...] = PERCEPT) -> None:
     """A percept holds no longer: the belief loses source(percept), and stays if another source holds it.
 
     Its event has ``annots``: those that the news of its end had.

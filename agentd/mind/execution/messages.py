@@ -13,7 +13,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.source_annotations import SELF, SOURCE_SELF
-from agentd.language.terms.terms import FALSE, Literal, Var, atom, deref, make_list, proper
+from agentd.language.terms.terms import FALSE, Literal, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.belief_base import Predicate
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import Copier, detach, nested_source, resolve, resolve_all
@@ -22,7 +22,7 @@ from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked, QueryRefused, TooM
 from agentd.mind.data.effects import Log, SendMail
 from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
 from agentd.mind.data.inputs import Mail
-from agentd.mind.data.intention import Intention, Step
+from agentd.mind.data.intention import Frame, Intention, Step
 from agentd.mind.execution.belief_updates import believe, disbelieve
 from agentd.mind.execution.dropping import drop_desire
 from agentd.mind.execution.execution import communication_error, resume_waiting
@@ -37,7 +37,7 @@ from agentd.mind.state import MindState
 
 
 def send(
-    mind: MindState, receiver: str | None, performative: str, content: Any, in_reply_to: str = "", kind: str = "mid"
+    mind: MindState, receiver: str | None, performative: str, content: Term, in_reply_to: str = "", kind: str = "mid"
 ) -> str:
     """Hand a message out; returns its id, which begins with ``kind``: ``sync`` if the sender waits for an answer.
 
@@ -53,7 +53,7 @@ def send(
     return msg_id
 
 
-def reply(mind: MindState, mail: Mail, content: Any) -> None:
+def reply(mind: MindState, mail: Mail, content: Term) -> None:
     """Answer a question: a synchronous one by a message in reply, another one by telling.
 
     An answer that cannot be sent is told in the log; who waits for it sees its time run out.
@@ -66,7 +66,7 @@ def reply(mind: MindState, mail: Mail, content: Any) -> None:
         mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {failed}"))
 
 
-def answer_of(mind: MindState, mail: Mail, found: Any) -> Any:
+def answer_of(mind: MindState, mail: Mail, found: Term) -> Any:
     """What a question found, as its answer: a synchronous one names its source, others get it as what is told does."""
     answer = Copier(fresh=True).copy(found)
     if type(answer) is not Literal:
@@ -84,7 +84,7 @@ MOST_ANSWERS: Final = 10_000
 _ANSWERING = signature("answer_question")
 
 
-def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Any] | None:
+def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Term] | None:
     """The instances of a question that hold, with the annotations of the beliefs, ``most`` of them if rules are used.
 
     None if the question is refused, which is told.
@@ -127,9 +127,9 @@ def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Any] 
     return found[:most]
 
 
-def _believed(mind: MindState, predicate: Predicate, question: Literal, most: int | None) -> list[Any]:
+def _believed(mind: MindState, predicate: Predicate, question: Literal, most: int | None) -> list[Term]:
     """What a predicate answers to a literal."""
-    found: list[Any] = []
+    found: list[Term] = []
     trail: list[Var] = []
     for args, annots in predicate.literals((True,) * question.sig.arity, question.args, mind, trail):
         mark = len(trail)
@@ -166,7 +166,7 @@ def answer_by_plan(
     mind: MindState,
     mail: Mail,
     relevant: Relevant,
-    question: tuple[Literal, tuple[Any, ...]],
+    question: tuple[Literal, tuple[Term, ...]],
     on_failure: Callable[[MindState, Mail, Failed], None],
 ) -> None:
     """Start the intention that finds the answer to a question, a literal with annotations, and tells it."""
@@ -177,11 +177,11 @@ def answer_by_plan(
         return
     written = nodes.Step(nodes.Operator.TEST, nodes.Structure(literal.sig.functor))
 
-    def ask(mind: MindState, intention: Intention, frame: Any) -> bool:
+    def ask(mind: MindState, intention: Intention, frame: Frame) -> bool:
         mind.events.append((relevant, literal.args, annots, intention))
         return True
 
-    def tell(mind: MindState, intention: Intention, frame: Any) -> None:
+    def tell(mind: MindState, intention: Intention, frame: Frame) -> None:
         reply(mind, mail, answer_of(mind, mail, resolve(literal)))
 
     plan = AnsweringPlan(mail, on_failure)
@@ -237,7 +237,7 @@ def _nobody_handles(mind: MindState, mail: Mail) -> None:
     raise Failed("no_applicable", f"nobody handles the performative {mail.performative}")
 
 
-def handle_event(mind: MindState, args: tuple[Any, ...], intention: Intention | None) -> None:
+def handle_event(mind: MindState, args: tuple[Term, ...], intention: Intention | None) -> None:
     """``+!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
     mail = _mail_of(args)
     try:
@@ -248,12 +248,12 @@ def handle_event(mind: MindState, args: tuple[Any, ...], intention: Intention | 
         resume_waiting(mind, intention)
 
 
-def _mail_of(args: tuple[Any, ...]) -> Mail:
+def _mail_of(args: tuple[Term, ...]) -> Mail:
     sender, performative, content, msg_id = (deref(resolve(a)) for a in args)
     return Mail(plain(sender), plain(performative), content, plain(msg_id))
 
 
-def plain(term: Any) -> str:
+def plain(term: Term) -> str:
     """A name or id as the plans for messages get it: an atom or a string."""
     return term if type(term) is str else text(term)
 
@@ -271,12 +271,12 @@ def _not_handled(mind: MindState, mail: Mail, failed: Failed) -> None:
     communication_error(mind, failed.error, what)
 
 
-def told_annots(mind: MindState, literal: Literal, sender: str) -> tuple[Any, ...]:
+def told_annots(mind: MindState, literal: Literal, sender: str) -> tuple[Term, ...]:
     """The annotations of a literal as told by somebody: its former sources stand inside the new one."""
     return nested_source(literal.annots, "self" if sender == mind.name else sender)
 
 
-def _each(content: Any) -> Iterable[Any]:
+def _each(content: Term) -> Iterable[Any]:
     if type(content) is Literal:
         return (content,)
     members = proper(content)
@@ -378,7 +378,7 @@ def not_answered(mind: MindState, mail: Mail, error: str, message: str) -> None:
         mind.effects.append(Log("warning", f"the question of {mail.sender} gets no answer: {message}"))
 
 
-def failed_event(mind: MindState, args: tuple[Any, ...], error: str, message: str) -> None:
+def failed_event(mind: MindState, args: tuple[Term, ...], error: str, message: str) -> None:
     """``-!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
     mail = _mail_of(args)
     if mail.performative in ("askOne", "askIf"):

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import signature
-from agentd.language.terms.terms import Code, Literal, Var, atom, deref, make_list
+from agentd.language.terms.terms import Code, Literal, Term, Var, atom, deref, make_list
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
 from agentd.mind.data.inputs import Mail
@@ -36,7 +36,7 @@ from agentd.mind.introspection.decision_views import PASSED_OVER
 from agentd.mind.introspection.failure_text import context_failed
 from agentd.mind.introspection.term_snapshot import held_all
 from agentd.mind.plans.nested_plans import candidates
-from agentd.mind.plans.plan_library import Select
+from agentd.mind.plans.plan_library import Plan, Select
 from agentd.mind.plans.plan_terms import term_of
 from agentd.mind.state import MindState
 
@@ -122,7 +122,7 @@ class Chooser:
         return item
 
 
-def choose(mind: MindState, selector: Selector, name: str, items: list[Any]) -> int | None:
+def choose(mind: MindState, selector: Selector, name: str, items: Sequence[Any]) -> int | None:
     """The place of what a selection function returns; None for none. A wrong answer is told, the first is taken."""
     try:
         chosen = selector(mind, tuple(items))
@@ -270,12 +270,12 @@ def _applicable(
         undo(trail, mark)
 
 
-def _option(event: Event, plan: Any, frame: Frame, bound: Sequence[Var]) -> Option:
+def _option(event: Event, plan: Plan, frame: Frame, bound: Sequence[Var]) -> Option:
     """The option that a frame stands for, while its bindings are in place."""
     return Option(WaitingEvent.of(event), plan, _bindings(plan, frame), frame, tuple((var, var.ref) for var in bound))
 
 
-def _bindings(plan: Any, frame: Frame) -> dict[str, Any]:
+def _bindings(plan: Plan, frame: Frame) -> dict[str, Any]:
     values = {name: deref(frame[plan.slots[name]]) for name in plan.bound}
     return {name: resolve(value) for name, value in values.items() if type(value) is not Var}
 
@@ -300,7 +300,7 @@ def _by_rule(mind: MindState, trail: Trail, event: Event, rejected: list[tuple[A
     return None
 
 
-def _holds(mind: MindState, trail: Trail, asked: tuple[Any, ...]) -> bool:
+def _holds(mind: MindState, trail: Trail, asked: tuple[Term, ...]) -> bool:
     mark = len(trail)
     answers = mind.beliefs.predicate(RULE).solve((True,) * len(asked), asked, mind, trail)
     held = False

@@ -7,7 +7,7 @@ from typing import Any
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.source_annotations import is_source, told_by
-from agentd.language.terms.terms import FALSE, Code, Literal, Var, atom, deref, make_list, proper
+from agentd.language.terms.terms import FALSE, Code, Literal, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.term_copy import nested_source
 from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.beliefs.work_limit import MOST_STEPS
@@ -22,7 +22,7 @@ from agentd.mind.state import MindState
 from schemas.wire.mind_records import WaitView
 
 
-def milliseconds(term: Any) -> float:
+def milliseconds(term: Term) -> float:
     """A time in milliseconds as a term, in seconds."""
     term = deref(term)
     if type(term) is not float:
@@ -42,7 +42,12 @@ def wait_time(mind: MindState, intention: Intention, seconds: float) -> bool:
 
 
 def wait_until(
-    mind: MindState, intention: Intention, frame: Frame, check: Any, limit: Any = None, elapsed: Any = None
+    mind: MindState,
+    intention: Intention,
+    frame: Frame,
+    check: Any,
+    limit: Term | None = None,
+    elapsed: Term | None = None,
 ) -> bool | None:
     """Wait until a formula has a solution; ``limit`` in ms. Past it, fail, or go on if ``elapsed`` is asked for."""
     seconds = None if limit is None else milliseconds(limit)
@@ -59,7 +64,9 @@ def wait_until(
     return True
 
 
-def wait_event(mind: MindState, intention: Intention, trigger: Code, limit: Any = None, elapsed: Any = None) -> bool:
+def wait_event(
+    mind: MindState, intention: Intention, trigger: Code, limit: Term | None = None, elapsed: Term | None = None
+) -> bool:
     """Wait until an event unifies with a trigger."""
     seconds = None if limit is None else milliseconds(limit)
     node = trigger.syntax
@@ -108,7 +115,7 @@ def ended(mind: MindState, wait: Wait) -> None:
     resume_waiting(mind, wait.intention)
 
 
-def _tell_elapsed(intention: Intention, elapsed: Any, value: float) -> None:
+def _tell_elapsed(intention: Intention, elapsed: Term, value: float) -> None:
     """Give the third argument of a wait the time that it took, in ms."""
     target = deref(elapsed)
     if type(target) is Var:
@@ -136,7 +143,7 @@ def check_conditions(mind: MindState) -> None:
             undo(trail, mark)
 
 
-def hear(mind: MindState, relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> None:
+def hear(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> None:
     """Tell those who wait for an event."""
     for wait in list(mind.listeners):
         assert wait.pattern is not None
@@ -209,7 +216,11 @@ def take_reply(mind: MindState, reply: TeamReply) -> None:
 
 
 def request(
-    mind: MindState, what: str, arguments: tuple[Any, ...], result: Any = None, use: Callable[[Any], None] | None = None
+    mind: MindState,
+    what: str,
+    arguments: tuple[Term, ...],
+    result: Term | None = None,
+    use: Callable[[Any], None] | None = None,
 ) -> bool:
     """Send a request; the running intention waits. ``result`` is unified with the answer."""
     if not mind.has_team:
@@ -230,7 +241,7 @@ def wrong_answer() -> Failed:
     return Failed("ask_failed", "the answer does not unify with what was expected")
 
 
-def _credited(answer: Any, name: str) -> Any:
+def _credited(answer: Term, name: str) -> Any:
     """A literal with the agent that answered as its source, unless that has named itself already."""
     if type(answer) is not Literal or answer == FALSE:
         return answer
@@ -272,7 +283,7 @@ def forget_question(mind: MindState, question: Question) -> None:
         mind.questions.pop(msg_id, None)
 
 
-def _finish(mind: MindState, question: Question, value: Any) -> None:
+def _finish(mind: MindState, question: Question, value: Term) -> None:
     forget_question(mind, question)
     trail = question.intention.trail
     mark = len(trail)

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 
 from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.source_annotations import PERCEPT, SELF, SOURCE_SELF
-from agentd.language.terms.terms import LargeLists, Literal, deref, elements
+from agentd.language.terms.terms import LargeLists, Literal, Term, deref, elements
 from agentd.mind.beliefs.unification import Trail, undo
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Input, Mail, SignalRaised
@@ -26,7 +26,7 @@ from agentd.mind.data.intention import VARIABLES, Event, Frame, Intention, Step
 from agentd.mind.introspection.failure_text import context_failed
 from agentd.mind.introspection.term_snapshot import held, held_all, lighten
 from agentd.mind.plans.nested_plans import nested_plans
-from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
 
 
@@ -63,9 +63,9 @@ class Decision(NamedTuple):
         return self.event[0]
 
     @property
-    def shown_args(self) -> tuple[Any, ...]:
+    def shown_args(self) -> tuple[Term, ...]:
         """The arguments as they were."""
-        found: tuple[Any, ...] = self.event[1] if self.args is None else self.args
+        found: tuple[Term, ...] = self.event[1] if self.args is None else self.args
         return found
 
     @property
@@ -129,7 +129,7 @@ class Decisions:
         """How many large lists had been made when `let_go` looked last."""
         self._origins: dict[int, tuple[Any, Origin]] = {}
         """Where events that wait come from, by their identity; each is kept alive while it is in here."""
-        self._given: list[Any] = []
+        self._given: list[Mail | GoalAdded | BeliefAdded | SignalRaised] = []
         self._given_in = -1
         """The inputs that may raise events, and the cycle in which they came."""
         if mind.compiler.form == "select":
@@ -251,12 +251,12 @@ class Decisions:
         self.decided(event, shown, rejected or None, frame, len(trail) > mark)
         return frame
 
-    def _broken(self, event: Event, plan: Any, error: Exception) -> tuple[Any, Exception]:
+    def _broken(self, event: Event, plan: Plan, error: Exception) -> tuple[Any, Exception]:
         """A plan whose context could not be computed, which is told; an internal action may raise anything."""
         context_failed(self._mind, event[0], plan, error)
         return plan, error.with_traceback(None)
 
-    def decided(self, event: Event, args: Any, rejected: Any, frame: Frame | None, bound: bool) -> None:
+    def decided(self, event: Event, args: tuple[Term, ...], rejected: Any, frame: Frame | None, bound: bool) -> None:
         """Note a decision; ``args`` are the arguments as they were, ``bound`` says that selection bound variables."""
         mind = self._mind
         relevant, given, annots, intention = event
@@ -278,7 +278,9 @@ class Decisions:
         origin = self.origin_of(event)
         self.note((mind.cycle, mind.now, event, None, None, rejected, frame, annots, begun, origin, args, held))
 
-    def failed(self, intention: Intention | None, failed: Failed, frames: Sequence[Frame], handler: Any) -> None:
+    def failed(
+        self, intention: Intention | None, failed: Failed, frames: Sequence[Frame], handler: Relevant | None
+    ) -> None:
         """Note a failure: see `Failure`."""
         mind = self._mind
         failed.__traceback__ = failed.__context__ = None  # they would keep alive what the failed call has used
@@ -354,7 +356,7 @@ class Decisions:
 
     def given(self, cycle: int, item: Input) -> None:
         """Note an input of this cycle that may raise events."""
-        if type(item) in _RAISING:
+        if isinstance(item, Mail | GoalAdded | BeliefAdded | SignalRaised):
             if self._given_in != cycle:
                 self._given.clear()
                 self._given_in = cycle
@@ -363,7 +365,6 @@ class Decisions:
 
 _DROPPING: Final = (".drop_", ".succeed_goal", ".fail_goal")
 """How internal actions are called that drop plans."""
-_RAISING: Final = frozenset((Mail, GoalAdded, BeliefAdded, SignalRaised))
 
 
 def _raises(item: Any, sig: Signature) -> bool:

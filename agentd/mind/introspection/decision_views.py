@@ -11,7 +11,7 @@ from agentd.language.syntax_tree.printer import source_text
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.numbers import UndefinedNumber
 from agentd.language.terms.source_annotations import SELF, is_source
-from agentd.language.terms.terms import Code, Literal, Var, deref
+from agentd.language.terms.terms import Code, Literal, Term, Var, deref
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import ARGS, PLAN, RELEVANT, STEP, VARIABLES, Frame, Step
@@ -64,7 +64,7 @@ class Views:
         return cls(mind, failures, args, alive)
 
     def __init__(
-        self, mind: MindState, failures: dict[int, Failure], args: dict[int, tuple[Any, ...]], alive: set[int]
+        self, mind: MindState, failures: dict[int, Failure], args: dict[int, tuple[Term, ...]], alive: set[int]
     ) -> None:
         self._mind, self._failures, self._args, self._alive = mind, failures, args, alive
 
@@ -161,7 +161,7 @@ class Views:
         )
 
 
-def event_text(relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...] = ()) -> str:
+def event_text(relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...] = ()) -> str:
     """An event as people write it, ``+!g(1)``; the source ``self`` goes without saying."""
     shown = () if annots == SELF else annots
     return f"{relevant.text}" + short_text(Literal(relevant.sig, args, shown))
@@ -218,7 +218,7 @@ def _unbracketed(text: str) -> str:
     return text
 
 
-def plan_view(plan: Any, bindings: dict[str, str] | None = None) -> PlanView:
+def plan_view(plan: Plan, bindings: dict[str, str] | None = None) -> PlanView:
     """A plan for people. Its texts are made once: they never change."""
     texts: tuple[str, str, str] | None = plan.shown
     if texts is None:
@@ -230,7 +230,7 @@ def plan_view(plan: Any, bindings: dict[str, str] | None = None) -> PlanView:
     return PlanView(label=label, trigger=trigger, position=position, bindings=bindings or {})
 
 
-def _values(frame: Frame, values: tuple[Any, ...] | None) -> dict[str, str]:
+def _values(frame: Frame, values: tuple[Term, ...] | None) -> dict[str, str]:
     """The variables that had a value when a plan was chosen."""
     plan: Plan = frame[PLAN]
     places = frame[VARIABLES:] if values is None else values
@@ -242,7 +242,7 @@ def _place(step: Step | None) -> str:
     return "" if step is None else f"{step.syntax.position.file}:{step.syntax.position.line}"
 
 
-def failed_text(step: Step | None, code: Any) -> str:
+def failed_text(step: Step | None, code: Term) -> str:
     """A formula that failed, as written but with its values."""
     if step is None or type(code) is Code or not isinstance(step.syntax, nodes.Step):
         return short_text(code)

@@ -32,7 +32,7 @@ from agentd.mind.introspection.decision_views import (
 from agentd.mind.introspection.failure_text import as_they_are, failure_of
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.mind.plans.nested_plans import candidates
-from agentd.mind.plans.plan_library import Plan
+from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import RejectedView
 
@@ -74,7 +74,7 @@ def unhandled_report(mind: MindState, event: Event) -> Log:
     return Log("warning", _sentence(failed), (*_hints(mind, failed), *plans, last), position, ends=True)
 
 
-def _unhandled(failed: Failed, goals: list[Any]) -> str:
+def _unhandled(failed: Failed, goals: list[Relevant]) -> str:
     """That no failure plan is there; ``goals`` are the `Relevant` of those that could have one."""
     without_plan = [failed.goal] if failed.goal is not None and failed.tried else []
     handlers = list(dict.fromkeys(f"-{goal.goal}{goal.sig.name}" for goal in (*without_plan, *goals)))
@@ -249,7 +249,7 @@ def _rejected(mind: MindState, plan: Plan, around: Frame | None, event: Event) -
     return rejected_view(plan, found)
 
 
-def harmless(mind: MindState, formula: Any, seen: frozenset[Any] = frozenset()) -> bool:
+def harmless(mind: MindState, formula: nodes.Term | None, seen: frozenset[Any] = frozenset()) -> bool:
     """Whether asking a formula (or building a term) has no effect."""
     match formula:
         case nodes.InternalAction(name=name, args=args):

@@ -10,13 +10,13 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.numbers import UndefinedNumber
-from agentd.language.terms.terms import EMPTY, Code, List, Literal, atom, deref
+from agentd.language.terms.terms import EMPTY, Code, List, Literal, Term, atom, deref
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.intention import ARGS, RELEVANT, Event, Frame, Step, values_of
 from agentd.mind.introspection.term_snapshot import short_text
-from agentd.mind.plans.plan_library import Relevant
+from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
 
 _LONGEST: Final = 200
@@ -45,14 +45,14 @@ def code_of(step: Step, frame: Frame) -> Any:
     return Code(nodes.Body((formula,), formula.position), values, bare=True)
 
 
-def _shortened(value: Any) -> Any:
+def _shortened(value: Term) -> Any:
     whole = deref(value)
     if type(whole) is List and whole is not EMPTY and (members := len(whole.items) - whole.at) > _MOST_MEMBERS:
         return f"[...] ({members} members)"
     return value
 
 
-def as_they_are(terms: tuple[Any, ...]) -> tuple[Any, ...]:
+def as_they_are(terms: tuple[Term, ...]) -> tuple[Term, ...]:
     """Terms resolved, or, when one is cyclic or nested too deep for that, only their texts."""
     try:
         return resolve_all(terms)
@@ -60,7 +60,7 @@ def as_they_are(terms: tuple[Any, ...]) -> tuple[Any, ...]:
         return tuple(brief(text(term)) for term in terms)
 
 
-def without_facts(annots: Iterable[Any]) -> list[Any]:
+def without_facts(annots: Iterable[Any]) -> list[Term]:
     """The annotations of a failure event that do not describe the failure."""
     return [a for a in annots if not (type(a) is Literal and a.sig in _FACTS)]
 
@@ -70,7 +70,7 @@ def brief(whole: str) -> str:
     return whole if len(whole) <= _LONGEST else f"{whole[:_LONGEST]}..."
 
 
-def written(step: Step, code: Any) -> str:
+def written(step: Step, code: Term) -> str:
     """A failing formula with its operator, for people."""
     operator = step.syntax.operator.value if isinstance(step.syntax, nodes.Step) else ""
     return text(code) if type(code) is Code else operator + text(code)
@@ -86,7 +86,7 @@ def event_text(event: Event) -> str:
     return f"{event[0].text}{brief(text(Literal(event[0].sig, as_they_are(event[1]))))}"
 
 
-def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[Any, ...]:
+def error_annots(failure: Failed, code: Term, line: int, source: str) -> tuple[Term, ...]:
     """The annotations that describe a failure to its handler."""
     own = as_they_are(failure.annots)
     found = [Literal(_ERROR, (atom(failure.error),))]
@@ -96,20 +96,20 @@ def error_annots(failure: Failed, code: Any, line: int, source: str) -> tuple[An
     return (*found, *own)
 
 
-def _no(error: str, code: Any) -> str:
+def _no(error: str, code: Term) -> str:
     """The message of an internal action that only said no; empty for ``.fail``, as in Jason, and for other failures."""
     if error != "ia_failed" or (type(code) is Literal and code.sig.functor == ".fail"):
         return ""
     return f"{short_text(code)} did not hold"
 
 
-def facts_of(annots: tuple[Any, ...]) -> tuple[str, str]:
+def facts_of(annots: tuple[Term, ...]) -> tuple[str, str]:
     """The error and the message among the annotations of a failure event."""
     facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
     return text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, ""))
 
 
-def context_failed(mind: MindState, relevant: Relevant, plan: Any, error: Exception) -> None:
+def context_failed(mind: MindState, relevant: Relevant, plan: Plan | None, error: Exception) -> None:
     """Tell that the context of a plan could not be computed; the other plans are tried."""
     what = "it is too deep" if isinstance(error, RecursionError) else str(error) or type(error).__name__
     position = None if plan is None else plan.syntax.position
@@ -118,7 +118,7 @@ def context_failed(mind: MindState, relevant: Relevant, plan: Any, error: Except
     )
 
 
-def failure_of(annots: tuple[Any, ...]) -> tuple[Failed, nodes.Position | None]:
+def failure_of(annots: tuple[Term, ...]) -> tuple[Failed, nodes.Position | None]:
     """The failure that the annotations of an event ``-!g`` describe, and the line that it is on."""
     facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
     error, message, code = text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, "")), facts.get(_CODE, "")

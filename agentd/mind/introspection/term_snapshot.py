@@ -7,7 +7,19 @@ from copy import copy
 from typing import Any, Final
 
 from agentd.language.terms.format import flat_text, text
-from agentd.language.terms.terms import EMPTY, Code, Collection, Expression, List, Literal, Var, atom, deref, make_list
+from agentd.language.terms.terms import (
+    EMPTY,
+    Code,
+    Collection,
+    Expression,
+    List,
+    Literal,
+    Term,
+    Var,
+    atom,
+    deref,
+    make_list,
+)
 from agentd.mind.data.intention import ARGS, VARIABLES, Frame
 
 _MOST_COPIED: Final = 60
@@ -116,7 +128,7 @@ class _Copy:
         """Which literals and lists need not be copied."""
         self._variables: dict[int, Var] = {}
 
-    def of(self, term: Any) -> Any:
+    def of(self, term: Term) -> Any:
         self._left -= 1
         if self._left < 0:
             return MORE
@@ -138,11 +150,11 @@ class _Copy:
                 return Collection(term.kind, copy(term.content)) if len(term.content) <= _MOST_COPIED else MORE
         return term
 
-    def _each(self, terms: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _each(self, terms: tuple[Term, ...]) -> tuple[Term, ...]:
         return tuple([self.of(t) for t in terms])
 
     def _list(self, term: List) -> Any:
-        items: list[Any] = []
+        items: list[Term] = []
         rest: Any = term
         while type(rest) is List and rest is not EMPTY and not self._keeps(rest) and self._left > 0:
             items.append(self.of(rest.head))
@@ -164,7 +176,7 @@ def lighten(frame: Frame) -> None:
             frame[place] = held(value)
 
 
-def short_text(term: Any) -> str:
+def short_text(term: Term) -> str:
     """The text of a term for people: of a long one only the beginning."""
     whole = flat_text(term)
     if whole is None:

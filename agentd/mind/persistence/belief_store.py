@@ -14,11 +14,12 @@ from itertools import islice
 from operator import itemgetter
 from typing import Any, Final
 
+from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.source_annotations import PERCEPT, SOURCE_PERCEPT, is_source
-from agentd.language.terms.terms import Code, Literal
+from agentd.language.terms.terms import Code, Literal, Term
 from agentd.mind.beliefs.belief_base import BeliefBase, Predicate, RuleClause
 from agentd.mind.execution.belief_updates import add_rule
 from agentd.mind.persistence.rows import MindChanges, StoredMind
@@ -113,7 +114,7 @@ class KeptPredicate(Predicate):
         self.ranks: dict[Any, int] = {}
         """The rank of each entry, by the same keys."""
 
-    def add(self, args: tuple[Any, ...], annots: tuple[Any, ...], last: bool = False) -> tuple[Any, ...] | None:
+    def add(self, args: tuple[Term, ...], annots: tuple[Term, ...], last: bool = False) -> tuple[Term, ...] | None:
         before = len(self.entries)
         new = super().add(args, annots, last)
         if len(self.entries) != before:
@@ -123,7 +124,7 @@ class KeptPredicate(Predicate):
                 self._book.changed[rank] = (self, key)
         return new
 
-    def _replace(self, args: tuple[Any, ...], literal: Literal, ground: bool) -> None:
+    def _replace(self, args: tuple[Term, ...], literal: Literal, ground: bool) -> None:
         super()._replace(args, literal, ground)
         self._book.changed[self.ranks[args]] = (self, args)
 
@@ -167,7 +168,7 @@ class KeptBeliefs(BeliefBase):
             found = self._predicates[sig] = KeptPredicate(sig, self._opened, self._book)
         return found
 
-    def begin(self, program: Any) -> None:
+    def begin(self, program: CompiledProgram) -> None:
         """Note which rules are the program's own."""
         self._own_rules = {id(item): source_text(item) for item in program.beliefs if isinstance(item, nodes.Rule)}
 
@@ -239,7 +240,7 @@ class KeptBeliefs(BeliefBase):
         if data != before:
             changes.beliefs.append((rank, data))
 
-    def _terms(self, entry: Any) -> list[Any] | None:
+    def _terms(self, entry: Any) -> list[Term] | None:
         """What is kept of an entry; None for a percept."""
         if type(entry) is RuleClause:
             own = self._own_rules.get(id(entry.syntax))

@@ -21,7 +21,7 @@ from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.terms.source_annotations import SOURCE_SELF
-from agentd.language.terms.terms import Code, Literal, make_list, proper
+from agentd.language.terms.terms import Code, Literal, Term, make_list, proper
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import Event
 from agentd.mind.execution.program_loading import load_program, register_functions, warn
@@ -209,9 +209,9 @@ class Keeper:
             values["namespaced"] = terms_to_bytes([1.0])
         return values
 
-    def _properties(self) -> list[Any]:
+    def _properties(self) -> list[Term]:
         """The properties of namespaces: namespace, key and value of each."""
-        found: list[Any] = []
+        found: list[Term] = []
         for namespace, properties in self._mind.namespaces.items():
             for key, value in properties.items():
                 try:
@@ -287,7 +287,7 @@ class KeptPlans:
         """The program's plans, as text."""
         self._ranks: dict[Plan, int] = {}
         """The place of each other plan: below 0 before the program's plans, above 0 after them."""
-        self._sources: dict[Plan, tuple[Any, ...]] = {}
+        self._sources: dict[Plan, tuple[Term, ...]] = {}
         """The sources that each of them was kept with."""
 
     def begin(self) -> None:
@@ -331,14 +331,14 @@ class KeptPlans:
     def values(self) -> dict[str, bytes]:
         """What is kept as a whole: the program's plans that are gone or have other sources than the agent itself."""
         here = set(self._library)
-        changed: list[Any] = []
+        changed: list[Term] = []
         for plan, written in self._own.items():
             sources = list(plan.sources) if plan in here else []
             if sources != _FROM_SELF:
                 changed += [written, make_list(sources)]
         return {"program_plans": terms_to_bytes(changed)} if changed else {}
 
-    def restore(self, program: Any, stored: StoredMind, changed: list[Any], tell: Tell) -> None:
+    def restore(self, program: CompiledProgram, stored: StoredMind, changed: list[Term], tell: Tell) -> None:
         """Give a mind the plans of its program, without those that were removed, and those that were added.
 
         ``changed`` is what `values` has told about the program's.

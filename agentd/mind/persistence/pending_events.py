@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from agentd.language.terms.format import text
 from agentd.language.terms.source_annotations import SELF, SOURCE_PERCEPT, SOURCE_SELF, is_source
-from agentd.language.terms.terms import Literal, atom
+from agentd.language.terms.terms import Literal, Term, atom
 from agentd.mind.beliefs.term_copy import detach
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import ANNOTS, ARGS, PLAN, RELEVANT, STEP, Event, Intention
@@ -66,7 +66,7 @@ class Pending(NamedTuple):
         raise BadBytes("no event")
 
 
-def written(relevant: Relevant, args: tuple[Any, ...], annots: tuple[Any, ...]) -> str:
+def written(relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> str:
     """An event as it is written."""
     return f"{relevant.text}{text(Literal(relevant.sig, args, annots))}"
 

@@ -6,8 +6,8 @@ A context that asks for its intention gets that of the event in hand, which is n
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
+from agentd.language.terms.terms import Term
 from agentd.mind.beliefs.unification import Trail, undo
 from agentd.mind.data.intention import PLAN, Event, Frame, Intention
 from agentd.mind.plans.plan_library import Plan, Relevant
@@ -34,7 +34,12 @@ def select_nested(mind: MindState, trail: Trail, event: Event) -> Frame | None:
 
 
 def nested_frame(
-    mind: MindState, trail: Trail, relevant: Relevant, args: Any, annots: Any, intention: Intention | None
+    mind: MindState,
+    trail: Trail,
+    relevant: Relevant,
+    args: tuple[Term, ...],
+    annots: tuple[Term, ...],
+    intention: Intention | None,
 ) -> Frame | None:
     """The frame of a nested plan for an event, if one is in sight and applicable."""
     for plan, around in nested_plans(mind, relevant, intention):

@@ -14,7 +14,7 @@ from agentd.language.syntax_tree.signatures import DEFAULT, Signature, signature
 from agentd.language.terms.format import code_text
 from agentd.language.terms.from_ast import Instantiation
 from agentd.language.terms.source_annotations import SOURCE_SELF
-from agentd.language.terms.terms import Code, Literal, atom
+from agentd.language.terms.terms import Code, Literal, Term, atom
 from agentd.mind.beliefs.unification import Trail
 from agentd.mind.data.intention import Event, Frame, Step
 from agentd.mind.data.registry import Library
@@ -121,7 +121,7 @@ class Plan:
         """Told of a failure that no plan above this one handles; only plans of the mind's own have it."""
         self.condition: Any = None
         """For ``<:``, the function that asks whether the goal's condition holds, once loaded."""
-        self.sources: list[Any] = [SOURCE_SELF.args[0]]
+        self.sources: list[Term] = [SOURCE_SELF.args[0]]
         """Who the plan comes from: the agent itself, those who told it."""
         self.file = ""
         """The file that holds it; empty for a plan that was added as a term or text."""
@@ -384,7 +384,7 @@ class PlanLibrary:
         if plan.syntax.context is not None:
             self.note_formula(plan.syntax.context)
 
-    def note_formula(self, formula: Any) -> None:
+    def note_formula(self, formula: syntax.Term) -> None:
         """Remember that a context, or a rule that contexts may use, asks for the intention in hand."""
         if not self._asks and _asks_for_intention(formula):
             self._asks = True

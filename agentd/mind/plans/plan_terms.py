@@ -13,7 +13,7 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.from_ast import Instantiation, instantiate
 from agentd.language.terms.order import sorted_annots
 from agentd.language.terms.source_annotations import is_source, source
-from agentd.language.terms.terms import TRUE, Code, Literal, deref, proper
+from agentd.language.terms.terms import TRUE, Code, Literal, Term, deref, proper
 from agentd.language.terms.to_ast import ToSyntax
 from agentd.mind.beliefs.term_copy import is_ground, resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
@@ -46,7 +46,7 @@ def lone_goal(code: Code) -> Literal | None:
     return None
 
 
-def parts_of(code: Code) -> list[Any]:
+def parts_of(code: Code) -> list[Term]:
     """Label, trigger, context and body of a plan term, as ``=..`` gives them."""
     node, values = code.syntax, code.values
     if isinstance(node, nodes.Plan):
@@ -63,7 +63,7 @@ DEEPEST_LABEL = 100
 """Terms in labels may be nested so deep."""
 
 
-def is_label(label: Any) -> bool:
+def is_label(label: object) -> bool:
     """Whether a plan's label names it (``@[tag]`` and a variable do not)."""
     return isinstance(label, nodes.Structure) and bool(label.functor)
 
@@ -76,7 +76,7 @@ def read_plan(text: str) -> nodes.Plan:
         raise Failed("unknown", f"the plan cannot be read: {errors}") from errors
 
 
-def add_plans(mind: MindState, term: Any, teller: Any, first: bool) -> None:
+def add_plans(mind: MindState, term: Term, teller: Term, first: bool) -> None:
     """Add a plan term, a text, or a list of both. A plan that is there already gets one source more."""
     members = proper(term)
     for item in [term] if members is None else members:
@@ -148,7 +148,7 @@ def remove_plans(mind: MindState, term: Any, teller: Any) -> None:
                 mind.plans.remove(plan)
 
 
-def read_trigger(term: Any) -> Code:
+def read_trigger(term: Term) -> Code:
     """A trigger term, or the text of one."""
     term = deref(term)
     if type(term) is str:
@@ -161,7 +161,7 @@ def read_trigger(term: Any) -> Code:
     return wrong_arguments("a trigger in braces or its text is needed")
 
 
-def relevant_plans(mind: MindState, term: Any, told_by: Any = None) -> list[Code]:
+def relevant_plans(mind: MindState, term: Term, told_by: Term | None = None) -> list[Code]:
     """The plans for a trigger, as terms."""
     return [term_of(plan, told_by) for plan in plans_for(mind, read_trigger(term))]
 
@@ -207,7 +207,7 @@ def _annotated(plan: Plan, *annots: Literal) -> Literal:
     return plan.label.with_annots(sorted_annots((*own, *annots)))
 
 
-def term_of(plan: Plan, told_by: Any = None) -> Code:
+def term_of(plan: Plan, told_by: Term | None = None) -> Code:
     """A plan of the library as a term, with its label; ``told_by`` is its source for another agent."""
     return _labelled(plan, label_of(plan) if told_by is None else _annotated(plan, source(told_by)))
 
