@@ -311,5 +311,5 @@ def told_decision(at: float, decision: DecisionView, name: Named) -> Iterator[st
 
 def decision_words(decision: DecisionView, name: Named) -> list[str]:
     """Return a decision as `agentd run --why` tells it: the event, and each plan with why it was chosen or not."""
-    lines = decision_lines(decision)  # type: ignore[arg-type]
+    lines = decision_lines(decision)
     return [shortened(name(line), LONGEST) for line in lines]
