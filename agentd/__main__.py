@@ -10,22 +10,25 @@ from agentd.exit_handling import guarded
 from commd.process.command_line import Help, check_command
 
 _COMMANDS = {
-    "run": ("agentd.standalone.command", "run agents in this process, without any bus"),
-    "serve": ("agentd.daemon", "be the daemon of a mission's agents"),
-    "test": ("agentd.testing.command", "run the test plans of programs"),
-    "check": ("agentd.check.command", "look for mistakes in programs and start nothing"),
+    "run": ("agentd.standalone.command", "run agents in this process, without a bus", "hello.asl --exit-when-idle"),
+    "serve": ("agentd.daemon", "run the agents of a mission's board as a daemon", "missions/single_uav.yaml uav"),
+    "test": ("agentd.testing.command", "run the test plans of programs", "tests --filter greets"),
+    "check": ("agentd.check.command", "check programs for mistakes; start nothing", "uav.asl --manifest arducopter"),
 }
+"""Module, help and the arguments of an example."""
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command; the exit code is 0 for done, 1 for failed, 2 for bad input, 128 + N for signal N."""
     arguments = sys.argv[1:] if argv is None else argv
-    what = "BDI agents in the Jason dialect of AgentSpeak."
+    what = "Run, test and check BDI agents in the Jason dialect of AgentSpeak."
     parser = argparse.ArgumentParser(prog="agentd", description=what, formatter_class=Help)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", prog=parser.prog)
     chosen = arguments[0] if arguments else ""
-    for name, (module, help_text) in _COMMANDS.items():
-        command = commands.add_parser(name, help=help_text, description=help_text, formatter_class=Help)
+    for name, (module, text, example) in _COMMANDS.items():
+        command = commands.add_parser(
+            name, help=text, description=text, epilog=f"example: agentd {name} {example}", formatter_class=Help
+        )
         if name == chosen:
             importlib.import_module(module).add_arguments(command)
     check_command(parser, arguments, _COMMANDS)

@@ -37,16 +37,18 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `agentd serve`."""
     parser.add_argument("mission", help="mission file")
     parser.add_argument("agents", nargs="*", metavar="AGENT", help="agents to run (default: all of the board)")
-    parser.add_argument("--board", help="run the agents of this board")
+    parser.add_argument("--board", help="board whose agents to run")
     add_router_argument(parser)
     parser.add_argument("--speed", type=float, help="mission seconds per wall second (simulation only)")
     parser.add_argument(
         "--state",
         metavar="DIR",
-        help="where agents are kept and .save_agent writes, below FLEET/AGENT (default: the user's state folder)",
+        help="folder of checkpoints and of files of .save_agent, below FLEET/AGENT (default: the user's state folder)",
     )
     parser.add_argument(
-        "--fresh", action="store_true", help="forget what is kept of these agents: they begin with their initial goals"
+        "--fresh",
+        action="store_true",
+        help="delete the checkpoints of these agents: they start with their initial goals",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the minds' random numbers")
     parser.add_argument(
@@ -54,7 +56,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=int,
         default=DECISIONS,
         metavar="N",
-        help=f"decisions that each agent remembers for observers (default {DECISIONS}; 0: none)",
+        help=f"decisions that each agent keeps for observers (default {DECISIONS}; 0: none)",
     )
 
 

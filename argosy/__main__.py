@@ -11,18 +11,18 @@ from importlib import import_module
 from typing import NoReturn
 
 from argosy.cli.extras import EXTRAS, install_command
-from commd.process.command_line import Help, check_command
+from commd.process.command_line import check_command, command_parser
 from schemas.humanize import escape_line
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
 LETTING_GO = 2.5
-"""Wall seconds that sessions have to open or to close when nobody wants them any more."""
+"""Wall seconds for sessions to finish opening or closing at exit."""
 EPILOG = """\
 examples:
-  argosy check missions/single_uav.yaml            is everything right with it?
+  argosy check missions/single_uav.yaml            check the mission and all its files
   argosy run missions/single_uav.yaml              fly it in simulation
   argosy run missions/single_uav.yaml --real uav1  fly the real vehicle
-  argosy stop rtl                                  bring every robot home, from another terminal
+  argosy stop rtl                                  return every robot to launch, from another terminal
 
 exit codes: 0 done, 1 failed, 2 bad input, 130 ctrl-C
 """
@@ -32,11 +32,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line. Returns the exit code."""
     try:
         code = _run(list(sys.argv[1:] if argv is None else argv))
-        sys.stdout.flush()  # what is lost was no success
+        sys.stdout.flush()  # a failure to write is no success
         return code
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
-    except BrokenPipeError:  # `argosy ... | head`: whoever reads has seen enough
+    except BrokenPipeError:  # `argosy ... | head`
         return 0
     except ModuleNotFoundError as error:
         package = str(error.name).partition(".")[0]
@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if os.environ.get("ARGOSY_DEBUG"):
             raise
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            print(f"error: argosy: {error.strerror}: {error.filename or 'what it prints is lost'}", file=sys.stderr)
+            print(f"error: argosy: {error.strerror}: {error.filename or 'its output is lost'}", file=sys.stderr)
             return EXIT_FAILED
         what = escape_line(f"{type(error).__name__}: {error}")
         print(f"error: argosy: defect in argosy: {what}; ARGOSY_DEBUG=1 shows where", file=sys.stderr)
@@ -61,13 +61,13 @@ def command() -> NoReturn:
     """Run the command line as a process, to its end."""
     _prepare_streams()
     code = main()
-    if (process := sys.modules.get("commd.process.process")) is not None:  # it may have been on the bus
+    if (process := sys.modules.get("commd.process.process")) is not None:  # it has used the bus
         process.end_with_threads(code, LETTING_GO)
     sys.exit(code)
 
 
 def _prepare_streams() -> None:
-    """Let what is printed neither fail for a terminal that knows ASCII alone nor for a stream that was closed."""
+    """Make printing safe for an ASCII-only terminal and for closed streams."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for the whole process
@@ -75,7 +75,7 @@ def _prepare_streams() -> None:
 
 
 def _run(given: list[str]) -> int:
-    if given[:1] == ["manifest"]:  # it has commands of its own
+    if given[:1] == ["manifest"]:
         from argosy.manifest.command import main as manifest
 
         return manifest(given[1:])
@@ -83,24 +83,23 @@ def _run(given: list[str]) -> int:
         from argosy.keys.command import main as keys
 
         return keys(given[1:])
-    if given and given[0] in COMMANDS:  # only what is asked for is imported
-        name, text = given[0], COMMANDS[given[0]]
-        about = f"{text[0].upper()}{text[1:]}."
-        command = argparse.ArgumentParser(prog=f"argosy {name}", description=about, formatter_class=Help)
+    if given and given[0] in COMMANDS:  # import only that one
+        name = given[0]
         add_arguments, run = _load(name)
+        command = command_parser("argosy", name, *COMMANDS[name])
         add_arguments(command)
-        return run(command.parse_intermixed_args(given[1:]))  # options may stand anywhere: an emergency has no order
-    from importlib.metadata import version  # daemons do without: it is larger than some of them
+        return run(command.parse_intermixed_args(given[1:]))  # options may be anywhere: nobody orders words in a hurry
+    from importlib.metadata import version  # daemons do without it: it is large
 
     parser = argparse.ArgumentParser(
         prog="argosy",
-        description="Runs, checks and stops missions: teams of robots with BDI agents.",
+        description="Run, check and stop missions: teams of robots with BDI agents.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"argosy {version('argosy')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, text in COMMANDS.items():
+    for name, (text, _) in COMMANDS.items():
         commands.add_parser(name, help=text)
     check_command(parser, given, COMMANDS)
     parser.parse_args(given)
@@ -108,7 +107,7 @@ def _run(given: list[str]) -> int:
 
 
 def _leave_no_broken_pipe() -> None:
-    """Flush now, while it can be caught: `argosy ... | head` is no error, nor is a terminal that was closed."""
+    """Flush now, while errors can be caught: a closed pipe or terminal is not an error."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -117,32 +116,71 @@ def _leave_no_broken_pipe() -> None:
 
 
 COMMANDS = {
-    "run": "run a mission on this machine: start its processes, watch them, end them",
-    "board": "run commd, bridged and agentd of one board in one process, for boards with little memory",
-    "simulate": "be the simulated robots of a mission that belong to this machine; for fleets of several machines",
-    "check": "read everything that a mission names and tell what is wrong; start nothing",
-    "manifest": "check, convert and print manifests of robots; change the one that a robot runs by",
-    "status": "show the daemons of a fleet: who is there, how they are, who is missing",
-    "keys": "make, renew and revoke the certificates by which boards and operators know each other",
-    "doctor": "look a fleet over: clocks, disks, links, versions, percepts; say what to do",
-    "record": "record everything that a fleet says into an MCAP file",
-    "replay": "say a recording once more on the bus, tell what it holds, or live a mind of it again",
-    "metrics": "serve the health of a fleet to Prometheus, on loopback",
-    "why": "tell why an agent did, or did not do, something, back to what caused it",
-    "watch": "look at a running fleet in the terminal: agents, minds, vehicles, mail, what happens",
-    "mail": "show what waits in the mailboxes of a fleet, and what was given up",
-    "plot": "draw a recording for a paper: tracks, altitude, modes, actions and messages on one axis of time",
-    "referee": "judge a search and rescue by the simulators' logs or a recording: each victim one buoy",
-    "wheelhouse": "download all that boards without internet install, Argosy's own wheel among it",
-    "units": "write the systemd units, router configuration and files that one board of a mission needs",
-    "echo": "show what is said on the bus, one line each",
-    "hz": "measure how often something is said on each key, and how much it is",
-    "list": "list who is on the bus, what each serves and what is said",
-    "act": "let the robot of an agent act by hand, where the mission allows it",
-    "ui": "serve a web page for this machine: map, minds, timeline, mail and stop buttons of a running fleet",
-    "stop": "order robots to hold, land or return to launch, above every agent",
+    "run": (
+        "run a mission on this machine: start its processes, show progress, stop them at the end",
+        "missions/single_uav.yaml --speed 10",
+    ),
+    "board": (
+        "run commd, bridged and agentd of one board in one process, for boards with little memory",
+        "missions/search_and_rescue.yaml --board pi1",
+    ),
+    "simulate": (
+        "run the simulated robots of a mission that belong to this machine, for fleets on several machines",
+        "missions/search_and_rescue.yaml --board pi1",
+    ),
+    "check": (
+        "check a mission and all files that it names, and print every mistake; start nothing",
+        "missions/single_uav.yaml",
+    ),
+    "manifest": ("check, convert and print manifests of robots; read or change the one a running robot uses", ""),
+    "status": ("show the daemons of a fleet: running, missing, and their health", "missions/single_uav.yaml --watch"),
+    "keys": ("create, renew and revoke the certificates of a fleet's boards and operators", ""),
+    "doctor": (
+        "diagnose a running fleet: clocks, disks, links, versions, percepts; print what to do about each problem",
+        "missions/three_uavs.yaml",
+    ),
+    "record": (
+        "record everything that is published in a fleet to an MCAP file",
+        "--mission missions/single_uav.yaml -o flight.mcap",
+    ),
+    "replay": (
+        "publish a recording again, print what it holds, or verify that a recorded mind decides the same",
+        "flight.mcap --info",
+    ),
+    "metrics": ("serve the health of a fleet to Prometheus, on this machine", "missions/search_and_rescue.yaml"),
+    "why": ("explain why an agent did, or did not do, something, back to the first cause", "uav takeoff"),
+    "watch": (
+        "show a running fleet in the terminal: agents, minds, vehicles, mail, timeline",
+        "--mission missions/three_uavs.yaml",
+    ),
+    "mail": ("show queued messages and dead letters of a fleet's mailboxes", "missions/search_and_rescue.yaml --dead"),
+    "plot": (
+        "plot a recording for a paper: tracks, altitude, modes, actions and messages over time",
+        "flight.mcap -o flight.pdf",
+    ),
+    "referee": (
+        "judge a search and rescue by simulator logs or a recording: each victim must get one buoy",
+        "missions/search_and_rescue.yaml report/rescue",
+    ),
+    "wheelhouse": (
+        "download all wheels that boards without internet need, with Argosy's own",
+        "--platform aarch64 --out wheelhouse",
+    ),
+    "units": (
+        "write the systemd units, router configuration and files that one board of a mission needs",
+        "missions/search_and_rescue.yaml --board pi1 --out pi1",
+    ),
+    "echo": ("print messages on the bus, one line each", "uav1/percept/*"),
+    "hz": ("measure rate, jitter and bandwidth of each key", "uav1 --once"),
+    "list": ("list daemons on the bus, the queries they serve and the keys they publish", "--types"),
+    "act": ("command one action of an agent's robot by hand, if the mission allows it", "uav takeoff 5"),
+    "ui": (
+        "serve a web page on this machine: map, minds, timeline, mail and stop buttons of a running fleet",
+        "--port 8080 --browser",
+    ),
+    "stop": ("order robots to hold, land or return to launch, overriding every agent", "rtl uav1"),
 }
-
+"""Help of each command, and the arguments of an example."""
 
 MODULES = {
     "act": "tools.act",
@@ -158,11 +196,11 @@ MODULES = {
     "units": "deploy.units_command",
     "wheelhouse": "deploy.wheelhouse_command",
 }
-"""The modules of commands; the others are the `command` in a folder of their name."""
+"""Modules of commands; the others are `command` in the folder of their name."""
 
 
 def _load(name: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]:
-    """Return what declares the arguments of a command, and what runs it; only its own module is imported."""
+    """Import a command. Returns the functions that declare its arguments and run it."""
     module = import_module(f"argosy.{MODULES.get(name, f'{name}.command')}")
     return module.add_arguments, module.run
 

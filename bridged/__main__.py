@@ -12,12 +12,15 @@ from commd.process.command_line import Help, check_command
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line. Returns the exit code. Each command imports only what it needs: daemons stay small."""
     argv = sys.argv[1:] if argv is None else list(argv)
-    about = "Argosy's bridge: what the robot does."
+    about = "Argosy's bridge between robots and their agents."
     parser = argparse.ArgumentParser(prog="bridged", description=about, formatter_class=Help)
     commands = parser.add_subparsers(dest="command", required=True, prog=parser.prog)
-    what = "bind robots of a mission to their agents"
-    serve = commands.add_parser("serve", help=what, description=what, formatter_class=Help)
-    simulate = commands.add_parser("simulate", help="be a simulated robot", formatter_class=Help)
+    what, example = (
+        "connect robots of a mission to their agents",
+        "example: bridged serve missions/single_uav.yaml uav1",
+    )
+    serve = commands.add_parser("serve", help=what, description=what, epilog=example, formatter_class=Help)
+    simulate = commands.add_parser("simulate", help="run a simulated robot", formatter_class=Help)
     check_command(parser, argv, ("serve", "simulate"))
     if argv[:1] == ["simulate"]:
         import bridged.simulation.command as simulation

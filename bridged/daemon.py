@@ -42,17 +42,22 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `bridged serve`."""
     parser.add_argument("mission", help="mission file")
     parser.add_argument("robots", nargs="*", metavar="ROBOT", help="robots to serve (default: all of the board)")
-    parser.add_argument("--board", help="serve the robots of this board, all in this process")
+    parser.add_argument("--board", help="board whose robots to serve")
     add_router_argument(parser)
-    parser.add_argument("--speed", type=float, metavar="X", help="instead of the mission's; simulation only")
-    parser.add_argument("--state", type=Path, metavar="DIR", help="where action ids are kept")
-    parser.add_argument("--link", help="link to the robots instead of the mission's")
+    parser.add_argument(
+        "--speed",
+        type=float,
+        metavar="X",
+        help="mission seconds per wall second (default: the mission's; simulation only)",
+    )
+    parser.add_argument("--state", type=Path, metavar="DIR", help="folder of the action log")
+    parser.add_argument("--link", help="link to the robots (default: the mission's)")
     parser.add_argument(
         "--until-home",
         action="store_true",
-        help="when told to end, stay until the robots are disarmed, `bring_home` of the mission at most",
+        help="on SIGTERM, stay until the robots are disarmed, at most `bring_home` of the mission",
     )
-    parser.add_argument("--simulated", action="store_true", help="the robots are their simulated twins")
+    parser.add_argument("--simulated", action="store_true", help="use the simulated twins of the robots")
 
 
 def run(args: Namespace) -> int:

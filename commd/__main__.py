@@ -12,11 +12,13 @@ from commd.process.command_line import Help, check_command
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line. Returns the exit code."""
-    about = "Argosy's comm daemon: a board's router and its mail."
+    about = "Argosy's comm daemon: router and mail of a board."
     parser = argparse.ArgumentParser(prog="commd", description=about, formatter_class=Help)
     commands = parser.add_subparsers(dest="command", required=True, prog=parser.prog)
-    what = "route for a board of a mission, and carry its agents' mail"
-    daemon.add_arguments(commands.add_parser("serve", help=what, description=what, formatter_class=Help))
+    what = "run the router of a mission's board and deliver its agents' mail"
+    example = "example: commd serve missions/search_and_rescue.yaml --board pi1"
+    serve = commands.add_parser("serve", help=what, description=what, epilog=example, formatter_class=Help)
+    daemon.add_arguments(serve)
     given = sys.argv[1:] if argv is None else list(argv)
     check_command(parser, given, ("serve",))
     return daemon.run(parser.parse_args(given))

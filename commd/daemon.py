@@ -53,13 +53,13 @@ log = logging.getLogger("commd")
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `commd serve`."""
     parser.add_argument("mission", help="mission file")
-    parser.add_argument("--board", help="which board this is (default: the only one)")
-    parser.add_argument("--state", type=Path, metavar="DIR", help="where the mail is kept, below the fleet's name")
+    parser.add_argument("--board", help="board to serve (default: the only one)")
+    parser.add_argument("--state", type=Path, metavar="DIR", help="folder of the mail, below the fleet's name")
     add_router_argument(parser)
-    text = "the router's configuration, as `argosy units` writes it; nothing else about the router counts then"
+    text = "configuration of the router, as `argosy units` writes it; replaces every other setting of the router"
     parser.add_argument("--config", type=Path, metavar="FILE", help=text)
-    for option, what in (("--listen", "where other boards' routers reach this one"), ("--connect", "a router to dial")):
-        text = f"{what}; repeatable, and with either the mission's addresses do not count"
+    for option, what in (("--listen", "endpoint for other boards' routers"), ("--connect", "a router to dial")):
+        text = f"{what}; repeatable; either replaces the mission's addresses"
         parser.add_argument(option, metavar="ENDPOINT", type=endpoint_argument, action="append", default=[], help=text)
 
 

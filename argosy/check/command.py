@@ -43,7 +43,7 @@ _FIELDS: tuple[Literal["done", "failed"], ...] = ("done", "failed")
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy check`."""
     parser.add_argument("mission", nargs="+", help="mission file")
-    parser.add_argument("--json", action="store_true", help="findings as a JSON array on stdout")
+    parser.add_argument("--json", action="store_true", help="print findings as a JSON array")
 
 
 def run(args: Namespace) -> int:

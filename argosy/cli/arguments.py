@@ -7,7 +7,7 @@ import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Mapping
 
-from commd.process.command_line import Help, check_command
+from commd.process.command_line import check_command, command_parser
 from commd.process.process import EXIT_BAD_INPUT
 from schemas.files.findings import Findings
 from schemas.files.units import Duration
@@ -19,14 +19,12 @@ _COUNT = re.compile(r"0*[1-9][0-9]{0,8}")
 
 
 def run_subcommand(
-    prog: str, about: str, commands: Mapping[str, str], load: Callable[[str], Command], given: list[str]
+    prog: str, about: str, commands: Mapping[str, tuple[str, str]], load: Callable[[str], Command], given: list[str]
 ) -> int:
-    """Run one of several `commands` (name to help); `load` imports only that one. Returns the exit code."""
+    """Run one of several `commands` (name to help and example); `load` imports only that one. Returns the exit code."""
     if given and given[0] in commands:
-        name, text = given[0], commands[given[0]]
-        parser = ArgumentParser(
-            prog=f"{prog} {name}", description=f"{text[0].upper()}{text[1:]}.", formatter_class=Help
-        )
+        name = given[0]
+        parser = command_parser(prog, name, *commands[name])
         add_arguments, run = load(name)
         add_arguments(parser)
         try:
@@ -36,7 +34,7 @@ def run_subcommand(
             return EXIT_BAD_INPUT
     parser = ArgumentParser(prog=prog, description=about)
     choices = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, text in commands.items():
+    for name, (text, _) in commands.items():
         choices.add_parser(name, help=text)
     check_command(parser, given, commands)
     parser.parse_args(given)

@@ -53,7 +53,7 @@ class Where:
 def add_fleet_arguments(parser: ArgumentParser, without: str) -> None:
     """Declare `--mission`, `--fleet`, `--router` and `--keys`; `without` is the help of `--fleet`, with its default."""
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--mission", metavar="FILE", help="take fleet and router from this mission")
+    which.add_argument("--mission", metavar="FILE", help="mission file: fleet and router")
     which.add_argument("--fleet", type=name, metavar="NAME", help=without)
     add_router_argument(parser, DEFAULT_ROUTER)
 

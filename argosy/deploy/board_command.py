@@ -41,7 +41,7 @@ Serve = Callable[[Mission, Namespace, asyncio.Event, Member], Awaitable[int]]
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy board`: the mission, and every option that one of the three daemons takes."""
     parser.add_argument("mission", help="mission file")
-    state = "where mail, minds and action ids are kept, below the fleet's name"
+    state = "folder of mail, checkpoints and action log, below the fleet's name"
     parser.add_argument("--state", type=Path, metavar="DIR", help=state)
     gathered = _Options()
     for daemon in (commd.daemon, bridged.daemon, agentd.daemon):

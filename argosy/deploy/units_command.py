@@ -29,10 +29,10 @@ TAKEN = {"router.json5", "board.env", "firewall.nft", "keys"}
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy units`."""
     parser.add_argument("mission", help="mission file")
-    parser.add_argument("--board", help="which board it is for (default: the only one)")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write, which must be new")
-    parser.add_argument("--one-process", action="store_true", help="one daemon, `argosy board`, instead of three")
-    text = f"where Argosy is installed on the board (default: {VENV})"
+    parser.add_argument("--board", help="board to write files for (default: the only one)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="new folder to write")
+    parser.add_argument("--one-process", action="store_true", help="run `argosy board` instead of three daemons")
+    text = f"folder of Argosy's virtual environment on the board (default: {VENV})"
     parser.add_argument("--venv", type=_venv, default=VENV, metavar="DIR", help=text)
 
 

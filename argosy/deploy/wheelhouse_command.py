@@ -35,17 +35,30 @@ class NoWheel(RuntimeError):
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy wheelhouse`."""
     parser.add_argument(
-        "--platform", type=_platform, default="aarch64", help="the boards' processor (default: aarch64)"
+        "--platform",
+        type=_platform,
+        default="aarch64",
+        help=f"processor of the boards: {' or '.join(PLATFORMS)} (default: aarch64)",
     )
     parser.add_argument(
-        "--python", type=_versions, default=PYTHONS, metavar="X.Y[,X.Y]", help=f"default: {','.join(PYTHONS)}"
+        "--python",
+        type=_versions,
+        default=PYTHONS,
+        metavar="X.Y[,X.Y]",
+        help=f"Python versions of the boards (default: {','.join(PYTHONS)})",
     )
     parser.add_argument(
-        "--extras", type=_extras, default=EXTRAS, metavar="NAMES", help=f"or `none` (default: {','.join(EXTRAS)})"
+        "--extras",
+        type=_extras,
+        default=EXTRAS,
+        metavar="NAMES",
+        help=f"optional parts, separated by commas, or `none` (default: {','.join(EXTRAS)})",
     )
-    parser.add_argument("--out", type=Path, default=Path("wheelhouse"), metavar="DIR", help="default: wheelhouse")
     parser.add_argument(
-        "--wheel", type=Path, metavar="FILE", help="Argosy's own wheel, instead of the one that runs here"
+        "--out", type=Path, default=Path("wheelhouse"), metavar="DIR", help="folder to fill (default: wheelhouse)"
+    )
+    parser.add_argument(
+        "--wheel", type=Path, metavar="FILE", help="wheel of Argosy (default: packed from this installation)"
     )
 
 

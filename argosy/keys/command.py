@@ -37,13 +37,25 @@ if TYPE_CHECKING:
     from argosy.keys.key_store import KeyStore  # and with it cryptography, for who makes keys
 
 COMMANDS = {
-    "init": "create a fleet's certificate authority, and certificates for everybody in its mission",
-    "add-board": "create a certificate for a new board of the mission, or for one that replaces a revoked one",
-    "add-operator": "create a certificate for an operator of the mission",
-    "add-observer": "create a certificate for an observer of the mission",
-    "renew": "replace certificates that end soon, or those of the named machines",
-    "revoke": "disown machines: no other machine accepts their certificates any more",
-    "show": "show who has which certificate and until when, for a mission's fleet or one machine's folder",
+    "init": (
+        "create a fleet's certificate authority, and certificates for everybody in its mission",
+        "missions/search_and_rescue.yaml",
+    ),
+    "add-board": (
+        "create a certificate for a new board of the mission, or for one that replaces a revoked one",
+        "missions/search_and_rescue.yaml pi4",
+    ),
+    "add-operator": ("create a certificate for an operator of the mission", "missions/search_and_rescue.yaml alice"),
+    "add-observer": ("create a certificate for an observer of the mission", "missions/search_and_rescue.yaml eve"),
+    "renew": (
+        "replace certificates that end soon, or those of the named machines",
+        "missions/search_and_rescue.yaml pi1",
+    ),
+    "revoke": ("disown machines: all others refuse their certificates", "missions/search_and_rescue.yaml pi3"),
+    "show": (
+        "show who has which certificate and until when, for a mission's fleet or one machine's folder",
+        "missions/search_and_rescue.yaml",
+    ),
 }
 DAYS = 400
 """For which certificates are made: a year, and a month to think of it."""
@@ -76,7 +88,7 @@ def add_where(parser: ArgumentParser) -> None:
 
 def add_dir(parser: ArgumentParser) -> None:
     """Declare `--dir`."""
-    text = "the operator's folder of the fleet's keys (default: argosy/keys/FLEET in the user's data folder)"
+    text = "folder of the fleet's keys (default: argosy/keys/FLEET in the user's data folder)"
     parser.add_argument("--dir", type=Path, metavar="DIR", help=text)
 
 
@@ -91,35 +103,35 @@ def key_directory(args: Namespace, mission: Mission) -> Path:
 def add_init_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy keys init`."""
     add_where(parser)
-    text = f"how long certificates are valid (default: {DAYS})"
+    text = f"validity of certificates in days (default: {DAYS})"
     parser.add_argument("--days", type=_days, default=DAYS, metavar="N", help=text)
-    text = f"lock the fleet's secret by a password, asked for here and whenever it signs, or taken from ${PASSWORD}"
+    text = f"encrypt the fleet's secret with a password, prompted for at each use or read from ${PASSWORD}"
     parser.add_argument("--password", action="store_true", help=text)
 
 
 def add_add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy keys add-board`, `add-operator` and `add-observer`."""
     add_where(parser)
-    parser.add_argument("names", nargs="+", metavar="NAME", help="as the mission has it")
+    parser.add_argument("names", nargs="+", metavar="NAME", help="name in the mission")
     _add_address(parser)
 
 
 def add_renew_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy keys renew`."""
     add_where(parser)
-    text = f"(default: those whose certificates end within {SOON_DAYS} days)"
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"whose certificates {text}")
+    text = f"machines to renew (default: those whose certificates end within {SOON_DAYS} days)"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=text)
     _add_address(parser)
 
 
 def add_revoke_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy keys revoke`."""
     add_where(parser)
-    parser.add_argument("names", nargs="+", metavar="NAME", help="who is disowned")
+    parser.add_argument("names", nargs="+", metavar="NAME", help="machine to disown")
 
 
 def _add_address(parser: ArgumentParser) -> None:
-    text = "a further host name or IP address of a board, besides the mission's; repeatable"
+    text = "another host name or IP address of the board; repeatable"
     parser.add_argument("--address", action="append", metavar="HOST", help=text)
 
 

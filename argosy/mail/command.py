@@ -27,14 +27,12 @@ LONGEST = 60
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy mail`."""
-    parser.add_argument("mission", nargs="?", help="mission file, for its fleet, its boards and its router")
+    parser.add_argument("mission", nargs="?", help="mission file: fleet, boards and router")
     parser.add_argument("--board", metavar="NAME", help="only this board (default: all of the mission)")
     add_router_argument(parser, "the mission's")
-    parser.add_argument(
-        "--file", type=Path, metavar="PATH", help="read a board's database instead; no daemon is needed"
-    )
-    parser.add_argument("--dead", action="store_true", help="list the dead letters too, the newest last")
-    parser.add_argument("--json", action="store_true", help="as JSON, dead letters always among it")
+    parser.add_argument("--file", type=Path, metavar="PATH", help="read a board's database file, without any daemon")
+    parser.add_argument("--dead", action="store_true", help="also list dead letters, the newest last")
+    parser.add_argument("--json", action="store_true", help="as JSON, with dead letters")
     parser.set_defaults(fleet=None)
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 from argosy.cli.arguments import Command, run_subcommand
 
 COMMANDS = {
-    "check": "check manifests and print everything that is wrong with them",
-    "schema": "print the JSON Schema of manifests, for editors",
-    "convert": "convert the paper's pair of INI files to one TOML manifest",
-    "get": "print the manifest that a running robot uses, or a part of it",
-    "set": "change the manifest of a running robot",
+    "check": ("check manifests and print every mistake", "arducopter manifests/turtle.toml"),
+    "schema": ("print the JSON Schema of manifests, for editors", ""),
+    "convert": (
+        "convert the paper's pair of INI files to one TOML manifest",
+        "actions.ini perceptions.ini -o robot.toml",
+    ),
+    "get": ("print the manifest that a running robot uses, or a part of it", "uav1 percepts.altitude"),
+    "set": ("change the manifest of a running robot", "uav1 percepts.altitude.rate=5"),
 }
 
 

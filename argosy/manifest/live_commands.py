@@ -27,7 +27,7 @@ ANSWER_TIMEOUT = 5.0
 
 
 def _add_where(parser: ArgumentParser) -> None:
-    parser.add_argument("robot", help="robot whose bridge runs")
+    parser.add_argument("robot", help="a running robot")
     add_fleet_arguments(parser, "the robot's fleet (default: whichever has the robot)")
 
 
@@ -35,7 +35,7 @@ def add_get_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy manifest get`."""
     _add_where(parser)
     parser.add_argument("entry", nargs="?", help="only this part, such as percepts.altitude or percepts.altitude.rate")
-    parser.add_argument("--toml", action="store_true", help="as TOML, as in a manifest's file (default: JSON)")
+    parser.add_argument("--toml", action="store_true", help="as TOML (default: JSON)")
 
 
 def add_set_arguments(parser: ArgumentParser) -> None:
@@ -48,9 +48,9 @@ def add_set_arguments(parser: ArgumentParser) -> None:
         help="a field or a whole entry, the value in TOML: percepts.altitude.rate=5, percepts.altitude.ttl='\"3s\"'",
     )
     parser.add_argument(
-        "--remove", action="append", default=[], metavar="PATH", help="take an entry or field out; several times"
+        "--remove", action="append", default=[], metavar="PATH", help="remove an entry or field; repeatable"
     )
-    parser.add_argument("--version", type=int, metavar="N", help="refuse unless this is the manifest's version by now")
+    parser.add_argument("--version", type=int, metavar="N", help="refuse unless the manifest has this version")
 
 
 def get_manifest(args: Namespace) -> int:

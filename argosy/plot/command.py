@@ -39,13 +39,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--panels",
         type=_panels,
         metavar="LIST",
-        help=f"which panels, with commas between (default: of {','.join(PANELS)} those that were recorded)",
+        help=f"panels, separated by commas (default: those of {','.join(PANELS)} that were recorded)",
     )
     parser.add_argument("--robot", action="append", default=[], metavar="R", help="only this robot (repeatable)")
-    parser.add_argument(
-        "--from", dest="begin", type=_seconds, metavar="S", help="from this second of the recording on, in mission time"
-    )
-    parser.add_argument("--to", dest="end", type=_seconds, metavar="S", help="up to this second")
+    parser.add_argument("--from", dest="begin", type=_seconds, metavar="S", help="begin at this mission second")
+    parser.add_argument("--to", dest="end", type=_seconds, metavar="S", help="end at this mission second")
     parser.add_argument(
         "--width",
         type=_width,
@@ -53,7 +51,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="W",
         help="`one` or `two` columns of a paper (88 and 181 mm), or millimetres (default: two)",
     )
-    parser.add_argument("--fleet", metavar="NAME", help="which fleet, if several were recorded")
+    parser.add_argument("--fleet", metavar="NAME", help="fleet to plot, if several were recorded")
     parser.add_argument("--csv", type=Path, metavar="DIR", help="write tables there instead of a figure")
 
 

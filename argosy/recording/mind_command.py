@@ -48,26 +48,26 @@ NOT_FOR_A_MIND: Mapping[str, tuple[str, object]] = {
 
 def add_mind_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy replay --mind`."""
-    group = parser.add_argument_group("one mind", "it lives its recorded inputs again; nothing is said on a bus")
-    group.add_argument("--mind", metavar="AGENT", help="prove that this agent decides as it did when it was recorded")
+    group = parser.add_argument_group("one mind", "replay the recorded inputs of a mind, without a bus")
+    group.add_argument("--mind", metavar="AGENT", help="verify that this agent decides as it was recorded")
     group.add_argument(
         "--program",
         type=Path,
         action="append",
         default=[],
         metavar="ASL",
-        help="what would this program have done instead? Takes the place of the file of this name that the program "
-        "was read from, of the main file if none is called so (repeatable)",
+        help="use this program instead of the recorded file of the same name, or of the main file if there is none; "
+        "shows what it would have done (repeatable)",
     )
-    group.add_argument("--life", type=int, metavar="N", help="its Nth life alone, if it was started again")
-    group.add_argument("--until", type=float, metavar="S", help="up to this second of its mission time")
-    group.add_argument("--why", metavar="NAME", help="tell every decision about goals and beliefs of this name")
+    group.add_argument("--life", type=int, metavar="N", help="only its Nth life, if it was restarted")
+    group.add_argument("--until", type=float, metavar="S", help="stop at this mission second")
+    group.add_argument("--why", metavar="NAME", help="print every decision about goals and beliefs of this name")
     group.add_argument(
         "--show",
         type=int,
         default=SHOWN,
         metavar="N",
-        help=f"at a difference: N inputs before it, and N deeds of each life after it (default {SHOWN})",
+        help=f"at a difference, print N inputs before it and N effects of each run after it (default {SHOWN})",
     )
 
 

@@ -57,39 +57,46 @@ _SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)")
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy record`."""
-    add_fleet_arguments(parser, "record this fleet alone (default: every fleet on the router)")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: FLEET-DATE-TIME.mcap here")
-    parser.add_argument("--force", action="store_true", help="overwrite a file that is there")
+    add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="file to write (default: FLEET-DATE-TIME.mcap)"
+    )
+    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
     parser.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="KEYEXPR",
-        help="record these keys alone, such as `uav1/**`; may stand several times",
+        help="record only these keys, such as `uav1/**`; repeatable",
     )
     parser.add_argument(
         "--max-size",
         type=_size,
         default=Limits.size,
         metavar="SIZE",
-        help="of a file, such as 500MB (default 2GB)",
+        help="size limit of a file, such as 500MB (default 2GB)",
     )
     parser.add_argument(
         "--max-time",
         type=duration(lambda seconds: seconds > 0, "more than 0 s"),
         metavar="TIME",
-        help="of a file, such as 1h (default: no limit)",
+        help="time limit of a file in wall time, such as 1h (default: none)",
     )
     parser.add_argument(
-        "--split", action="store_true", help="go on in FILE-0002.mcap when a file is full, instead of ending"
+        "--split", action="store_true", help="continue in FILE-0002.mcap when a file is full, instead of ending"
     )
     parser.add_argument(
-        "--compression", choices=list(COMPRESSIONS), default="lz4", help="of the file's chunks (default lz4)"
+        "--compression", choices=list(COMPRESSIONS), default="lz4", help="compression of the file (default lz4)"
     )
     parser.add_argument(
-        "--speed", type=float, metavar="X", help="note this speed of the mission (default: the mission file's)"
+        "--speed",
+        type=float,
+        metavar="X",
+        help="mission seconds per wall second, noted in the file (default: the mission's)",
     )
-    parser.add_argument("--note", action="append", default=[], metavar="NAME=TEXT", help="note this in the file")
+    parser.add_argument(
+        "--note", action="append", default=[], metavar="NAME=TEXT", help="a note to store in the file; repeatable"
+    )
 
 
 def run(args: Namespace) -> int:

@@ -43,27 +43,29 @@ LOOK = 1.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy replay`."""
-    parser.add_argument("file", type=Path, metavar="FILE", help="a recording, of `argosy record` or a report")
-    parser.add_argument("--info", action="store_true", help="tell what is in it; replay nothing")
+    parser.add_argument("file", type=Path, metavar="FILE", help="a recording of `argosy record`, or of a report")
+    parser.add_argument("--info", action="store_true", help="print what it holds; replay nothing")
     parser.add_argument("--json", action="store_true", help="with --info: as JSON")
-    parser.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="X times as fast as it was recorded")
     parser.add_argument(
-        "--from", type=_seconds, default=0.0, metavar="S", dest="begin", help="seconds into the recording"
+        "--speed", type=_speed, default=1.0, metavar="X", help="play X times as fast, up to 1000 (default 1)"
     )
-    parser.add_argument("--to", type=_seconds, metavar="S", dest="end", help="seconds into the recording")
+    parser.add_argument(
+        "--from", type=_seconds, default=0.0, metavar="S", dest="begin", help="begin at this second of the recording"
+    )
+    parser.add_argument("--to", type=_seconds, metavar="S", dest="end", help="end at this second of the recording")
     parser.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="KEYEXPR",
-        help="replay these keys alone; may stand several times",
+        help="replay only these keys; repeatable",
     )
     parser.add_argument(
         "--fleet", metavar="NAME", help=f"replay into this fleet (default: the recorded name + {SUFFIX})"
     )
-    parser.add_argument("--force", action="store_true", help="replay although somebody is there in that fleet")
-    parser.add_argument("--loop", action="store_true", help="again and again, until ctrl-C")
-    add_router_argument(parser, f"{DEFAULT_ROUTER}, with a router of its own if none is there")
+    parser.add_argument("--force", action="store_true", help="replay although daemons of that fleet are running")
+    parser.add_argument("--loop", action="store_true", help="repeat until ctrl-C")
+    add_router_argument(parser, f"{DEFAULT_ROUTER}, or a router of its own if none is running")
     parser.set_defaults(mission=None)
     add_mind_arguments(parser)
 

@@ -41,8 +41,8 @@ from schemas.mission.model import Mission
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy run`."""
     parser.add_argument("mission", help="mission file")
-    parser.add_argument("--speed", type=_speed, metavar="X", help="run the simulation X times as fast as real time")
-    parser.add_argument("--plain", action="store_true", help="plain lines instead of the live view")
+    parser.add_argument("--speed", type=_speed, metavar="X", help="mission seconds per wall second (simulation only)")
+    parser.add_argument("--plain", action="store_true", help="print lines instead of the live view")
     parser.add_argument(
         "--real",
         action="append",
@@ -54,17 +54,20 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--restart",
         action="store_true",
-        help="start a daemon again that dies (as `restart: on-failure` in the mission)",
+        help="restart a daemon that dies (like `restart: on-failure` in the mission)",
     )
     parser.add_argument(
-        "--report", type=Path, metavar="DIR", help="write track.svg, mission.log, summary.txt and recording.mcap there"
+        "--report",
+        type=Path,
+        metavar="DIR",
+        help="write track.svg, mission.log, summary.txt and recording.mcap to this folder",
     )
-    parser.add_argument("--record", type=Path, metavar="FILE", help="record all that is said there (an MCAP file)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="record the run to this MCAP file")
     parser.add_argument(
         "--router",
         type=endpoint,
         metavar="ENDPOINT",
-        help="the first board's router instead of the mission's; those of other boards take the next free ports",
+        help="Zenoh endpoint of the first board's router (default: the mission's); others get the next free ports",
     )
 
 

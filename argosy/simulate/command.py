@@ -37,9 +37,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--board",
         metavar="MACHINE",
-        help="simulate the robots whose `simulate.board`, or whose board, this is (default: the only one there is)",
+        help="simulate the robots of this machine, by `simulate.board` or `board` (default: the only one)",
     )
-    parser.add_argument("--speed", type=float, metavar="X", help="times real time (default: the mission's)")
+    parser.add_argument(
+        "--speed", type=float, metavar="X", help="mission seconds per wall second (default: the mission's)"
+    )
     parser.add_argument(
         "--real", action="append", default=[], metavar="ROBOT", help="do not simulate ROBOT (or `all`): it is real"
     )
@@ -47,10 +49,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--router",
         type=endpoint,
         metavar="ENDPOINT",
-        help="where simulated robots on Zenoh find their board's router (default: the board's address)",
+        help="router for simulated robots on Zenoh (default: the board's address)",
     )
     parser.add_argument(
-        "--report", type=Path, metavar="DIR", help="write what the outputs of simulated copters do there, for a referee"
+        "--report",
+        type=Path,
+        metavar="DIR",
+        help="write servo logs of simulated copters to this folder, for `argosy referee`",
     )
 
 

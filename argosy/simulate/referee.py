@@ -276,8 +276,8 @@ def judge_recording(mission: Mission, file: Path) -> Verdict:
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy referee`."""
-    parser.add_argument("mission", help="mission file, with the `world` that was flown in")
-    parser.add_argument("report", type=Path, help="folder of `argosy run --report`, or file of `argosy record`")
+    parser.add_argument("mission", help="mission file, with its `world`")
+    parser.add_argument("report", type=Path, help="report folder of `argosy run`, or a recording")
 
 
 def run(args: Namespace) -> int:

@@ -28,7 +28,7 @@ LOOK = 0.05
 
 def add_roll_arguments(parser: ArgumentParser) -> None:
     """Declare whose roll is called, and where."""
-    parser.add_argument("mission", nargs="?", help="mission file: who should be there, and at which router")
+    parser.add_argument("mission", nargs="?", help="mission file: expected daemons, and the router")
     parser.add_argument("--fleet", metavar="NAME", help="without a mission: only this fleet (default: all)")
     add_router_argument(parser, "the mission's")
 
@@ -38,9 +38,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_roll_arguments(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="as JSON")
-    form.add_argument("--plain", action="store_true", help="a line for each daemon, as in a pipe")
-    parser.add_argument("--watch", action="store_true", help="show it until ctrl-C; in a pipe: what changes")
-    help_ = f"wall seconds that daemons have to tell how they are (default {SILENT_AFTER + 0.5:g})"
+    form.add_argument("--plain", action="store_true", help="one line for each daemon, as in a pipe")
+    parser.add_argument("--watch", action="store_true", help="update until ctrl-C; in a pipe: print changes")
+    help_ = f"wall seconds to wait for health (default {SILENT_AFTER + 0.5:g})"
     parser.add_argument("--wait", type=float, default=SILENT_AFTER + 0.5, metavar="S", help=help_)
 
 

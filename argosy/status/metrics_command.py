@@ -49,7 +49,7 @@ FIGURES: tuple[tuple[str, str, Callable[[Health], float | None]], ...] = (
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy metrics`."""
     add_roll_arguments(parser)
-    text = f"where /metrics is served (default {LISTEN}); any other machine that reaches it may read it"
+    text = f"address of /metrics (default {LISTEN}); every machine that reaches it can read it"
     parser.add_argument("--listen", type=_address, metavar="HOST:PORT", default=LISTEN, help=text)
 
 

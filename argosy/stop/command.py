@@ -22,8 +22,8 @@ ANSWER_TIMEOUT = 15.0
 
 ORDERS: tuple[OperatorOrder, ...] = get_args(OperatorOrder)
 HELP = (
-    "`hold`, `land` and `rtl` fail every action, and none begins until `release`; "
-    "`pause` holds the robot and keeps its actions, which go on at `continue`"
+    "`hold`, `land` and `rtl` fail every action and refuse new ones until `release`; "
+    "`pause` holds the robot and suspends its actions until `continue`"
 )
 UNANSWERED: Final = Outcome(ok=False, reason="its bridge did not answer")
 
@@ -36,7 +36,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "robot",
         nargs="*",
         default=[],
-        help="robots (default: all of the mission, and every robot whose bridge is there)",
+        help="robots to order (default: all of the mission, and all with a running bridge)",
     )
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
 

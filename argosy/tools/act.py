@@ -84,12 +84,12 @@ OVERTAKEN = 1.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy act`."""
-    parser.add_argument("agent", type=name, metavar="AGENT", help="whose robot acts, in its name")
-    what = "such as takeoff, or 'takeoff(5)'; none: which there are"
+    parser.add_argument("agent", type=name, metavar="AGENT", help="agent whose robot acts, on its behalf")
+    what = "such as takeoff, or 'takeoff(5)' (default: list the actions)"
     parser.add_argument("action", nargs="?", metavar="ACTION", help=what)
-    how = "as a program writes them: 5, true, guided, '\"a text\"', '[1, 2]'"
+    how = "values as in a program: 5, true, guided, '\"a text\"', '[1, 2]'"
     parser.add_argument("arguments", nargs="*", default=[], metavar="ARGUMENT", help=how)
-    help_ = "the time that it has, in mission seconds (default, and at most: the manifest's)"
+    help_ = "time limit in mission time (default and maximum: the manifest's)"
     deadline = duration(lambda seconds: seconds > 0, "more than 0 s")
     parser.add_argument("--deadline", type=deadline, metavar="DURATION", help=help_)
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")

@@ -61,7 +61,7 @@ def add_key_argument(parser: ArgumentParser) -> None:
     """Declare what is listened to."""
     what = "a key expression such as 'argosy/*/*/status/**' or 'uav/percept/*', or the name of an agent, robot or board"
     parser.add_argument(
-        "key", nargs="?", type=_key, metavar="KEY", help=f"{what} (default: everything but the course of minds)"
+        "key", nargs="?", type=_key, metavar="KEY", help=f"{what} (default: everything except traces of minds)"
     )
 
 

@@ -34,9 +34,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy echo`."""
     add_key_argument(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--raw", action="store_true", help="the payload as it came; escaped on a terminal")
-    form.add_argument("--json", action="store_true", help="an object of JSON in each line, of MessagePack too")
-    parser.add_argument("--count", type=count, metavar="N", help="end after so many (default: ctrl-C)")
+    form.add_argument("--raw", action="store_true", help="print payloads unchanged; escaped on a terminal")
+    form.add_argument("--json", action="store_true", help="print a JSON object in each line")
+    parser.add_argument("--count", type=count, metavar="N", help="end after N messages (default: at ctrl-C)")
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
 
 

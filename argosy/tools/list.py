@@ -48,8 +48,8 @@ class Name:
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy list`."""
-    parser.add_argument("--types", action="store_true", help="with the records that are put, asked with and answered")
-    help_, wait = f"how long to listen (default {WAIT:g}s)", duration(lambda seconds: seconds > 0, "more than 0 s")
+    parser.add_argument("--types", action="store_true", help="also print the record types")
+    help_, wait = f"wall time to listen (default {WAIT:g}s)", duration(lambda seconds: seconds > 0, "more than 0 s")
     parser.add_argument("--wait", type=wait, default=WAIT, metavar="DURATION", help=help_)
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
 

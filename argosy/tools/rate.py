@@ -99,10 +99,10 @@ def table(rows: Iterable[tuple[str, ...]]) -> list[str]:
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy hz`."""
     add_key_argument(parser)
-    help_ = f"figures of the last so many wall seconds (default {WINDOW:g}s)"
+    help_ = f"measure over this wall time, 100ms to 1h (default {WINDOW:g}s)"
     window = duration(lambda seconds: 0.1 <= seconds <= 3600, "100ms to 1h")
     parser.add_argument("--window", type=window, default=WINDOW, metavar="DURATION", help=help_)
-    parser.add_argument("--once", action="store_true", help="print them after one window, and end")
+    parser.add_argument("--once", action="store_true", help="print once, after one window, and end")
     add_fleet_arguments(parser, "only this fleet (default: every fleet on the router)")
 
 

@@ -37,8 +37,8 @@ LEAVE = 1.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy ui`."""
-    add_fleet_arguments(parser, "this fleet (default: the one on the router; of several the page lets you choose)")
-    help_ = f"port of the page (default {PORT}; 0: any that is free)"
+    add_fleet_arguments(parser, "this fleet (default: the one on the router; with several, choose on the page)")
+    help_ = f"TCP port of the page (default {PORT}; 0: any free port)"
     parser.add_argument("--port", type=_port, metavar="PORT", default=PORT, help=help_)
     help_ = f"address to listen at (default {LISTEN}: this machine only)"
     parser.add_argument("--listen", metavar="HOST", default=LISTEN, help=help_)

@@ -18,8 +18,10 @@ from schemas.mission.model import Mission, load_mission
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy watch`."""
-    add_fleet_arguments(parser, "this fleet (default: the first that shows itself at the router)")
-    parser.add_argument("--filter", default="", metavar="TEXT", help="show only what has these words in the timeline")
+    add_fleet_arguments(parser, "this fleet (default: the first that appears at the router)")
+    parser.add_argument(
+        "--filter", default="", metavar="TEXT", help="show only lines of the timeline that contain this text"
+    )
 
 
 def run(args: Namespace) -> int:

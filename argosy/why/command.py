@@ -23,14 +23,14 @@ from schemas.humanize import escaped
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy why`."""
     parser.add_argument("agent", type=name, help="the agent's name")
-    text = "a goal, a belief or an action: takeoff, go/1, '!go(3,_)' (default: what the agent is doing now, and why)"
+    text = "a goal, a belief or an action: takeoff, go/1, '!go(3,_)' (default: what the agent does now, and why)"
     parser.add_argument("about", nargs="?", default="", metavar="NAME", help=text)
-    help_ = f"tell the last N things that happened, each with how often (default {LAST})"
+    help_ = f"print the last N occurrences, with counts (default {LAST})"
     parser.add_argument("--last", type=count, default=LAST, metavar="N", help=help_)
     parser.add_argument("--json", action="store_true", help="as JSON")
-    help_ = "ask a recording of `argosy record` in place of the running fleet: the mind lives again up to --at"
+    help_ = "ask a recording instead of the running fleet: the mind is replayed up to --at"
     parser.add_argument("--recording", type=Path, metavar="FILE", help=help_)
-    help_ = "with --recording: as it was at this mission second (default: at the end)"
+    help_ = "with --recording: mission time in seconds (default: the end)"
     parser.add_argument("--at", type=float, metavar="S", help=help_)
     add_fleet_arguments(parser, "only this fleet (default: whichever has the agent)")
 

@@ -1,4 +1,4 @@
-"""Command lines of daemons: a command that is misspelt is told what was meant, and help imports next to nothing."""
+"""Parsers of the four programs: one form of help, and a hint for a misspelt command. Imports next to nothing."""
 
 from __future__ import annotations
 
@@ -9,10 +9,19 @@ from collections.abc import Iterable, Sequence
 
 
 class Help(HelpFormatter):
-    """Help as wide as the terminal; that of argparse is made for each argument, and imports `shutil` for the width."""
+    """Help as wide as the terminal, without the import of `shutil` that argparse makes for the width."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, width=_columns() - 2)
+
+
+def command_parser(program: str, name: str, text: str, example: str) -> ArgumentParser:
+    """Return the parser of a command from its help, and the arguments of an example."""
+    called = f"{program} {name}"
+    about = f"{text[0].upper()}{text[1:]}."
+    return ArgumentParser(
+        prog=called, description=about, epilog=f"example: {called} {example}".rstrip(), formatter_class=Help
+    )
 
 
 def _columns() -> int:
@@ -27,9 +36,9 @@ def _columns() -> int:
 
 
 def check_command(parser: ArgumentParser, arguments: Sequence[str], commands: Iterable[str]) -> None:
-    """End the process with words, as `parser` does, if the first argument is none of its commands."""
+    """End the process with an error of `parser`, with a hint, if the first argument is not one of its commands."""
     known = list(commands)
     if arguments and not arguments[0].startswith("-") and arguments[0] not in known:
-        from schemas.files.findings import did_you_mean  # who types well does not wait for it
+        from schemas.files.findings import did_you_mean  # imported only for a typing error
 
         parser.error(f"there is no command `{arguments[0]}`{did_you_mean(arguments[0], known)}")

@@ -47,9 +47,9 @@ EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
 
 def add_router_argument(parser: ArgumentParser) -> None:
     """Declare `--router` and `--keys`, which every daemon takes."""
-    help_ = "the router, instead of the mission's"
+    help_ = "Zenoh endpoint of the router (default: the mission's)"
     parser.add_argument("--router", metavar="ENDPOINT", type=endpoint_argument, help=help_)
-    parser.add_argument("--keys", metavar="FOLDER", type=Path, help="this machine's keys, for what is at tls/...")
+    parser.add_argument("--keys", metavar="FOLDER", type=Path, help="keys of this machine, for tls/ endpoints")
 
 
 def tls_of(args: Namespace) -> Tls | None:

@@ -92,7 +92,13 @@ def _section(command: Command) -> str:
     usage = " ".join([*command.words, *(_form(one) for one in sorted(actions, key=lambda one: not one.option_strings))])
     rows = "".join(f"| {_name(one)} | {_told(parser, one)} |\n" for one in actions)
     table = f"\n| | |\n|---|---|\n{rows}" if rows else ""
-    return f"\n### {' '.join(command.words)}\n\n{about}\n\n```text\n{_wrapped(usage)}\n```\n{table}"
+    example = f"\nExample: `{example_of(command)}`\n" if example_of(command) else ""
+    return f"\n### {' '.join(command.words)}\n\n{about}\n\n```text\n{_wrapped(usage)}\n```\n{example}{table}"
+
+
+def example_of(command: Command) -> str:
+    """The command line at the end of a command's help; empty = none."""
+    return (command.parser.epilog or "").removeprefix("example: ")
 
 
 def _about(description: str) -> str:
