@@ -69,8 +69,8 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "agentd/runtime/operator_control.py: order.text.strip().removeprefix(sign)",
     ),
     "a term, shown without the source that stands beside it": (
-        "argosy/fleet_model/timeline_source.py: deed.text.removesuffix(f'[source({deed.other})]')",
-        "argosy/fleet_model/timeline_source.py: deed.text.removesuffix(f'[source({agent})]')",
+        "argosy/fleet_model/timeline.py: deed.text.removesuffix(f'[source({deed.other})]')",
+        "argosy/fleet_model/timeline.py: deed.text.removesuffix(f'[source({agent})]')",
     ),
     "ArduPilot and PX4 give no code for it: a prefix of theirs, such as `PreArm:`": (
         "bridged/drivers/mavlink/session.py: said.text.startswith(PRE_ARM)",
@@ -81,8 +81,8 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "argosy/run/end_conditions.py: self.text.removeprefix('failed: ')",
     ),
     "shows no line twice": (
-        "argosy/run/failure_summary.py: entry.text not in ending.text",
-        "argosy/run/failure_summary.py: text not in ending.text",
+        "argosy/run/summary.py: entry.text not in ending.text",
+        "argosy/run/summary.py: text not in ending.text",
     ),
 }
 """Files and expressions by the reason why they do not read the prose of another program."""

@@ -1,31 +1,30 @@
-"""What an agent does now, as operators ask: it flies, acts, reasons, waits or has nothing to do."""
+"""Activity of an agent for operators: flying, acting, reasoning, waiting or idle."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from argosy.fleet_model.members import TeamAgent
-from argosy.fleet_model.model import TeamModel
+from argosy.fleet_model.members import FleetAgent
+from argosy.fleet_model.model import FleetModel
 
 AIRBORNE = 0.5
 """Metres above home from which an armed robot counts as flying."""
 
 Doing = Literal["", "reasoning", "waiting", "paused", "idle", "acting", "flying"]
-"""`acting`: an intention waits for an action; `flying`: and its robot is in the air. `idle`: it intends nothing. Empty:
-its mind was not seen."""
+"""`acting`: an intention waits for an action; `flying`: the same in the air; `idle`: no intention; empty: unknown."""
 
 
 @dataclass(frozen=True)
 class Activity:
-    """What an agent does, and the action that it waits for, as the program writes it."""
+    """Activity of an agent, and the action that it waits for, as its program writes it."""
 
     doing: Doing
     action: str = ""
 
 
-def activity(model: TeamModel, agent: TeamAgent) -> Activity:
-    """Return what an agent does: an action that runs says more than that its intention waits."""
+def activity(model: FleetModel, agent: FleetAgent) -> Activity:
+    """Return the activity of an agent; a running action counts before the intention that waits for it."""
     mind = agent.mind
     if mind is not None and mind.state == "paused":
         return Activity("paused")

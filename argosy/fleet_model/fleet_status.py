@@ -1,4 +1,4 @@
-"""The roll of a fleet: which daemons are there and how they say they are, and which should be there and are not."""
+"""Presence and health of the daemons of a fleet, and which daemons of the mission are missing."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from schemas.wire import keys
 from schemas.wire.records import Health, Note
 
 UNDER_WAY = 0.5
-"""Wall seconds for which a record of a daemon may arrive after its token has gone."""
+"""Wall seconds for which a record of a daemon may arrive after its token has vanished."""
 MOST = 5_000
-"""Daemons that are followed; further ones are only counted."""
+"""Daemons that are observed; further ones are only counted."""
 FORGET = 60.0
-"""Wall seconds without a word after which a daemon that is gone, and that the mission has not, is forgotten."""
+"""Wall seconds without a record after which a daemon that left, and is not in the mission, is forgotten."""
 
 Who = tuple[str, str, str]
 """Fleet, name and daemon."""
@@ -45,26 +45,26 @@ class Row:
     """Empty: not known."""
     standing: Standing
     health: Health | None = None
-    """What it told last."""
+    """Its last health record."""
     age: float | None = None
-    """Wall seconds since then."""
+    """Age of that record in wall seconds."""
     in_mission: bool = True
     fleet: str = ""
     """Where several are shown."""
 
     @property
     def title(self) -> str:
-        """What it is called, for people."""
+        """Its name for people."""
         return f"{self.fleet}/{self.name}" if self.fleet else self.name
 
     @property
     def well(self) -> bool:
-        """Whether it is there as it should be."""
+        """Whether it is up, or coming up."""
         return self.standing in WELL
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """Return the standing, if it is not well, and the daemon's own warnings."""
+        """Return its presence, if it is not well, and the daemon's own warnings."""
         if self.standing == "missing":
             heard = f"; last heard {self.age:.0f} s ago" if self.age is not None else ""
             return (Note("missing", MEANING["missing"] + heard, value=self.age),)
@@ -73,7 +73,7 @@ class Row:
 
     @property
     def now(self) -> Health | None:
-        """How it is; None if it is not there: what it told last holds no longer."""
+        """Its present health; None if it is missing, as its last record no longer holds."""
         return None if self.standing == "missing" else self.health
 
 
@@ -82,19 +82,19 @@ class FleetStatus:
 
     def __init__(self, mission: Mission | None, now: Callable[[], float], *, several: bool = False) -> None:
         self.expected: dict[Who, str] = {} if mission is None else expected_of(mission)
-        """Who is in the mission, and on which board."""
+        """The daemons of the mission, and the board of each."""
         self.dropped = 0
-        """Records and tokens of more daemons than are followed."""
+        """Records and tokens of daemons beyond `MOST`."""
         self._several, self._now, self._forgot = several, now, now()
         self._boots: dict[Who, set[str]] = {}
         self._since: dict[Who, float] = {}
-        """When a name was claimed that nobody had."""
+        """When a free name was claimed."""
         self._left: dict[Who, float] = {}
-        """When nobody had a name any more."""
+        """When a name became free."""
         self._health: dict[Who, tuple[Health, float]] = {}
 
     def token(self, key: str, alive: bool) -> None:
-        """A liveliness token came or went."""
+        """Take a liveliness token that appeared or vanished."""
         parsed = keys.parse(key)
         if parsed is None or len(parsed[2]) != 3:
             return
@@ -111,13 +111,13 @@ class FleetStatus:
             self._since.setdefault(who, self._now())
 
     def heard(self, key: str, health: Health) -> None:
-        """A daemon told how it is."""
+        """Take the health record of a daemon."""
         parsed = keys.parse(key)
         if parsed is not None and len(parsed[2]) == 2 and self._room_for(who := (parsed[0], parsed[1], parsed[2][1])):
             self._health[who] = (health, self._now())
 
     def rows(self) -> list[Row]:
-        """Return all daemons: board by board as in the mission, then what it has not."""
+        """Return all daemons: board by board as in the mission, then the others."""
         heard = {who for who, (_, at) in self._health.items() if self._now() - at <= SILENT_AFTER}
         there = self._boots.keys() | heard
         others = sorted(there - self.expected.keys())
@@ -125,9 +125,17 @@ class FleetStatus:
             row for who in (*self.expected, *others) if (row := self._row(who)).in_mission or row.standing != "missing"
         ]
 
+    def holders(self, fleet: str, daemon: str) -> set[str]:
+        """Return the names that daemons of this kind hold in a fleet."""
+        return {who[1] for who in self._boots if (who[0], who[2]) == (fleet, daemon)}
+
+    def health_of(self, fleet: str, name: str, daemon: str) -> Health | None:
+        """Return the last health record of a daemon; None if there is none."""
+        return self._health.get((fleet, name, daemon), (None,))[0]
+
     @property
     def settled(self) -> bool:
-        """Whether all that the mission has is there and has told how it is, and so have all others."""
+        """Whether every daemon of the mission, and every other one, is up."""
         rows = self.rows()
         return bool(rows) and all(row.standing == "up" for row in rows)
 
@@ -148,7 +156,7 @@ class FleetStatus:
         if not boots:
             told_since = age is not None and self._now() - age > self._left.get(who, -math.inf) + UNDER_WAY
             return "unclaimed" if tells and told_since else "missing"
-        if tells or who[2] == "client":  # clients hold their name and tell nothing else
+        if tells or who[2] == "client":  # clients publish no health
             return "up"
         return "coming" if self._now() - self._since[who] <= SILENT_AFTER else "silent"
 
@@ -161,7 +169,7 @@ class FleetStatus:
         return False
 
     def _forget(self) -> None:
-        """Forget from time to time who has gone: in a fleet that makes agents, names come without end."""
+        """Forget daemons that left some time ago: a fleet that creates agents has ever new names."""
         since = self._now() - FORGET
         if self._forgot > since:
             return
@@ -175,7 +183,7 @@ class FleetStatus:
 
 
 def expected_of(mission: Mission) -> dict[Who, str]:
-    """Return all that a mission has, each with its board; clients come and go as they like."""
+    """Return the daemons of a mission, each with its board; clients are never expected."""
     found: dict[Who, str] = {}
     fleet = mission.fleet
     for board in mission.board_names:

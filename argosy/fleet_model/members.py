@@ -1,37 +1,50 @@
-"""The members of a fleet as an observer sees them: agents, robots, boards. What is not known is None, never made up."""
+"""The members of a fleet: agents, robots, boards and clients, and which agents act with which robot.
+
+A member is made when the mission names it or it is first heard. Unknown values are None, never guessed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from argosy.fleet_model.fleet_status import Row, Standing
-from argosy.fleet_model.robots import RobotSeen
-from argosy.fleet_model.track import Track
+from argosy.fleet_model.robots import MAX_POINTS, RobotSeen, Track
 from schemas.liveness import STALE_AFTER
-from schemas.wire.mind_records import MindView
-from schemas.wire.records import Mailboxes, Note
+from schemas.mission.model import Mission
+from schemas.wire.mind_records import BeliefView, MindView
+from schemas.wire.records import Health, Mailboxes, Note
 
-TRACK = 2_000
-"""Points of a robot's track that are kept."""
+MOST = 500
+"""Members of one kind that are kept besides those of the mission; those that went first are forgotten first."""
+PRINTS = 3
+"""Printed lines of an agent that are kept."""
+
+M = TypeVar("M", bound="Member")
+_NUMBERS = re.compile(r"(\d+)")
 
 
 @dataclass
 class Member:
-    """Anybody with a daemon of its own."""
+    """A holder of a name on the bus, with its daemon."""
 
     name: str
     daemon: str
     board: str = ""
     """Empty: not known."""
     row: Row | None = None
-    """How its daemon stands; None = it was never there."""
+    """Presence and health of its daemon; None = it was never there."""
     since: float | None = None
-    """Unix seconds at which it came, or went if it is gone."""
+    """Time at which it came, or went if it is gone."""
     ended: bool = False
-    """It has left when its run was over or was being ended: that is no loss."""
+    """It left at the end of its run, which is no loss."""
+    health: Health | None = None
+    """The last health record of its daemon."""
     told: float | None = None
-    """Unix seconds at which its daemon last told how it is."""
+    """Time of that record."""
 
     @property
     def there(self) -> bool:
@@ -40,94 +53,96 @@ class Member:
 
     @property
     def standing(self) -> Standing:
-        """How its daemon stands (docs/guides/monitoring.md)."""
+        """Presence of its daemon (docs/guides/monitoring.md)."""
         return "missing" if self.row is None else self.row.standing
 
     @property
     def well(self) -> bool:
-        """Whether it is there and tells how it is."""
+        """Whether it is there and publishes its health."""
         return self.row is not None and self.row.well
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """Warnings that hold now: of its standing, and its own."""
+        """Warnings that hold now: of its presence, and its own."""
         return () if self.row is None or self.ended else self.row.notes
 
     @property
     def lag(self) -> float:
-        """Seconds by which it is behind; 0 if it tells nothing."""
+        """Seconds by which it is behind; 0 if not known."""
         return 0.0 if self.row is None or self.row.now is None else self.row.now.lag
 
     @property
     def drops(self) -> int:
-        """What its queues have dropped so far."""
+        """Number of items that its queues have dropped."""
         return 0 if self.row is None or self.row.now is None else self.row.now.drops
 
 
 @dataclass
-class TeamAgent(Member):
-    """An agent and what it has shown of its mind last."""
+class FleetAgent(Member):
+    """An agent and the last views of its mind."""
 
     daemon: str = "agentd"
     robot: str = ""
     """The robot that it acts with; empty: none, or not known yet."""
     mind: MindView | None = None
     detail: MindView | None = None
-    """The last view that was asked for with everything in it; see `detailed`."""
+    """The last view with plans and decisions; see `detailed`."""
+    believed: tuple[BeliefView, ...] = ()
+    """The beliefs of the last view that has them."""
     heard: float | None = None
-    """Unix seconds at which it last showed its mind."""
+    """Time of `mind`."""
     detailed: float | None = None
-    """Unix seconds of `detail`."""
+    """Time of `detail`."""
     silent: float | None = None
-    """Unix seconds since when its mind answers no question although the router does; None = it answers."""
+    """Time since when its mind does not answer although the router does; None = it answers."""
     why_silent: str = ""
-    """What came instead of an answer."""
+    """The error in place of an answer."""
+    prints: deque[str] = field(default_factory=lambda: deque(maxlen=PRINTS))
+    """The last lines that its program printed."""
 
     def forget(self) -> None:
-        """Its mind is another one now, that has not been seen yet."""
+        """Forget its mind: it has been replaced by one that has not been seen yet."""
         self.mind = self.detail = self.heard = self.detailed = self.silent = None
-        self.why_silent = ""
+        self.believed, self.why_silent = (), ""
 
     def age(self, now: float) -> float | None:
-        """Return for how many seconds its mind has not been heard."""
+        """Return the age of `mind` in seconds; None if there is none."""
         return None if self.heard is None else max(0.0, now - self.heard)
 
 
 @dataclass
-class TeamRobot(Member):
-    """A robot, its bridge, and what the agents of the robot perceive."""
+class FleetRobot(Member):
+    """A robot, its bridge, and what its agents perceive."""
 
     daemon: str = "bridged"
     agents: tuple[str, ...] = ()
-    """Who acts with it, as its bridge tells."""
+    """The agents that act with it, by its bridge or the mission."""
     seen: RobotSeen = field(default_factory=lambda: RobotSeen(""))
 
-    @classmethod
-    def named(cls, name: str, board: str = "") -> TeamRobot:
-        """Return a robot of which nothing is known."""
-        return cls(name, board=board, seen=RobotSeen(name, track=Track(most=TRACK)))
+    @property
+    def heard(self) -> float:
+        """Time at which its state was last known; 0 = never. Bridges publish changes, and each second their health."""
+        seen = self.seen
+        return seen.heard if seen.lost or not seen.heard or self.told is None else max(seen.heard, self.told)
 
     def age(self, now: float) -> float | None:
-        """Return how old what is known of it is, in seconds: its bridge tells changes, and that it is there itself."""
-        if not self.seen.heard:
-            return None
-        last = self.seen.heard if self.seen.lost or self.told is None else max(self.seen.heard, self.told)
-        return max(0.0, now - last)
+        """Return how old its state is, in seconds; None if it was never heard."""
+        return max(0.0, now - self.heard) if self.heard else None
 
     def stale(self, now: float) -> bool:
-        """Whether what is known of it is old, or nothing is known."""
+        """Whether its state is old, or was never known."""
         age = self.age(now)
         return age is None or self.seen.lost or age > STALE_AFTER
 
 
 @dataclass
-class TeamBoard(Member):
-    """A board's `commd` and the mail that waits there."""
+class FleetBoard(Member):
+    """A board's `commd` and its mailboxes."""
 
     daemon: str = "commd"
     mailboxes: Mailboxes | None = None
     heard: float | None = None
-    """Unix seconds of `mailboxes`."""
+    """Time of `mailboxes`."""
     problem: str = ""
     """Why its mailboxes are not known now; empty if they are."""
 
@@ -135,3 +150,122 @@ class TeamBoard(Member):
         """Return how many messages wait there, for these receivers or for all."""
         queues = () if self.mailboxes is None else self.mailboxes.queues
         return sum(queue.messages for queue in queues if names is None or queue.receiver in names)
+
+
+class Roster:
+    """The members by name, in order, and no more than there is room for."""
+
+    def __init__(self, mission: Mission | None, track_points: int = MAX_POINTS) -> None:
+        """`track_points` are kept of each robot's track."""
+        self.agents: dict[str, FleetAgent] = {}
+        self.robots: dict[str, FleetRobot] = {}
+        self.boards: dict[str, FleetBoard] = {}
+        self.clients: dict[str, Member] = {}
+        self.eyes: dict[str, str] = {}
+        """For each robot the agent or client whose percepts show it, as key, and the robot."""
+        self.forgotten = 0
+        """Members that are no longer kept."""
+        self._track_points = track_points
+        self._boards_of: dict[str, str] = {}
+        self._named: dict[str, int] = {}
+        """The members of the mission, with their place in it."""
+        if mission is not None:
+            self.expect(mission)
+
+    def expect(self, mission: Mission) -> None:
+        """Add the members of a mission; forget those of another mission that were never seen."""
+        everybody = [*mission.board_names, *mission.robots, *mission.agents]
+        self._named = {name: place for place, name in enumerate(everybody)}
+        for board in mission.board_names:
+            self.boards.setdefault(board, FleetBoard(board, board=board))
+        for name, robot in mission.robots.items():
+            self.robots.setdefault(name, self._robot(name)).board = robot.board
+            self.set_agents(name, tuple(mission.agents_of(name)))
+        for name, agent in mission.agents.items():
+            member = self.agents.setdefault(name, FleetAgent(name))
+            member.board, member.robot = agent.board, agent.robot or member.robot
+        self._only_known(self.boards)
+        self._only_known(self.robots)
+        self._only_known(self.agents)
+        self._see()
+
+    def member(self, name: str, daemon: str) -> Member:
+        """Return a member; make it if it is new."""
+        match daemon:
+            case "agentd":
+                board = self._boards_of.get(name, "")
+                return self._kept(self.agents, name, lambda: FleetAgent(name, board=board, robot=self.robot_of(name)))
+            case "bridged":
+                return self._kept(self.robots, name, lambda: self._robot(name))
+            case "commd":
+                return self._kept(self.boards, name, lambda: FleetBoard(name, board=name))
+        return self._kept(self.clients, name, lambda: Member(name, daemon))
+
+    def forget(self, before: float) -> None:
+        """Forget minds, vehicles and mail that were last heard before that time: they are of an earlier run."""
+        for agent in self.agents.values():
+            if agent.heard is None or agent.heard < before:
+                agent.forget()
+        for robot in self.robots.values():
+            robot.seen = robot.seen.since(before)
+        for board in self.boards.values():
+            if board.heard is None or board.heard < before:
+                board.mailboxes = board.heard = None
+
+    def set_agents(self, robot: str, agents: tuple[str, ...]) -> None:
+        """Set the agents of a robot."""
+        member = self.robots[robot]
+        if member.agents == agents:
+            return
+        member.agents = agents
+        self._see()
+        for agent in agents:
+            if agent in self.agents:
+                self.agents[agent].robot = robot
+
+    def live_on(self, board: str, agents: Iterable[str]) -> None:
+        """Set the board of some agents."""
+        for agent in agents:
+            if agent in self.agents:
+                self.agents[agent].board = board
+            if len(self._boards_of) < MOST:
+                self._boards_of[agent] = board
+
+    def _see(self) -> None:
+        self.eyes = {one.agents[0]: name for name, one in self.robots.items() if one.agents}
+
+    def robot_of(self, agent: str) -> str:
+        """Return the robot that an agent or client acts with; empty if it has none."""
+        return next((name for name, robot in self.robots.items() if agent in robot.agents), "")
+
+    def _robot(self, name: str) -> FleetRobot:
+        return FleetRobot(name, seen=RobotSeen(name, track=Track(most=self._track_points)))
+
+    def _kept(self, members: dict[str, M], name: str, make: Callable[[], M]) -> M:
+        if name not in members:
+            others = [one for one in members.values() if one.name not in self._named]
+            if len(others) >= MOST:
+                gone = [one for one in others if not one.there]
+                del members[min(gone or others, key=lambda one: one.since or 0.0).name]
+                self.forgotten += 1
+                self._see()
+            members[name] = make()
+            self._put_in_order(members)
+        return members[name]
+
+    def _only_known(self, members: dict[str, M]) -> None:
+        """Forget members that are not in the mission and were never there."""
+        for name in [name for name, one in members.items() if name not in self._named and one.since is None]:
+            del members[name]
+        self._put_in_order(members)
+
+    def _put_in_order(self, members: dict[str, M]) -> None:
+        """Sort: members of the mission in its order, then the others by name, `uav2` before `uav10`."""
+        last = len(self._named)
+        for name in sorted(members, key=lambda one: (self._named.get(one, last), _numbered(one))):
+            members[name] = members.pop(name)
+
+
+def _numbered(name: str) -> list[tuple[int, str]]:
+    """Return a sort key of a name that compares its numbers as numbers."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in _NUMBERS.split(name)]

@@ -1,20 +1,20 @@
-"""The messages between agents as both ends tell of them: one letter for what was sent and received, for charts."""
+"""Messages between agents as both ends report them: one entry for what was sent and what was received."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.humanize import shortened
+from schemas.humanize import LONGEST, shortened
 from schemas.wire.mind_records import Deed
 
 MOST = 2_000
-"""Letters that are kept."""
+"""Messages that are kept, unless another number is given."""
 
 
 @dataclass
 class LoggedMessage:
-    """A message on its way from one agent to another. Times are Unix seconds; None = nobody told."""
+    """A message from one agent to another. Times are seconds of the model's clock; None = not reported."""
 
     id: str
     sender: str
@@ -22,49 +22,61 @@ class LoggedMessage:
     performative: str
     content: str
     number: int = 0
-    """Of its last change: counts up over all letters."""
+    """Of its last change: counts up over all messages."""
+    reported: float = 0.0
+    """When it was first reported."""
     sent: float | None = None
     received: float | None = None
     in_reply_to: str = ""
     undelivered: str = ""
-    """Why it was given up; empty = it was not."""
+    """Why it was not delivered; empty = it was, or is on its way."""
 
     @property
     def state(self) -> Literal["in_flight", "received", "undelivered"]:
-        """What became of it, as far as anybody told."""
+        """Its state, as far as it was reported."""
         return "received" if self.received is not None else "undelivered" if self.undelivered else "in_flight"
+
+    @property
+    def at(self) -> float:
+        """When it was first seen: sent, received or else reported."""
+        return min((time for time in (self.sent, self.received) if time is not None), default=self.reported)
 
 
 class MessageLog:
-    """Keeps the last letters by id, sender and receiver, in the order of their last changes."""
+    """Keeps the last messages by id, sender and receiver, in the order of their last changes."""
 
-    def __init__(self, most: int = MOST) -> None:
+    def __init__(self, most: int = MOST, longest: int = LONGEST) -> None:
+        """`longest`: characters of a message's content that are kept."""
         self.number = 0
         """Of the last change."""
-        self._most = most
+        self.forgotten = 0
+        """Messages that are no longer kept."""
+        self._most, self._longest = most, longest
         self._letters: dict[tuple[str, str, str], LoggedMessage] = {}
 
     def __len__(self) -> int:
         return len(self._letters)
 
     def deed(self, agent: str, deed: Deed, at: float) -> LoggedMessage | None:
-        """Take a deed of an agent. Returns its letter, or None if it has to do with none."""
+        """Take a deed of an agent at `at`. Returns its message, or None if it is not about one."""
         match deed.kind:
             case "sent" | "undelivered":
-                letter = self._letter(deed, agent, deed.other)
+                letter = self._letter(deed, agent, deed.other, at)
                 if deed.kind == "undelivered":
                     letter.undelivered = shortened(deed.reason) or "not delivered"
                 elif letter.sent is None:
                     letter.sent = at
             case "received":
-                letter = self._letter(deed, deed.other, agent)
+                letter = self._letter(deed, deed.other, agent, at)
                 letter.received = at if letter.received is None else letter.received
             case _:
                 return None
+        if letter.sent is not None and letter.received is not None:
+            letter.received = max(letter.sent, letter.received)  # the two times are estimates
         return letter
 
     def since(self, number: int) -> list[LoggedMessage]:
-        """Return the letters that came or changed after that number, in the order of their changes."""
+        """Return the messages that came or changed after that number, in the order of their changes."""
         found: list[LoggedMessage] = []
         for letter in reversed(self._letters.values()):
             if letter.number <= number:
@@ -73,21 +85,22 @@ class MessageLog:
         return found[::-1]
 
     def give_up(self, before: float, why: str) -> None:
-        """Say of each letter that is under way since before that time that nobody will tell what became of it."""
+        """Mark each message that is on its way since before `before` as undelivered, for the reason `why`."""
         for key, letter in list(self._letters.items()):
             if letter.state == "in_flight" and (letter.sent or 0.0) < before:
                 self.number += 1
                 letter.number, letter.undelivered = self.number, why
                 self._letters[key] = self._letters.pop(key)
 
-    def _letter(self, deed: Deed, sender: str, receiver: str) -> LoggedMessage:
+    def _letter(self, deed: Deed, sender: str, receiver: str, at: float) -> LoggedMessage:
         self.number += 1
         key = (shortened(deed.id) or f"#{self.number}", shortened(sender), shortened(receiver))
-        letter = self._letters.pop(key, None) or LoggedMessage(*key, shortened(deed.performative), "")
+        letter = self._letters.pop(key, None) or LoggedMessage(*key, shortened(deed.performative), "", reported=at)
         letter.number = self.number
-        letter.content = letter.content or shortened(deed.text)
+        letter.content = letter.content or shortened(deed.text, self._longest)
         letter.in_reply_to = letter.in_reply_to or shortened(deed.in_reply_to)
         self._letters[key] = letter
         if len(self._letters) > self._most:
             del self._letters[next(iter(self._letters))]
+            self.forgotten += 1
         return letter

@@ -1,28 +1,37 @@
-"""When mission second 0 was and how fast mission time goes, as `argosy run` tells it, or else the minds."""
+"""Estimate the mission time of a fleet and its speed, from `argosy run` or else from the minds."""
 
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 
 from schemas.mission.model import Mission
 
 WINDOW = 10.0
-"""Wall seconds over which the speed is measured and second 0 is looked for: a run may have another than its file."""
+"""Wall seconds over which speed and second 0 are measured: a run may have another speed than its file."""
 BASE = 3.0
-"""Wall seconds that must lie between two answers to measure a speed by them."""
+"""Wall seconds between two answers that are needed to measure a speed."""
 KEPT = 64
-"""Answers of one agent that are kept; of one that is looked at closely there are two a second."""
+"""Answers of one agent that are kept; an agent that is looked at gives two a second."""
 MOST = 16
-"""Agents by which the time is taken."""
+"""Agents whose time is used."""
 ALIKE = 0.1
-"""Share by which a measured speed may differ from what is likely and count as that."""
+"""Share by which a measured speed may differ from a likely one to count as that."""
 DRIFT = 1.0
-"""Wall seconds by which second 0 may come to lie later before it is corrected: a fleet may be slower than its speed."""
+"""Wall seconds by which second 0 may move later before it is corrected: a fleet may be slower than its speed."""
 BACK = 0.5
-"""Mission seconds by which a clock must have gone back to be that of a new life."""
+"""Mission seconds by which a clock must go back to be that of a new life."""
 RUN = "/run"
-"""Stands for `argosy run` among the agents; no agent can be called so."""
+"""Name of `argosy run` among the sources; no agent can have it."""
+
+
+def steady_clock() -> float:
+    """Return Unix seconds of a clock that never jumps, and that goes on while the machine sleeps."""
+    return _EPOCH + time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+_EPOCH = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 class MissionClock:
@@ -34,65 +43,65 @@ class MissionClock:
 
     def __init__(self, mission: Mission | None) -> None:
         self.speed = 1.0
-        """Mission seconds in a wall second."""
+        """Mission seconds per wall second."""
         self.zero: float | None = None
-        """Unix seconds of mission second 0; None = nobody has told yet, or another run has begun."""
+        """Unix seconds of mission second 0; None = not known yet, or another run has begun."""
         self._told: dict[str, deque[tuple[float, float]]] = {}
-        """What each agent has told lately: when it was heard, and its mission time."""
+        """Samples of each agent: when it was heard, and its mission time."""
         self._restarted: set[str] = set()
         self.expect(mission)
 
     def expect(self, mission: Mission | None) -> None:
-        """Take the speed that a mission declares, until one is measured."""
+        """Use the speed that a mission declares until one is measured."""
         self._likely = 1.0 if mission is None else mission.speed
         if self.zero is None:
             self.speed = self._likely
 
-    def look(self, agent: str, time: float, heard: float) -> None:
-        """An agent that was heard now has told its mission time."""
-        if not math.isfinite(time) or RUN in self._told or (agent in self._restarted and self.zero is not None):
+    def look(self, agent: str, seconds: float, heard: float) -> None:
+        """Take the mission time of an agent, in seconds, heard at `heard`."""
+        if not math.isfinite(seconds) or RUN in self._told or (agent in self._restarted and self.zero is not None):
             return
         told = self._told.get(agent)
-        if told and time < told[-1][1] - BACK:
+        if told and seconds < told[-1][1] - BACK:
             self.restarted(agent)
             return
-        self._take(agent, time, heard)
+        self._take(agent, seconds, heard)
 
-    def look_at_run(self, time: float, speed: float, heard: float) -> None:
-        """`argosy run` has told its mission time, and how fast that goes."""
+    def look_at_run(self, seconds: float, speed: float, heard: float) -> None:
+        """Take the mission time of `argosy run`, in seconds, and its speed."""
         told = self._told.get(RUN)
-        if told is None or time < told[-1][1] - BACK:
+        if told is None or seconds < told[-1][1] - BACK:
             self.begin()
         self.speed = speed
-        self._take(RUN, time, heard)
+        self._take(RUN, seconds, heard)
 
     def restarted(self, agent: str) -> None:
-        """An agent has begun a new life, whose clock begins with it."""
+        """Ignore an agent from now on: its clock began again when it was restarted."""
         self._told.pop(agent, None)
         self._restarted.add(agent)
 
     def begin(self) -> None:
-        """Another run begins: what was told is of other clocks. The speed stays until it is measured."""
+        """Begin another run: forget the clocks of the one before. The speed stays until it is measured."""
         self._told.clear()
         self._restarted.clear()
         self.zero = None
 
     def seconds(self, at: float) -> float | None:
-        """Return the mission seconds at a time in Unix seconds; None = not known."""
+        """Return the mission time in seconds at a Unix time in seconds; None = not known."""
         return None if self.zero is None else max(0.0, (at - self.zero) * self.speed)
 
-    def _take(self, teller: str, time: float, heard: float) -> None:
-        told = self._told.setdefault(teller, deque(maxlen=KEPT))
-        told.append((heard, time))
+    def _take(self, source: str, seconds: float, heard: float) -> None:
+        told = self._told.setdefault(source, deque(maxlen=KEPT))
+        told.append((heard, seconds))
         self._forget(heard)
-        if teller != RUN:
+        if source != RUN:
             self._measure(told)
         zero = min(at - mission / self.speed for one in self._told.values() for at, mission in one)
         if self.zero is None or zero < self.zero - 0.005 or zero > self.zero + DRIFT:
             self.zero = round(zero, 2)
 
     def _forget(self, now: float) -> None:
-        """Forget what is too old to measure by, so that no pause, lost router or agent that has gone counts."""
+        """Forget old samples, so that pauses, a lost router and agents that have left do not count."""
         for name in list(self._told):
             told = self._told[name]
             while told and now - told[0][0] > WINDOW:
@@ -103,10 +112,10 @@ class MissionClock:
             del self._told[next(reversed(self._told))]
 
     def _measure(self, told: deque[tuple[float, float]]) -> None:
-        (since, then), (heard, time) = told[0], told[-1]
+        (since, first), (heard, last) = told[0], told[-1]
         if heard - since < BASE or told is not next(iter(self._told.values())):
             return
-        speed = max(0.01, (time - then) / (heard - since))
+        speed = max(0.01, (last - first) / (heard - since))
         likely = [one for one in (self.speed, self._likely, float(round(speed))) if abs(one - speed) < ALIKE * speed]
         measured = likely[0] if likely else float(f"{speed:.2g}")
         if measured != self.speed:

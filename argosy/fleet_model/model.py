@@ -1,37 +1,40 @@
-"""The shared model of a running fleet: made from records alone, so that it needs no bus and a recording gives the same.
+"""The model of a fleet behind `argosy run`, `ui`, `watch` and `plot`, filled from records of the bus or of a recording.
 
-Whatever may grow is bounded, and nothing that has gone silent looks alive: everything has the time at which it was
-heard.
+Everything that grows is bounded. Everything has the time at which it was heard, so that old data is shown as old. Times
+are seconds of the model's clock `now`: Unix seconds, or in `plot` mission seconds.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
+from copy import copy
+from dataclasses import replace as changed
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 from msgspec.structs import replace
 
 from argosy.cli.journal import Level
 from argosy.cli.remedies import level_of
+from argosy.fleet_model.actions import ActionSeen, ActionsSeen, why_unknown
 from argosy.fleet_model.fleet_status import FleetStatus, Row, expected_of
-from argosy.fleet_model.lost_actions import Lives, why_unknown
-from argosy.fleet_model.members import Member, TeamAgent, TeamRobot
+from argosy.fleet_model.lives import Lives
+from argosy.fleet_model.members import FleetAgent, FleetRobot, Member, Roster
 from argosy.fleet_model.message_log import MessageLog
 from argosy.fleet_model.mission_clock import MissionClock
-from argosy.fleet_model.naming import named
 from argosy.fleet_model.places import Places
-from argosy.fleet_model.robots import ActionSeen, ActionsSeen, written
-from argosy.fleet_model.roster import Roster
-from argosy.fleet_model.run_boundaries import Runs
-from argosy.fleet_model.timeline import Timeline
-from argosy.fleet_model.timeline_source import Teller
+from argosy.fleet_model.robots import UNATTENDED
+from argosy.fleet_model.term_values import Position, written
+from argosy.fleet_model.timeline import Reporter, Timeline
 from schemas.files.findings import Findings
 from schemas.humanize import shortened
 from schemas.liveness import ROUTER_GRACE, SILENT_AFTER
 from schemas.mission.model import Mission, read_mission
+from schemas.wire import keys
+from schemas.wire.keys import check_name
 from schemas.wire.mind_records import MindDeeds, MindView
 from schemas.wire.records import (
     FINAL_STATES,
@@ -39,7 +42,9 @@ from schemas.wire.records import (
     BoardServices,
     Health,
     Mailboxes,
+    Order,
     Perception,
+    Record,
     RunningMission,
     RunPhase,
     RunState,
@@ -58,55 +63,72 @@ PHASES: dict[RunPhase, str] = {
 OVER = "not known: the run in which it was sent is over"
 OTHERS = 20
 """Other fleets whose names are kept."""
+TRACK = 2_000
+"""Points kept of each robot's track, unless another number is given."""
+
+M = TypeVar("M", bound=Member)
 
 
-class TeamModel:
-    """Everything known of one fleet. `now` returns Unix seconds of a clock that never jumps."""
+class FleetModel:
+    """Everything known of one fleet. Keys are whole Zenoh keys; those of other fleets are ignored."""
 
-    def __init__(self, now: Callable[[], float], *, fleet: str = "", mission: Mission | None = None) -> None:
-        self.now, self.mission = now, mission
+    def __init__(
+        self,
+        now: Callable[[], float],
+        *,
+        fleet: str = "",
+        mission: Mission | None = None,
+        track_points: int = TRACK,
+        letters: MessageLog | None = None,
+        rate: float = 1.0,
+        sees_runs: bool = True,
+    ) -> None:
+        """`now` is a clock that never jumps, in seconds; `rate`: its seconds per wall second. `letters` keeps messages.
+
+        `sees_runs`: one run may follow another, and what is of the run before is forgotten.
+        """
+        self.now, self.mission, self._sees_runs = now, mission, sees_runs
         self.fleet = fleet if mission is None else mission.fleet
         """Empty until one is known."""
         self.other_fleets: set[str] = set()
         """Further fleets at the same router."""
-        self._roster = roster = Roster(mission)
-        self.agents, self.robots, self.boards, self.clients = (
-            roster.agents,
-            roster.robots,
-            roster.boards,
-            roster.clients,
-        )
-        """Clients are programs that act as agents, and what else holds a name on the bus."""
-        self.timeline, self.letters, self.places, self._actions = Timeline(), MessageLog(), Places(), ActionsSeen()
+        self._roster = roster = Roster(mission, track_points)
+        self.agents, self.robots, self.boards = roster.agents, roster.robots, roster.boards
+        self.clients = roster.clients
+        """Programs that act as agents, and other holders of names on the bus."""
+        self.timeline, self.letters, self.places = Timeline(), MessageLog() if letters is None else letters, Places()
+        self._actions = ActionsSeen()
+        self.counts: Counter[str] = Counter()
+        """Percepts and statuses that were heard."""
         self.clock = MissionClock(mission)
         self.mission_problem = ""
-        """Why the mission of the fleet is not known here, although a board has served it; empty: it is."""
+        """Why the mission that a board has served cannot be used here; empty if it can."""
         self._mission_of = ""
         """The board whose mission counts, while it is there."""
         self.run_state: RunState | None = None
-        """What `argosy run` has published last; None = nothing, as of a fleet of boards that nobody watches over."""
+        """The last record of `argosy run`; None = none, as in a fleet of boards without a run."""
         self.run_heard = 0.0
-        """Unix seconds of `run_state`."""
+        """Time of `run_state`."""
         self._run_ended = 0.0
-        """Unix seconds at which the run was first heard to be done or to have failed."""
+        """Time at which the run was first heard to be done or to have failed."""
         self.router_up = True
         self.router_since: float | None = None
-        """Unix seconds at which the router was lost or came back; None = it has been there all the time."""
+        """Time at which the router was lost or came back; None = it has been there all the time."""
         self.defect = ""
-        """What went wrong in here when it was last looked at who is there; empty: nothing."""
+        """The error of the last `tick`; empty: none."""
         self._fleet_status = FleetStatus(mission, now)
-        self._tell = Teller(self.timeline, self.letters, now)
-        self._lives, self._runs = Lives(), Runs()
+        self._tell = Reporter(self.timeline, self.letters, now, rate)
+        self._lives = Lives()
 
     @property
     def eyes(self) -> dict[str, str]:
-        """The agent or client through whom each robot is seen, and the robot."""
+        """For each robot the agent or client whose percepts show it, as key, and the robot."""
         return self._roster.eyes
 
     @property
     def run(self) -> int:
-        """The number of the run that is on: with another one, what was shown of the run before is over."""
-        return self._runs.number
+        """The number of the present run."""
+        return self._lives.run
 
     @property
     def over(self) -> bool:
@@ -115,12 +137,12 @@ class TeamModel:
 
     @property
     def as_of(self) -> float:
-        """Unix seconds at which what is shown holds: now, or when the run ended."""
+        """Time for which the model holds: now, or when the run ended."""
         return self._run_ended if self.over else self.now()
 
     @property
     def run_silent(self) -> float | None:
-        """Seconds since `argosy run` was heard, if it should be heard and is not."""
+        """Seconds since `argosy run` was heard; None if it is heard, or there is none."""
         if self.run_state is None or self.over or not self.router_up or self._coming_back():
             return None
         age = self.now() - max(self.run_heard, self.router_since or 0.0)
@@ -128,30 +150,76 @@ class TeamModel:
 
     @property
     def forgotten(self) -> int:
-        """How many members are not kept any more."""
+        """Number of members that are no longer kept."""
         return self._roster.forgotten
 
     @property
     def actions(self) -> dict[str, ActionSeen]:
-        """The actions by their ids, the oldest first. Their times are Unix seconds."""
+        """The actions by id, the oldest first."""
         return self._actions.by_id
+
+    @property
+    def actions_forgotten(self) -> int:
+        """Number of older actions that are no longer kept."""
+        return self._actions.forgotten
 
     def open_actions(self, agent: str | None = None) -> list[ActionSeen]:
         """Return the actions that have no final state yet, of one agent or of all, the oldest first."""
         return self._actions.open(agent)
 
-    def hold_actions(self) -> None:
-        """Let what becomes of the actions from now on change nothing here: this model is a copy of one that goes on."""
-        self._actions = self._actions.held()
-
     def mail_for(self, agent: str) -> int:
         """Return how many messages wait for an agent at the boards, besides those in its mind's mailbox."""
         return sum(board.waiting((agent,)) for board in self.boards.values())
 
-    # What is taken in. Keys are whole Zenoh keys; what is of another fleet or malformed is left alone.
+    @property
+    def deeds_left_out(self) -> int:
+        """Number of deeds that agents had no room to publish."""
+        return self._tell.left_out
+
+    def assign(self, robot: str, agents: tuple[str, ...]) -> None:
+        """Set the agents that act with a robot, where neither a mission nor a bridge says so."""
+        self._roster.member(robot, "bridged")
+        self._roster.set_agents(robot, agents)
+
+    def holders(self, daemon: str) -> set[str]:
+        """Return the names that daemons of this kind hold on the bus."""
+        return self._fleet_status.holders(self.fleet, daemon)
+
+    def health_of(self, name: str, daemon: str) -> Health | None:
+        """Return the last health record of a daemon; None if there is none."""
+        return self._fleet_status.health_of(self.fleet, name, daemon)
+
+    def frozen(self) -> FleetModel:
+        """Return a copy with a stopped clock that later records do not change."""
+        at, held = self.now(), copy(self)
+        held.now = lambda: at
+        held.agents, held.boards, held.clients = _copies(self.agents), _copies(self.boards), _copies(self.clients)
+        held.robots = {name: changed(robot, seen=copy(robot.seen)) for name, robot in self.robots.items()}
+        held.timeline = copy(self.timeline)
+        held.timeline.entries = self.timeline.entries.copy()
+        held._actions = self._actions.held()
+        return held
+
+    def take(self, key: str, record: Record) -> None:
+        """Take a record of the bus or of a recording; records that do not concern the model are ignored."""
+        match record:
+            case Perception():
+                self.percept(key, record)
+            case ActionStatus():
+                self.status(key, record)
+            case MindDeeds():
+                self.deeds(key, record)
+            case Health():
+                self.health(key, record)
+            case BoardServices():
+                self.services(key, record)
+            case RunState():
+                self.run_told(key, record)
+            case RunningMission():
+                self.mission_told(key, record)
 
     def token(self, key: str, alive: bool) -> None:
-        """A liveliness token came or went."""
+        """Take a liveliness token that appeared or vanished."""
         parsed = named(key)
         if parsed is None or len(parsed[2]) != 3:
             return
@@ -161,47 +229,56 @@ class TeamModel:
             return
         self._fleet_status.token(key, alive)
         name, (_, daemon, boot) = parsed[1], parsed[2]
-        self._runs.token((name, daemon, boot), alive, self.now())
-        if alive and self._lives.token(name, daemon, boot, self.now()) and daemon == "agentd" and name in self.agents:
-            self.agents[name].forget()  # the new life's mind is another, also if it was kept
+        restarted = self._lives.token((name, daemon, boot), alive, self.now())
+        if restarted and daemon == "agentd" and name in self.agents:
+            self.agents[name].forget()
             self.clock.restarted(name)
         if alive and self.router_up and not self._coming_back():
-            self._see_run()  # now, and not at the next tick: what is heard from here on is of the new one
+            self._see_run()  # before the next record, which is of the new run
 
     def health(self, key: str, health: Health) -> None:
-        """A daemon told how it is."""
+        """Take the health record of a daemon."""
         parsed = named(key)
         if parsed is None or parsed[0] != self.fleet or len(parsed[2]) != 2:
             return
         name, daemon = parsed[1], parsed[2][1]
         member = self._roster.member(name, daemon)
-        known = {note.identity for note in member.notes}
+        before = member.health
+        same_life = before is not None and before.header.boot == health.header.boot
+        known = {note.identity for note in before.notes} if before is not None and same_life else set()
         for note in health.notes:
             if note.identity not in known:
                 self._tell(name, note.text, level_of(note))
         self._fleet_status.heard(key, health)
-        member.told = self.now()
-        if isinstance(member, TeamRobot):
+        member.health, member.told = health, self.now()
+        if isinstance(member, FleetRobot):
             if health.percepts:
-                self._roster.has(name, tuple(health.percepts))
-            member.seen.operator = health.ordered or ""
+                self._roster.set_agents(name, tuple(health.percepts))
+            seen = member.seen
+            seen.unattended = seen.unattended or any(
+                note.code == UNATTENDED and note.identity not in known for note in health.notes
+            )
+            if health.ordered != (None if before is None else before.ordered):  # changes only: an order may be known
+                seen.operator = health.ordered or ""  # before the first health record that has it
 
     def percept(self, key: str, percept: Perception) -> None:
-        """An agent perceived something; a robot is seen through the first of those that have it."""
+        """Take a percept of an agent; each robot is known by the percepts of one of its agents."""
+        self.counts["percepts"] += 1
         name = self._name(key)
         if name is None:
             return
         if not percept.name:
             percept = replace(percept, name=key.rpartition("/")[2])
         self.places.percept(name, percept, self._positions, self.now())
-        if not percept.header.source:  # it is an agent's matter alone: no robot has said so
+        if not percept.header.source:  # given to the agent by a person, not published by a robot
             text = f"{percept.update} {written(percept.name, percept.parameters)}"
             self.timeline.add(self.now(), name, "operator", f"a percept by hand: {text}", "warning")
         elif name in self.eyes:
             self.robots[self.eyes[name]].seen.percept(percept, self.now(), self._tell)
 
     def status(self, key: str, status: ActionStatus) -> None:
-        """An action began, went on or ended."""
+        """Take the status of an action."""
+        self.counts["statuses"] += 1
         name = self._name(key)
         if name is None:
             return
@@ -210,26 +287,62 @@ class TeamModel:
         if action is None:
             return
         self.places.action(action, self._positions, self.now())
-        agent = self.agents.get(name)
-        ordered = status.order if status.cause == "operator" else None
-        if agent is not None and ordered is not None and agent.robot in self.robots:
-            self.robots[agent.robot].seen.operator = ordered
+        robot = self.robots.get(self._roster.robot_of(name))
+        if robot is not None and not status.final:
+            robot.seen.unattended = False
+        elif robot is not None and status.cause == "operator" and status.order is not None:
+            self.ordered(robot.name, status.order)
+
+    def ordered(self, robot: str, order: Order) -> None:
+        """An operator has given a robot an order, which its agents cannot override."""
+        seen = self.robots[robot].seen
+        if seen.operator != order:
+            seen.operator = order
+            gives_back = f"; `argosy stop release {robot}` gives it back to its agents" if order == "hold" else ""
+            self._tell(robot, f"the operator orders {order}{gives_back}", "warning")
+
+    def released(self, robot: str) -> None:
+        """An operator has given a robot back to its agents."""
+        self.robots[robot].seen.operator = ""
+        self._tell(robot, "released by the operator: its agents act again", "warning")
+
+    def agent_died(self, agent: str) -> None:
+        """The process of an agent has died: its next life has another mind."""
+        self.agents[agent].forget()
+
+    def bridge_died(self, robot: str) -> None:
+        """The bridge of a robot has died: its vehicle is lost, and its actions have failed.
+
+        The next life of the bridge publishes positions before it knows whether the vehicle is armed: the vehicle is
+        heard again with its `state`, not before.
+        """
+        member = self.robots[robot]
+        member.seen.heard, member.seen.connected = member.heard, False
+        for action in self.open_actions():
+            if action.agent in member.agents:
+                self._ends(action, "failed", "its bridge died")
 
     def mind(self, agent: str, view: MindView, *, detailed: bool = False) -> None:
-        """An agent showed its mind; `detailed`: with its plans and all decisions that it keeps."""
+        """Take a view of an agent's mind; `detailed`: with its plans and all decisions that it keeps."""
         member = self._roster.member(agent, "agentd")
-        assert isinstance(member, TeamAgent)
+        assert isinstance(member, FleetAgent)
         if member.silent is not None:
             self._tell(agent, f"its mind answers again, after {self.now() - member.silent:.0f} s", "good")
         self.clock.look(agent, view.time, self.now())
         if not math.isfinite(view.time):
             view = replace(view, time=0.0)
+        done = {} if member.mind is None else member.mind.done
+        for formula, holds in view.done.items():
+            if holds and not done.get(formula):
+                self._tell(agent, f"done: {formula}", "good")
         member.mind, member.heard, member.silent, member.why_silent = view, self.now(), None, ""
+        if view.believed or not view.beliefs_left_out:
+            member.believed = view.believed
         if detailed:
             member.detail, member.detailed = view, self.now()
 
     def mind_unanswered(self, agent: str, why: str = "") -> None:
-        """An agent was asked for its mind and did not show it."""
+        """An agent did not answer the request for its mind."""
         member = self.agents.get(agent)
         if member is None or not member.there or not self.router_up or self.over:
             return
@@ -242,19 +355,21 @@ class TeamModel:
             )
 
     def deeds(self, key: str, told: MindDeeds) -> None:
-        """An agent told what it has done."""
+        """Take what an agent has done."""
         name = self._name(key)
         if name is None:
             return
         self._tell.deeds(name, told)
         for deed in told.deeds:
+            if deed.kind == "print" and name in self.agents:
+                self.agents[name].prints.append(shortened(deed.text))
             action = self.actions.get(shortened(deed.id)) if deed.kind == "outcome" else None
             if action is not None and action.agent == name and action.state not in FINAL_STATES:
                 state = next((one for one in FINAL_STATES if one == deed.state), None)
                 self._ends(action, state or "unknown", deed.reason)
 
     def mailboxes(self, key: str, told: Mailboxes | None, problem: str = "") -> None:
-        """A board told what waits there, or why it did not."""
+        """Take the mailboxes of a board, or why they are not known."""
         name = self._name(key)
         board = self.boards.get(name or "")
         if board is None:
@@ -264,13 +379,13 @@ class TeamModel:
             board.mailboxes, board.heard = told, self.now()
 
     def services(self, key: str, told: BoardServices) -> None:
-        """A board told which agents live on it."""
+        """Take the agents of a board."""
         name = self._name(key)
         if name is not None:
             self._roster.live_on(name, told.agents)
 
     def mission_told(self, key: str, told: RunningMission) -> None:
-        """A board told the mission file that it runs: it counts, whatever file the observer was started with."""
+        """Take the mission file that a board runs; it replaces the file that the observer was started with."""
         board, known = self._name(key), self.boards.get(self._mission_of)
         if board is None or (known is not None and known.there and known.name != board):
             return
@@ -288,7 +403,7 @@ class TeamModel:
         self.clock.expect(mission)
 
     def run_told(self, key: str, state: RunState) -> None:
-        """`argosy run` told how far it has come."""
+        """Take the state of `argosy run`."""
         if self._name(key) is None:
             return
         was, self.run_state, self.run_heard = self.run_state, state, self.now()
@@ -305,20 +420,20 @@ class TeamModel:
         self._tell(self.fleet, f"{PHASES[state.phase]}{': ' if state.why else ''}{state.why}", level)
 
     def router(self, up: bool) -> None:
-        """The router was lost or came back."""
+        """Take the loss or the return of the router."""
         if up == self.router_up:
             return
         before, self.router_since, self.router_up = self.router_since, self.now(), up
         if up:
-            self._tell("router", f"it answers again, after {self.now() - (before or self.now()):.1f} s", "good")
+            self._tell("router", f"answers again, after {self.now() - (before or self.now()):.1f} s", "good")
         elif self.over:
-            self._tell("router", "it has ended with the run: what is shown is how that ended")
+            self._tell("router", "has ended with the run; the view shows the end of the run")
         else:
-            self._tell("router", "it does not answer: what is shown is what was known last", "error")
+            self._tell("router", "does not answer; the view shows the last known state", "error")
 
     def tick(self) -> None:
-        """See who came and went: to be called some times a second, as time alone changes that."""
-        if not self.router_up:  # nobody has gone because we hear nothing
+        """Update who is there. Call it several times a second, as time alone changes that."""
+        if not self.router_up:  # without the router nothing is heard, which is no loss of a member
             return
         coming_back = self._coming_back()
         if not coming_back:
@@ -339,12 +454,12 @@ class TeamModel:
                     self._tell(action.agent, f"{action.text}: {action.reason}", "warning")
 
     def _coming_back(self) -> bool:
-        """Whether the router came back so lately that not all that are there may have been heard."""
+        """Whether the router came back within `ROUTER_GRACE`, so that some members may not have been heard again."""
         return self.router_since is not None and self.now() - self.router_since < ROUTER_GRACE
 
     def _see_run(self) -> None:
-        """Forget what is of an earlier run, if another one is on; the timeline keeps what happened."""
-        before = self._runs.anew()
+        """Forget the state of an earlier run, if another one has begun; the timeline keeps its events."""
+        before = self._lives.new_run() if self._sees_runs else None
         if before is None:
             return
         self._roster.forget(before)
@@ -354,7 +469,7 @@ class TeamModel:
         if self.run_heard < before:
             self.run_state = None
             self.clock.begin()
-        self._tell(self.fleet, "a new run begins: everybody of the one before had gone")
+        self._tell(self.fleet, "a new run begins: all daemons of the one before had gone")
 
     def _ends(self, action: ActionSeen, state: State | Literal["unknown"], reason: str) -> None:
         self._actions.end(action, state, reason, self.now())
@@ -365,7 +480,7 @@ class TeamModel:
         if member.there == was:
             return
         member.since = self.now()
-        if isinstance(member, TeamAgent):
+        if isinstance(member, FleetAgent):
             member.silent = None
         member.ended = not member.there and self._leaves(member)
         what: Literal["came", "went"] = "came" if member.there else "went"
@@ -374,18 +489,31 @@ class TeamModel:
         self.timeline.add(self.now(), member.name, what, text, level)
 
     def _leaves(self, member: Member) -> bool:
-        """Whether the run has come so far that a member leaves, and it is not one that has died."""
+        """Whether the run ends, so that its members leave, and this one has not died."""
         run = self.run_state
         return run is not None and run.phase in ENDS and f"{member.daemon} {member.name}" not in run.dead
 
     def _name(self, key: str) -> str | None:
-        """Return whom a key of this fleet is about."""
+        """Return the name in a key of this fleet; None for other keys."""
         parsed = named(key.partition("?")[0])
         if parsed is None or parsed[0] != self.fleet:
             return None
         return parsed[1]
 
-    def _positions(self) -> set[tuple[float, float]]:
-        """Return where the fleet is."""
+    def _positions(self) -> set[Position]:
+        """Return the known positions of the fleet."""
         known = (one.seen.position or one.seen.home for one in self.robots.values())
         return {position for position in known if position is not None}
+
+
+def named(key: str) -> tuple[str, str, list[str]] | None:
+    """Split a key into fleet, name and the rest; None if it is malformed."""
+    parsed = keys.parse(key)
+    try:
+        return parsed if parsed is not None and check_name(parsed[0]) and check_name(parsed[1]) else None
+    except ValueError:
+        return None
+
+
+def _copies(members: dict[str, M]) -> dict[str, M]:
+    return {name: copy(member) for name, member in members.items()}

@@ -1,4 +1,4 @@
-"""Fills a model of a fleet from the bus: listens, and looks into the minds now and then. It orders nothing."""
+"""Fills the model of a fleet from the bus: subscribes, and asks minds and boards now and then. It gives no orders."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import asyncio
 import time
 from collections import Counter
 from contextlib import suppress
+from dataclasses import dataclass
 
 from argosy.cli.operator_bus import ANY
-from argosy.fleet_model.model import TeamModel
-from argosy.fleet_model.naming import named
+from argosy.fleet_model.model import FleetModel, named
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError, QueryTimeout
 from schemas.liveness import MIND_EVERY
@@ -18,38 +18,45 @@ from schemas.wire.mind_records import MindDeeds, MindView
 from schemas.wire.records import ActionStatus, BoardServices, Health, Mailboxes, Perception, RunningMission, RunState
 
 TICK = 0.25
-"""Wall seconds between two looks at who is due."""
-DETAIL, SUMMARY, MAIL = 0.5, MIND_EVERY, 2.0
-"""Wall seconds between two looks at a mind that is looked at, at each other mind, and at the mailboxes."""
+"""Wall seconds between two updates of the model and of who is to be asked."""
+DETAIL, MAIL = 0.5, 2.0
+"""Wall seconds between two requests for a mind that is looked at, and for the mailboxes."""
 DECISIONS = 30
 """Decisions that a detailed view is asked for."""
 ANSWER_TIMEOUT = 2.0
+"""Wall seconds."""
 AT_ONCE = 32
 """Minds that are asked at the same time."""
 
 
-def steady_clock() -> float:
-    """Return Unix seconds of a clock that never jumps, and that goes on while the machine sleeps."""
-    return _EPOCH + time.clock_gettime(time.CLOCK_BOOTTIME)
+@dataclass(frozen=True)
+class Wanted:
+    """What an observer asks for besides vehicles, actions and health."""
+
+    minds_every: float = MIND_EVERY
+    """Wall seconds between two requests for each mind that nobody looks at."""
+    beliefs_per_tick: int = 0
+    """Minds that are asked for their beliefs, too, per tick: few, so that a large fleet is not loaded by it."""
+    whole_fleet: bool = True
+    """Deeds, messages, mailboxes, directories, the mission and the run."""
 
 
-_EPOCH = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
+class FleetObserver:
+    """Keeps a model up to date while the bus is open, and after the router was away."""
 
-
-class TeamWatcher:
-    """Keeps a model up to date while the bus is open, and after it was away."""
-
-    def __init__(self, bus: Bus, model: TeamModel, fleet: str = ANY) -> None:
-        """`fleet` may be `ANY`: then the first that shows itself is the one."""
-        self.bus, self.model = bus, model
+    def __init__(self, bus: Bus, model: FleetModel, fleet: str = ANY, wanted: Wanted = Wanted()) -> None:
+        """`fleet` may be `ANY`: then the first fleet that is heard is observed."""
+        self.bus, self.model, self.wanted = bus, model, wanted
         self.looked_at: Counter[str] = Counter()
-        """The agents whose minds are asked for often and with all details, and by how many."""
+        """Agents whose minds are asked often and for all details, and by how many viewers."""
+        self.asks_minds = True
+        """Off while the load of idle daemons is measured."""
         self._tasks: list[asyncio.Task[None]] = []
         self._asking: dict[str, asyncio.Task[None]] = {}
         self._due: dict[str, float] = {}
+        self._beliefs_asked: dict[str, float] = {}
         self._news = asyncio.Event()
-        """Set when somebody came who has percepts to tell, or through whom they come."""
-        self._listening = False
+        """Set when a daemon came that has percepts to publish, or through which they come."""
         if bus.router_up:
             model.router(up=True)
         bus.on_router(model.router)
@@ -59,25 +66,32 @@ class TeamWatcher:
             self._listen()
 
     def look_at(self, agent: str) -> None:
-        """Ask for this mind often and with all details, until as many have looked away."""
+        """Ask for this mind often and with all details."""
         self.looked_at[agent] += 1
         self._due[agent] = 0.0
 
     def look_away(self, agent: str) -> None:
-        """Ask for this mind as for all others again."""
+        """End one `look_at`."""
         self.looked_at[agent] -= 1
         if self.looked_at[agent] <= 0:
             del self.looked_at[agent]
 
     def start(self) -> None:
-        """Begin to look."""
-        self._tasks = [asyncio.create_task(work()) for work in (self._tick, self._mail, self._repair)]
+        """Begin to ask, and to update the model."""
+        works = [self._tick, self._repair, *([self._mail] if self.wanted.whole_fleet else [])]
+        self._tasks = [asyncio.create_task(work()) for work in works]
 
     async def stop(self) -> None:
-        """Look no longer."""
+        """End all requests."""
         for task in (tasks := [*self._tasks, *self._asking.values()]):
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def look_at_percepts(self) -> None:
+        """Take the percepts that are present: those that were published before the subscription."""
+        model = self.model
+        with suppress(BusClosed):
+            await self.bus.ask_all(keys.percept(model.fleet, "*", "**"), Perception, ANSWER_TIMEOUT, model.percept)
 
     def _token(self, key: str, alive: bool) -> None:
         parsed = named(key)
@@ -89,14 +103,14 @@ class TeamWatcher:
             self._news.set()
 
     def _listen(self) -> None:
-        """Hear what the fleet says."""
-        fleet, model = self.model.fleet, self.model
-        self.bus.subscribe(keys.health(fleet, "*", "*"), Health, self._health)
-        self.bus.subscribe(keys.percept(fleet, "*", "*"), Perception, model.percept)
-        self.bus.subscribe(keys.status(fleet, "*", "*"), ActionStatus, model.status)
-        self.bus.subscribe(keys.trace(fleet, "*", "deeds"), MindDeeds, model.deeds)
-        self.bus.subscribe(keys.services(fleet, "*"), BoardServices, model.services)
-        self.bus.subscribe(keys.run(fleet, "*"), RunState, model.run_told)
+        fleet, model, subscribe = self.model.fleet, self.model, self.bus.subscribe
+        subscribe(keys.health(fleet, "*", "*"), Health, self._health)
+        subscribe(keys.percept(fleet, "*", "*"), Perception, model.percept)
+        subscribe(keys.status(fleet, "*", "*"), ActionStatus, model.status)
+        if self.wanted.whole_fleet:
+            subscribe(keys.trace(fleet, "*", "deeds"), MindDeeds, model.deeds)
+            subscribe(keys.services(fleet, "*"), BoardServices, model.services)
+            subscribe(keys.run(fleet, "*"), RunState, model.run_told)
 
     def _health(self, key: str, health: Health) -> None:
         eyes = self.model.eyes
@@ -108,33 +122,42 @@ class TeamWatcher:
         while True:
             try:
                 self.model.tick()
-                self._ask_who_is_due(time.monotonic())
+                if self.asks_minds:
+                    self._ask_due_minds(time.monotonic())
                 self.model.defect = ""
-            except Exception as error:  # said where it is seen: silence would look like a fleet that rests
+            except Exception as error:  # reported where it is seen: silence would look like a fleet at rest
                 self.model.defect = f"who is there is not known any more: {type(error).__name__}: {error}"
             await asyncio.sleep(TICK)
 
-    def _ask_who_is_due(self, now: float) -> None:
+    def _ask_due_minds(self, now: float) -> None:
+        every, due = self.wanted.minds_every, list[str]()
         for place, (name, agent) in enumerate(self.model.agents.items()):
-            due = self._due.setdefault(name, now + place % 16 / 16 * SUMMARY)  # not all of them at the same moment
-            if not agent.there or due > now or name in self._asking or len(self._asking) >= AT_ONCE:
-                continue
-            detailed = name in self.looked_at
-            self._due[name] = now + (DETAIL if detailed else SUMMARY)
-            task = self._asking[name] = asyncio.create_task(self._look_at_mind(name, detailed))
+            at = self._due.setdefault(name, now + place % 16 / 16 * every)  # spread over the period
+            if agent.there and at <= now and name not in self._asking:
+                due.append(name)
+        summaries = [name for name in due if name not in self.looked_at]
+        longest_ago = sorted(summaries, key=lambda name: self._beliefs_asked.get(name, 0.0))
+        with_beliefs = longest_ago[: self.wanted.beliefs_per_tick]
+        for name in due[: AT_ONCE - len(self._asking)]:
+            self._due[name] = now + (DETAIL if name in self.looked_at else every)
+            query = "?last=0;beliefs=0"
+            if name in self.looked_at:
+                query = f"?plans=true;last={DECISIONS}"
+            elif name in with_beliefs:
+                query, self._beliefs_asked[name] = "?last=0", now
+            task = self._asking[name] = asyncio.create_task(self._ask_mind(name, query))
             task.add_done_callback(lambda _, name=name: self._asking.pop(name, None))  # type: ignore[misc]
-        for name in self._due.keys() - self.model.agents.keys():
-            del self._due[name]
+        for gone in self._due.keys() - self.model.agents.keys():
+            del self._due[gone]
+            self._beliefs_asked.pop(gone, None)
 
-    async def _look_at_mind(self, agent: str, detailed: bool) -> None:
-        wanted = f"?plans=true;last={DECISIONS}" if detailed else "?last=0;beliefs=0"
-        key = keys.mind(self.model.fleet, agent) + wanted
+    async def _ask_mind(self, agent: str, query: str) -> None:
         try:
-            view = await self.bus.ask_one(key, None, MindView, ANSWER_TIMEOUT)
+            view = await self.bus.ask_one(keys.mind(self.model.fleet, agent) + query, None, MindView, ANSWER_TIMEOUT)
         except BusError as error:
             self.model.mind_unanswered(agent, "" if isinstance(error, QueryTimeout) else str(error))
         else:
-            self.model.mind(agent, view, detailed=detailed)
+            self.model.mind(agent, view, detailed="plans" in query)
 
     async def _mail(self) -> None:
         while True:
@@ -158,13 +181,15 @@ class TeamWatcher:
             self.model.mailboxes(keys.mailboxes(self.model.fleet, board), None, "its commd does not answer")
 
     async def _repair(self) -> None:
-        """Look at percepts, services and the mission again when a daemon came: what it told before was not heard."""
+        """Ask for percepts, directories and the mission when a daemon came: earlier records were missed."""
+        bus, model = self.bus, self.model
         while True:
             await self._news.wait()
             await asyncio.sleep(2 * TICK)
             self._news.clear()
-            bus, model = self.bus, self.model
-            with suppress(BusClosed):
-                await bus.ask_all(keys.percept(model.fleet, "*", "**"), Perception, ANSWER_TIMEOUT, model.percept)
-                await bus.ask_all(keys.services(model.fleet, "*"), BoardServices, ANSWER_TIMEOUT, model.services)
-                await bus.ask_all(keys.mission(model.fleet, "*"), RunningMission, ANSWER_TIMEOUT, model.mission_told)
+            await self.look_at_percepts()
+            if self.wanted.whole_fleet:
+                services, mission = keys.services(model.fleet, "*"), keys.mission(model.fleet, "*")
+                with suppress(BusClosed):
+                    await bus.ask_all(services, BoardServices, ANSWER_TIMEOUT, model.services)
+                    await bus.ask_all(mission, RunningMission, ANSWER_TIMEOUT, model.mission_told)

@@ -1,7 +1,7 @@
-"""Places that percepts and actions speak of: victims, waypoints, targets. Whatever has a latitude beside a longitude.
+"""Places in percepts and actions: victims, waypoints, targets; everything with a latitude beside a longitude.
 
-Nothing says which numbers of a program are degrees, so it is taken from where the fleet is: two numbers beside each
-other that are a place within `NEAR` of a robot.
+Programs do not say which of their numbers are degrees. Two neighbouring numbers count as a place if that is within
+`NEAR` of a robot.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from argosy.fleet_model.robots import ActionSeen, finite, written
+from argosy.fleet_model.actions import ActionSeen
+from argosy.fleet_model.term_values import Position, position_of, written
 from schemas.geo import distance
 from schemas.humanize import shortened
 from schemas.wire.records import Perception
@@ -22,14 +23,12 @@ MOST = 1_000
 NEAR = 30_000.0
 """Metres from a robot within which two numbers count as a place."""
 OWN = frozenset({"global_pos", "home_pos"})
-"""Percepts that tell where a robot itself is."""
-
-Position = tuple[float, float]
+"""Percepts of the robot's own position."""
 
 
 @dataclass
 class Place:
-    """A place that somebody spoke of."""
+    """A place in a percept or an action."""
 
     id: str
     kind: Literal["percept", "action"]
@@ -43,13 +42,13 @@ class Place:
     heard: float
     """Unix seconds."""
     present: bool = True
-    """Whether it is still perceived, or the action still runs."""
+    """Whether it is still perceived, or its action still runs."""
     state: str = ""
-    """Of an action: how it stands."""
+    """State of the action."""
 
 
 class Places:
-    """Keeps the places by what told of them."""
+    """The places by the percept or action that has them."""
 
     def __init__(self, most: int = MOST) -> None:
         self.all: dict[str, Place] = {}
@@ -57,7 +56,7 @@ class Places:
         self._most = most
 
     def percept(self, agent: str, percept: Perception, robots: Callable[[], Collection[Position]], now: float) -> None:
-        """Take what an agent perceived; `robots` returns the positions that are known."""
+        """Take a percept of an agent; `robots` returns the known positions of the fleet."""
         if percept.name in OWN:
             return
         identity = percept.key or tuple(range(len(percept.parameters)))
@@ -77,7 +76,7 @@ class Places:
         self._keep(Place(id, "percept", shortened(percept.name), text, agent, position, now))
 
     def action(self, action: ActionSeen, robots: Callable[[], Collection[Position]], now: float) -> None:
-        """Take how an action stands."""
+        """Take the state of an action."""
         known = self.all.get(action.id)
         if known is not None:
             known.present, known.state = action.ended is None, action.state
@@ -89,7 +88,7 @@ class Places:
             self._keep(target)
 
     def forget(self, before: float) -> None:
-        """Forget what was told before that time."""
+        """Forget places that were heard before `before`."""
         self.all = {id: one for id, one in self.all.items() if one.heard >= before}
 
     def _of(self, agent: str, percept: Perception) -> list[Place]:
@@ -109,10 +108,9 @@ class Places:
 
 
 def place_in(parameters: tuple[Term, ...], robots: Callable[[], Collection[Position]]) -> Position | None:
-    """Return the first two neighbours among the parameters that are a place near a robot."""
-    for first, second in pairwise(map(finite, parameters)):
-        if first is None or second is None or not (-90 <= first <= 90 and -180 <= second <= 180):
-            continue
-        if any(distance((first, second), robot) <= NEAR for robot in robots()):
-            return first, second
+    """Return the first two neighbouring parameters that are a place near a robot; None if there are none."""
+    for first, second in pairwise(parameters):
+        position = position_of(first, second)
+        if position is not None and any(distance(position, robot) <= NEAR for robot in robots()):
+            return position
     return None

@@ -1,28 +1,40 @@
-"""What happens in a fleet, entry by entry with running numbers: a client asks for all since the last that it has."""
+"""Events of a fleet in order, each with a number, so that a view asks for those after the last that it has.
+
+Robots, bridges and agents report the same actions; each beginning and each outcome is entered once.
+"""
 
 from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Literal
 
 from argosy.cli.journal import Level
+from argosy.fleet_model.message_log import MessageLog
 from schemas.humanize import shortened
+from schemas.wire.mind_records import Deed, MindDeeds
+from schemas.wire.records import ActionStatus
 
 MOST = 5_000
 """Entries that are kept."""
+MOST_REPORTED = 5_000
+"""Beginnings and outcomes of actions that are remembered as entered."""
+LONGEST_WAIT = 5.0
+"""Wall seconds that a deed may have waited before it was published."""
+LEVELS: dict[str, Level] = {"error": "error", "warning": "warning"}
 
 What = Literal[
     "action", "outcome", "print", "log", "sent", "received", "undelivered", "operator", "came", "went", "told"
 ]
-"""What an entry is about: `came` and `went` are of daemons, `told` is what robots and daemons say of themselves."""
+"""Kind of an entry: `came` and `went` are of daemons, `told` is a change that a robot or daemon reports of itself."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing that happened."""
+    """One event."""
 
     number: int
     """Counts up from 1."""
@@ -44,7 +56,7 @@ class Entry:
     reason: str = ""
     """Why an action failed or a message was not delivered."""
     mission: float | None = None
-    """Mission seconds of the agent's clock, if an agent told of it."""
+    """Mission seconds of the agent's clock, if an agent reported it."""
 
     @property
     def clock(self) -> str:
@@ -62,20 +74,124 @@ class Timeline:
         self.entries: deque[Entry] = deque(maxlen=most)
         self.number = 0
         """Of the last entry."""
+        self.listener: Callable[[Entry], None] | None = None
+        """Called with each new entry."""
 
     def add(
         self, at: float, who: str, what: What, text: str, level: Level = "info", *, id: str = "", **more: Any
     ) -> Entry:
-        """Note that something happened; `more` are further fields of the entry."""
+        """Enter an event; `more` are further fields of the entry. `at` is in Unix seconds."""
         self.number += 1
         short: dict[str, Any] = {
             name: shortened(value) if isinstance(value, str) else value for name, value in more.items()
         }
         entry = Entry(self.number, at, who, what, shortened(text), level, shortened(id), **short)
         self.entries.append(entry)
+        if self.listener is not None:
+            self.listener(entry)
         return entry
 
     def since(self, number: int, most: int = MOST) -> list[Entry]:
-        """Return the entries after that number, at most the newest so many; older ones may be gone already."""
+        """Return the entries after that number, at most the newest `most`; older ones may be gone already."""
         new = min(max(0, self.number - number), len(self.entries), most)
         return list(islice(self.entries, len(self.entries) - new, None))
+
+
+class Reporter:
+    """Enters changes and deeds in the timeline, and messages in their log. A call enters a change."""
+
+    def __init__(self, timeline: Timeline, letters: MessageLog, now: Callable[[], float], rate: float = 1.0) -> None:
+        """`rate`: seconds of `now` per wall second."""
+        self._timeline, self._letters, self._now, self._rate = timeline, letters, now, rate
+        self.left_out = 0
+        """Deeds that agents did not publish, because there were too many at a time."""
+        self._reported: dict[tuple[What, str], None] = {}
+
+    def __call__(self, who: str, text: str, level: Level = "info") -> None:
+        """Enter a change that `who` reports of itself."""
+        self._timeline.add(self._now(), who, "told", text, level)
+
+    def action(self, status: ActionStatus, who: str, text: str, level: Level = "info") -> None:
+        """Enter the beginning or the outcome of an action, as its bridge reports it."""
+        what: What = "outcome" if status.final else "action"
+        if self._is_new(what, status.id):
+            state = status.state if status.final else ""
+            self._timeline.add(self._now(), who, what, text, level, id=status.id, state=state, reason=status.reason)
+
+    def deeds(self, agent: str, told: MindDeeds) -> None:
+        """Enter what an agent has done."""
+        for deed in told.deeds:
+            late = (told.now - deed.time) / told.speed if told.now and told.speed > 0 else 0.0
+            self._deed(agent, deed, self._now() - min(max(0.0, late), LONGEST_WAIT) * self._rate)
+        self.left_out += told.left_out
+        if told.left_out:
+            self(agent, f"{told.left_out} more of its deeds were not published: too many at a time", "warning")
+
+    def _deed(self, agent: str, deed: Deed, at: float) -> None:
+        self._letters.deed(agent, deed, at)
+        what, level, text = _what(deed), _level(deed), _text(agent, deed)
+        if what in ("action", "outcome") and not self._is_new(what, deed.id):
+            return
+        self._timeline.add(
+            at,
+            agent,
+            what,
+            text,
+            level,
+            id=deed.id,
+            other=deed.other,
+            performative=deed.performative,
+            in_reply_to=deed.in_reply_to,
+            state=deed.state,
+            reason=deed.reason,
+            mission=deed.time,
+        )
+
+    def _is_new(self, what: What, id: str) -> bool:
+        if not id:
+            return True
+        id = shortened(id)
+        if (what, id) in self._reported:
+            return False
+        self._reported[what, id] = None
+        if len(self._reported) > MOST_REPORTED:
+            del self._reported[next(iter(self._reported))]
+        return True
+
+
+def _what(deed: Deed) -> What:
+    return "told" if deed.kind == "stopped" else deed.kind
+
+
+def _level(deed: Deed) -> Level:
+    match deed.kind:
+        case "print":
+            return "print"
+        case "action":
+            return "action"
+        case "outcome":
+            return "good" if deed.state == "succeeded" else "warning"
+        case "undelivered" | "operator" | "stopped":
+            return "warning"
+        case "log":
+            return LEVELS.get(deed.state, "info")
+    return "info"
+
+
+def _text(agent: str, deed: Deed) -> str:
+    why = f": {deed.reason}" if deed.reason else ""
+    match deed.kind:
+        case "sent":
+            return f"→ {deed.other} {deed.performative} {deed.text.removesuffix(f'[source({agent})]')}"
+        case "received":
+            text = deed.text.removesuffix(f"[source({deed.other})]")
+            return f"← {deed.other} {deed.performative} {text}"
+        case "undelivered":
+            return f"not delivered to {deed.other}: {deed.performative} {deed.text}{why}"
+        case "outcome":
+            return f"{deed.text} {deed.state}{why}".strip()
+        case "stopped":
+            return f"stopped {deed.text}{why}".rstrip()
+        case "operator":
+            return f"the operator: {deed.text}{why}"
+    return deed.text

@@ -18,13 +18,13 @@ from argosy.recording.reader import BadRecording, Recording, open_recording
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
 from schemas.humanize import count
-from schemas.mission.model import read_mission
+from schemas.mission.model import Mission, read_mission
 from schemas.wire import keys
 from schemas.wire.mind_records import MindDeeds
 from schemas.wire.records import ActionStatus, Perception
 
 PROMPT = 0.5
-"""Wall seconds: what was heard within them after it was said stands where it was said, by the clock of who said it."""
+"""Wall seconds within which a record counts as heard when it was stamped, by the clock of its sender."""
 LEAST, MOST = 50.0, 600.0
 """Millimetres that a figure may be wide."""
 
@@ -86,7 +86,7 @@ _width.__name__ = f"width (one, two, or {LEAST:g} to {MOST:g} millimetres)"
 
 
 class NothingToPlot(Exception):
-    """Why there is no figure; with the exit code."""
+    """There is no figure; `code` is the exit code."""
 
     def __init__(self, message: str, code: int = EXIT_BAD_INPUT) -> None:
         super().__init__(message)
@@ -123,7 +123,7 @@ def run(args: Namespace) -> int:
 
 
 def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[str] = ()) -> Scene:
-    """Return all that a recording tells of one fleet.
+    """Return the scene of one fleet in a recording.
 
     Raises NothingToPlot if it is not clear of which, and before all is read if a `wanted` robot cannot be in it.
     """
@@ -133,7 +133,7 @@ def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[
     if fleet is None and len(fleets) > 1:
         raise NothingToPlot(f"there are several fleets in it, say which by --fleet: {', '.join(fleets)}")
     whose = fleet or (fleets[0] if fleets else "*")
-    title, robot_of, agents = _team(recording, whose)
+    title, robot_of, agents, mission = _team(recording, whose)
     robots = dict.fromkeys(robot_of.values())
     for name in wanted:
         if name not in robots:
@@ -141,38 +141,39 @@ def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[
                 f"--robot {name}: there is no such robot in it; there are {', '.join(robots) or 'none'}"
             )
     unread: Counter[str] = Counter()
-    scene = SceneReader(title, robot_of, agents).read(_heard(recording, whose, unread))
+    speed = next((deeds.speed for _, deeds in recording.typed(MindDeeds)), recording.facts.speed)
+    reader = SceneReader(title, whose, robot_of, agents, mission=mission, speed=speed)
+    scene = reader.read(_heard(recording, whose, speed, unread))
     for name, number in unread.items():
         scene.notes.append(f"{number} of its records {name} cannot be read: another version of Argosy wrote them")
     return scene
 
 
-def _team(recording: Recording, fleet: str) -> tuple[str, dict[str, str], list[str]]:
-    """Return the mission's name, the robots of agents, and all agents. Without its file each agent is its own robot."""
+def _team(recording: Recording, fleet: str) -> tuple[str, dict[str, str], list[str], Mission | None]:
+    """Return title, robots of agents, all agents and the mission. Without the mission each agent is its own robot."""
     facts = recording.facts
     if facts.mission_text:
         try:
             mission = read_mission(facts.mission_text, Path(facts.mission_file or "mission.yaml"))
         except Findings:
-            pass  # of another version: what was heard tells enough
+            pass  # of another version: the records are enough
         else:
             if mission.fleet == fleet:
                 robots = {agent: robot for robot in mission.robots for agent in mission.agents_of(robot)}
-                return mission.name, robots, list(mission.mailboxes)
+                return mission.name, robots, list(mission.mailboxes), mission
     parsed = [keys.parse(topic.key) for topic in recording.topics if topic.record == Perception.__name__]
     seen = dict.fromkeys(one[1] for one in parsed if one is not None and one[0] == fleet and "percept" in one[2])
-    return facts.mission or fleet, {name: name for name in seen}, []
+    return facts.mission or fleet, {name: name for name in seen}, [], None
 
 
-def _heard(recording: Recording, fleet: str, unread: Counter[str]) -> Iterator[Heard]:
-    """Yield what a plot shows, in order, with mission seconds since the beginning; count what cannot be read."""
-    speed = next((deeds.speed for _, deeds in recording.typed(MindDeeds)), recording.facts.speed)
+def _heard(recording: Recording, fleet: str, speed: float, unread: Counter[str]) -> Iterator[Heard]:
+    """Yield the records of a plot in order, with mission seconds since the beginning; count unreadable ones."""
     only = (f"{keys.ROOT}/{fleet}/**",)
     for message in recording.messages(only=only, records=(Perception, ActionStatus, MindDeeds)):
         if (record := message.record) is None:
             unread[message.name] += 1
         else:
-            late = (message.at - message.stamp) / SECOND  # what a query answered was said long ago
+            late = (message.at - message.stamp) / SECOND  # answers to queries have older stamps
             yield Heard((message.seconds - (late if 0 < late < PROMPT else 0)) * speed, message.key, record)
 
 

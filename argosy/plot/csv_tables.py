@@ -1,4 +1,4 @@
-"""What a plot shows as CSV files: tracks, altitudes, modes, actions, messages and places."""
+"""A scene as CSV files: tracks, altitudes, modes, actions, messages and places."""
 
 from __future__ import annotations
 

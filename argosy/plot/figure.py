@@ -30,9 +30,9 @@ NOTHING: Final[dict[Panel, str]] = {
     "actions": "no actions",
     "messages": "no messages: no agent told what it sent and received",
 }
-"""What is said of a panel for which nothing was recorded."""
+"""Message for a panel without data."""
 _DIGITS = re.compile(rb"<!--.*?-->|scale\([^)]*\)|(-?\d+\.\d\d)\d+", re.DOTALL)
-"""Numbers with more than two decimals, besides scales and what stands in comments: the words."""
+"""Numbers with more than two decimals, besides scales and comments, which hold the texts."""
 _INDENT = re.compile(rb"\n +")
 _LETTER = 0.56
 """Width of a letter by its height, about."""
@@ -48,7 +48,7 @@ class _Placed:
 
 
 def has(scene: Scene, panel: Panel) -> bool:
-    """Whether there is something to show in a panel."""
+    """Whether a panel has data."""
     tracks = scene.tracks.values()
     match panel:
         case "track":

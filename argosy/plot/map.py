@@ -6,7 +6,7 @@ from typing import Any
 
 from matplotlib.lines import Line2D
 
-from argosy.fleet_model.track import Track
+from argosy.fleet_model.robots import Track
 from argosy.plot.data import TARGET, Place, Scene
 from argosy.plot.panels import colour_of, robot_handles
 from argosy.plot.style import INK, LEFT_MARKERS, SEEN_MARKERS
@@ -21,7 +21,7 @@ SEEN = "#ffe680"
 MARGIN = 0.57
 """Half of what is shown by what there is."""
 MOST_LABELS = 12
-"""Labels of one kind of place; where there are more, none are written."""
+"""Places of one kind up to which their labels are written."""
 
 
 def shape(scene: Scene) -> float:
@@ -110,7 +110,7 @@ def _places(axes: Any, scene: Scene, origin: tuple[float, float]) -> list[Any]:
 
 
 def _fill(scene: Scene, place: Place) -> str:
-    """What a robot did stands in its colour, what it saw in none: others may have seen it too."""
+    """Return the colour of the robot for what it did; sightings have none, as others may have seen them too."""
     return SEEN if place.label else colour_of(scene, place.robot)[0]
 
 

@@ -11,8 +11,9 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from argosy.fleet_model.robots import ActionSeen
-from argosy.plot.data import MessageSeen, Scene
+from argosy.fleet_model.actions import ActionSeen
+from argosy.fleet_model.message_log import LoggedMessage
+from argosy.plot.data import Scene
 from argosy.plot.style import (
     FAINT,
     INK,
@@ -28,7 +29,7 @@ from argosy.plot.style import (
 MOST_ROWS = 48
 """Rows of actions by name; of more kinds there is one row for each agent."""
 LOST: dict[str, Any] = {"color": INK, "marker": "x", "markersize": 3.2, "markeredgewidth": 0.9, "linestyle": "none"}
-"""How a message is marked that nobody was seen to receive."""
+"""Mark of a message without a recorded receipt."""
 LETTER = 0.62
 """Width of a letter by its height, about."""
 
@@ -40,7 +41,7 @@ def colour_of(scene: Scene, robot: str) -> tuple[str, Any]:
 
 
 def robot_handles(scene: Scene) -> list[Any]:
-    """Return the entries of the legend that tell the robots apart."""
+    """Return the entries of the legend for the robots."""
     found = []
     for name in scene.robots:
         colour, line = colour_of(scene, name)
@@ -62,7 +63,7 @@ def altitude(axes: Any, scene: Scene) -> list[Any]:
 
 
 def _during(line: Sequence[tuple[float, float]], scene: Scene) -> list[tuple[float, float]]:
-    """Return the stretch of a line that is shown, held at its ends: a value that does not change is not told again."""
+    """Return the visible stretch of a line, extended to its ends: an unchanged value is not published again."""
     before = [value for at, value in line if at < scene.begin][-1:]
     inside = [(at, value) for at, value in line if scene.begin <= at <= scene.end]
     last = inside[-1][1] if inside else before[-1] if before else None
@@ -171,7 +172,7 @@ def _outcome_handle(state: str) -> Any:
 
 
 def message_rows(scene: Scene) -> list[str]:
-    """Return who sends or receives."""
+    """Return the agents that send or receive."""
     met = {name for one in scene.messages for name in (one.sender, one.receiver)}
     return [name for name in scene.agents if name in met]
 
@@ -179,9 +180,9 @@ def message_rows(scene: Scene) -> list[str]:
 def messages(axes: Any, scene: Scene) -> list[Any]:
     """Draw an arrow for each message, from the line of its sender to that of its receiver."""
     rows = {name: index for index, name in enumerate(message_rows(scene))}
-    kinds: dict[str, list[MessageSeen]] = {}
+    kinds: dict[str, list[LoggedMessage]] = {}
     for one in scene.messages:
-        kinds.setdefault(performative_kind(one.performative, one.answers), []).append(one)
+        kinds.setdefault(performative_kind(one.performative, bool(one.in_reply_to)), []).append(one)
     for index in rows.values():
         axes.axhline(index, color=FAINT, linewidth=0.4, zorder=1)
     for kind, several in kinds.items():
@@ -197,7 +198,7 @@ def messages(axes: Any, scene: Scene) -> list[Any]:
     return handles
 
 
-def _arrows(axes: Any, several: list[MessageSeen], rows: dict[str, int], colour: str) -> None:
+def _arrows(axes: Any, several: list[LoggedMessage], rows: dict[str, int], colour: str) -> None:
     """Draw the messages of one kind as one line with gaps, and their heads as two rows of marks."""
     x, y = [], []
     heads: dict[str, list[tuple[float, float]]] = {"v": [], "^": []}

@@ -1,4 +1,4 @@
-"""How plots look: colours that colour-blind readers tell apart and that differ in grey, sizes for paper columns."""
+"""Style of plots: colours that colour-blind readers distinguish and that differ in grey, sizes for paper columns."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ LEFT_MARKERS: Final = ("v", "X", "P")
 
 
 def settings(narrow: bool) -> dict[str, Any]:
-    """Return the settings of matplotlib: the same on every machine, whatever stands in the user's own."""
+    """Return the settings of matplotlib: the same on every machine, whatever the user's own are."""
     size = 6.5 if narrow else 7.5
     return {
         "font.family": ["DejaVu Sans"],  # comes with matplotlib: any other would differ from machine to machine
@@ -74,8 +74,8 @@ def settings(narrow: bool) -> dict[str, Any]:
         "axes.grid": True,
         "axes.axisbelow": True,
         "hatch.linewidth": 0.5,
-        "text.parse_math": False,  # what agents say may hold a dollar
-        "svg.fonttype": "path",  # as it looks here, on every machine; the words stand beside it as comments
+        "text.parse_math": False,  # texts of agents may hold a dollar
+        "svg.fonttype": "path",  # looks the same everywhere; the texts are written as comments
         "svg.hashsalt": "argosy",
         "pdf.fonttype": 42,  # fonts that publishers take
         "path.simplify": True,
@@ -84,7 +84,7 @@ def settings(narrow: bool) -> dict[str, Any]:
 
 
 def performative_kind(performative: str, answers: bool) -> str:
-    """Return under which name a message stands in the legend."""
+    """Return the name of a message's kind in the legend."""
     if answers:
         return "reply"
     if performative.startswith("ask"):

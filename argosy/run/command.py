@@ -20,7 +20,9 @@ from agentd.conversion.slow_notice import loading, told_if_long
 from argosy.check.command import at_start, check_mission
 from argosy.cli.journal import Entry, Journal
 from argosy.cli.port_check import endpoint, in_use, link_in_use
-from argosy.fleet_model.picture import Picture
+from argosy.fleet_model.mission_clock import steady_clock
+from argosy.fleet_model.model import FleetModel
+from argosy.fleet_model.robots import MAX_POINTS
 from argosy.processes.mavlink_links import address_of, bound_links, free_links, group_of, ports_of
 from argosy.processes.process_table import NoPort, Setup, free_after, places, real_robots
 from argosy.processes.resource_usage import Meter
@@ -28,9 +30,8 @@ from argosy.processes.simulators import only_real, vehicle_of
 from argosy.recording.run_recorder import NoRecording, RunRecording, recording_of
 from argosy.run.end_conditions import Ending
 from argosy.run.mission_runner import MissionRunner
-from argosy.run.report import FIGURE, write_report
 from argosy.run.run_status import Status
-from argosy.run.summary import summary
+from argosy.run.summary import FIGURE, summary, write_report
 from bridged.bridge.manifest_loader import load_robot_manifest
 from commd.common.clock import Clock
 from commd.process.local_runs import announced, starting
@@ -112,7 +113,7 @@ def run(args: Namespace) -> int:
             if setup.real and not args.yes:  # a person may take his time
                 ports.close()
             _consent(setup, args)
-            if args.router is None:  # who names a router names it to the other commands, too
+            if args.router is None:  # a user who names a router names it to the other commands, too
                 stack.enter_context(announced(mission.fleet, setup.router))
         except RunRefused as refused:
             print(f"error: {refused}", file=sys.stderr)
@@ -183,7 +184,7 @@ def _recording(setup: Setup, args: Namespace) -> tuple[Setup, str]:
 
 
 def _check_ports(setup: Setup) -> None:
-    """A second run must not talk into the first one's links: everything is probed before anything starts."""
+    """Check that router and links are free before anything starts: two runs must not share a link."""
     mission = setup.mission
     if mission.router.external is False and (why := in_use(setup.router)):
         other = "another one, such as --router tcp/127.0.0.1:7448, and give the robots other links"
@@ -217,7 +218,7 @@ def _open_log(report: Path | None, stack: ExitStack) -> TextIO | None:
 
 
 def _consent(setup: Setup, args: Namespace) -> None:
-    """Ask once. Where there is nobody to ask, only `--yes` decides: a pipe's answer is not a person's."""
+    """Ask once for consent to use real robots. Without a terminal only `--yes` counts."""
     if not setup.real or args.yes:
         return
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -228,7 +229,7 @@ def _consent(setup: Setup, args: Namespace) -> None:
 
 
 def _deeds(setup: Setup) -> str:
-    """Return in words what becomes of the real robots: those with a link of MAVLink may be armed."""
+    """Return what happens to the real robots, as text: those with a MAVLink link may be armed."""
     vehicles = sorted(name for name in setup.real if address_of(setup.mission.robots[name]) is not None)
     deeds = (("arm and fly the real vehicle", vehicles), ("act on the real robot", sorted({*setup.real} - {*vehicles})))
     said = [f"{deed}{'s' if len(names) > 1 else ''} {', '.join(names)}" for deed, names in deeds if names]
@@ -238,8 +239,8 @@ def _deeds(setup: Setup) -> str:
 def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str, bound: Callable[[], None]) -> int:
     clock = Clock(setup.speed)
     journal = Journal(clock.now, log)
-    picture = Picture(setup.mission, journal, clock.now)
-    status = Status(setup, picture, journal, Meter(), [], clock.now, recorded=unrecorded)
+    model = FleetModel(steady_clock, mission=setup.mission, track_points=MAX_POINTS, sees_runs=False)
+    status = Status(setup, model, journal, Meter(), [], clock.now, recorded=unrecorded)
     _bus_log_to(journal)
     flight = MissionRunner(status, bound)
     with _view(status, args.plain) as view:
@@ -268,7 +269,7 @@ def _tell(flight: MissionRunner, ending: Ending, report: Path | None) -> int:
 
 
 class _View(Protocol):
-    """What shows a run while it lasts."""
+    """A view of a run."""
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *_: object) -> None: ...
@@ -301,5 +302,5 @@ class _JournalHandler(logging.Handler):
 
 
 def _bus_log_to(journal: Journal) -> None:
-    """What our own bus has to say belongs into the view, not across it."""
+    """Show log lines of our own bus in the view, not across it."""
     logging.basicConfig(handlers=[_JournalHandler(journal)], level=logging.WARNING, force=True)

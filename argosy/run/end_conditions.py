@@ -1,4 +1,4 @@
-"""What ends a run: its mission, its operator, its time, or the loss of what it needs."""
+"""The conditions that end a run: mission, operator, timeout, or the loss of a needed process."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from argosy.fleet_model.robots import RobotSeen
-from argosy.fleet_model.snapshot import Observer
+from argosy.fleet_model.members import FleetAgent, FleetRobot
 from argosy.processes.supervisor import Supervisor
 from argosy.run.run_status import Status
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.units import Duration
+from schemas.humanize import printable
 from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import NO_STEPS
 
@@ -20,11 +20,11 @@ ROUTER_PATIENCE = 10.0
 RESTART_PATIENCE = 45.0
 """The same where dead and hung routers are started again: as long as that may take."""
 NOTHING_LEFT = 5.0
-"""Wall seconds for which nobody does or intends anything until that is told, or ends the run."""
+"""Wall seconds without any intention or action until that is reported, or ends the run."""
 DOWN: tuple[str, ...] = ("land", "rtl")
-"""Orders of an operator that end the run once they are carried out, whatever the agents make of it."""
+"""Orders of an operator that end the run once they are carried out, whatever the agents do."""
 ANSWERED = 3.0
-"""Wall seconds that a bridge stays after an order at least: whoever gave it hears what became of it."""
+"""Wall seconds that a bridge stays at least after an order, so that the operator gets its outcome."""
 
 
 @dataclass(frozen=True)
@@ -34,27 +34,25 @@ class Ending:
     code: int
     text: str
     graced: bool = field(default=False, compare=False)
-    """Whether programs may bring armed vehicles home first, and the reason may pass meanwhile."""
+    """Whether programs may bring armed vehicles home first; the reason may pass meanwhile."""
 
     @property
     def why(self) -> str:
-        """What it ended for, without the word that says how; empty if it is done."""
+        """The reason without `failed:`; empty if it is done."""
         return "" if self.code == EXIT_DONE else self.text.removeprefix("failed: ")
 
 
 class EndConditions:
-    """Looks, a few times a second, whether something has ended the run."""
+    """Judges, a few times a second, whether something has ended the run."""
 
     def __init__(self, status: Status, supervisor: Supervisor, now: Callable[[], float] = time.monotonic) -> None:
-        self.observer: Observer | None = None
-        """Once there is a bus."""
         self._status, self._supervisor = status, supervisor
-        self._mission, self._picture = status.setup.mission, status.picture
+        self._mission, self._model = status.setup.mission, status.model
         self._idle_since: float | None = None
-        """Since when no agent has anything left to do, in wall seconds."""
+        """Wall time since when no agent has anything left to do."""
         self._told_idle = False
         self._death: Ending | None = None
-        """The first death of a needed process: what is started again to bring vehicles home does not undo it."""
+        """The first death of a needed process; a restart to bring vehicles home does not undo it."""
         self._now = now
         self._ordered_since: float | None = None
         self._looked_at = status.now()
@@ -66,13 +64,13 @@ class EndConditions:
             self._death = Ending(EXIT_FAILED, f"failed: {dead[0].name} {dead[0].how_it_ended()}", graced=True)
         if self._death is not None:
             return self._death
-        if why := self._picture.not_commanded():
+        if why := self._not_commanded():
             return Ending(EXIT_FAILED, f"failed at the start: {why}")
         if order := self._stopped():
             return Ending(EXIT_FAILED, f"stopped by the operator: {order}")
-        if why := self._failed():
+        if not self._ordered() and (why := self._failed()):  # an agent that gives up does not end an operator's order
             return Ending(EXIT_FAILED, f"failed: {why}", graced=True)
-        if self._picture.done() and not (self._picture.paused() and self._picture.flying()):
+        if self._done() and not (self._status.paused() and self._status.flying()):
             return Ending(EXIT_DONE, "done")
         if why := self._lost():
             return Ending(EXIT_FAILED, f"failed: {why}", graced=True)
@@ -81,46 +79,74 @@ class EndConditions:
     def _wait_for_paused(self) -> None:
         """Put off the timeout for as long as an operator has paused a robot."""
         now = self._status.now()
-        if self._status.timeout_at is not None and self._picture.paused():
+        if self._status.timeout_at is not None and self._status.paused():
             self._status.timeout_at += now - self._looked_at
         self._looked_at = now
 
-    def _failed(self) -> str:
-        """What an agent gives up while an operator has its flying vehicle must not end the operator's order."""
-        return "" if self._ordered() else self._picture.failed()
+    def _not_commanded(self) -> str:
+        """Return which vehicle's autopilot is not one that Argosy commands, as text; empty if all are."""
+        for name, robot in self._status.robots.items():
+            for note in () if robot.health is None else robot.health.notes:
+                if note.code == "autopilot_unknown":
+                    return f"{name}: {note.text}"
+        return ""
 
-    def _ordered(self) -> list[RobotSeen]:
-        return [robot for robot in self._picture.robots.values() if robot.operator]
+    def _done(self) -> bool:
+        """Whether every `done` formula of the mission holds; a mission without one is never done."""
+        wanted = self._mission.done
+        minds = self._model.agents
+        return bool(wanted) and all(
+            (mind := minds[one.agent].mind) is not None and mind.done.get(one.formula, False) for one in wanted
+        )
+
+    def _failed(self) -> str:
+        """Return which `failed` formula of the mission holds, as text; empty if none does."""
+        for one in self._mission.failed:
+            mind = self._model.agents[one.agent].mind
+            if mind is not None and mind.failed.get(one.formula, False):
+                name = one.formula.partition("(")[0]
+                believed = next((text for text in mind.beliefs if text.partition("(")[0] == name), one.formula)
+                return f"{one.agent} believes {printable(believed.rpartition('[source(')[0] or believed)}"
+        return ""
+
+    def _ordered(self) -> list[FleetRobot]:
+        return [robot for robot in self._status.robots.values() if robot.seen.operator]
 
     def _stopped(self) -> str:
-        """Return the operator's order once nobody flies and it is answered: `hold` if an agent gave up upon it."""
-        ordered = [robot.operator for robot in self._ordered()]
+        """Return the operator's order once no vehicle flies and it is answered; `hold` only if an agent gave up."""
+        ordered = [robot.seen.operator for robot in self._ordered()]
         self._ordered_since = (self._ordered_since or self._now()) if ordered else None
-        if self._ordered_since is None or self._now() - self._ordered_since < ANSWERED or self._picture.flying():
+        if self._ordered_since is None or self._now() - self._ordered_since < ANSWERED or self._status.flying():
             return ""
-        told = [order for order in ordered if order in DOWN or self._picture.failed()]
+        told = [order for order in ordered if order in DOWN or self._failed()]
         return ", ".join(dict.fromkeys(told))
 
     def _lost(self) -> str:
-        """Return what the run cannot do without and has lost."""
-        if self.observer is None:
-            return ""
-        restart = self._status.setup.restart
-        since, patience = self.observer.router_lost, RESTART_PATIENCE if restart else ROUTER_PATIENCE
-        if since is not None and time.monotonic() - since > patience:
+        """Return what the run needs and has lost, as text."""
+        restart, model = self._status.setup.restart, self._model
+        patience = RESTART_PATIENCE if restart else ROUTER_PATIENCE
+        if not model.router_up and model.now() - (model.router_since or 0.0) > patience:
             return f"the router at {self._status.setup.router} has not answered for {patience:g} s"
-        if restart:  # an agent may be away for a while: dead, cut off, on its way back; what hangs is killed
+        if restart:  # an agent may be dead, cut off or on its way back; a hung one is killed
             return ""
-        silent = sorted(self.observer.silent)
+        silent = self._silent()
         return f"{', '.join(silent)} has not shown its mind for {SILENT_AFTER:g} s" if silent else ""
 
-    def _nothing_left(self) -> Ending | None:
-        """End the run when no agent has anything left to do and `on_idle` has brought home what flew.
+    def _silent(self) -> list[str]:
+        """Return the agents that have not shown their minds for `SILENT_AFTER`, although the router answers."""
+        return sorted(name for name, agent in self._status.agents.items() if self._is_silent(agent))
 
-        Without that only the timeout ends it, which is said once: an agent on the ground may wait for what comes.
+    def _is_silent(self, agent: FleetAgent) -> bool:
+        gone = not agent.there and agent.since is not None and self._model.now() - agent.since > SILENT_AFTER
+        return gone or agent.silent is not None
+
+    def _nothing_left(self) -> Ending | None:
+        """End the run when no agent has anything left to do and `on_idle` has brought the vehicles home.
+
+        Without vehicles brought home only the timeout ends it, which is reported once: an agent may wait for events.
         """
         until = self._status.timeout_at
-        if until is None or self._ordered() or self._picture.paused() or not self._idle():
+        if until is None or self._ordered() or self._status.paused() or not self._idle():
             self._idle_since, self._told_idle = None, False
             return None
         now = self._now()
@@ -130,7 +156,7 @@ class EndConditions:
         if home := self._brought_home():
             why = f"{', '.join(home)} was in the air with nobody in charge and was brought home (on_idle)"
             over = Ending(EXIT_FAILED, f"failed: {why}; no agent has anything left to do")
-            return None if self._picture.flying() else over
+            return None if self._status.flying() else over
         if not self._told_idle:
             self._told_idle = True
             left = f"the mission ends at its timeout in {until - self._status.now():.0f} s"
@@ -138,14 +164,19 @@ class EndConditions:
         return None
 
     def _idle(self) -> bool:
-        """Whether all agents are heard, and idle."""
-        cut_off = self.observer is not None and (self.observer.silent or self.observer.router_lost is not None)
-        return not cut_off and self._picture.idle()
+        """Whether every agent is heard and reports that it is idle, no action runs and no client is there to act."""
+        model = self._model
+        idle = all(
+            agent.mind is not None and agent.mind.cycle and agent.health is not None and agent.health.idle
+            for agent in self._status.agents.values()
+        )
+        heard = model.router_up and not self._silent()
+        return heard and idle and not model.open_actions() and not model.holders("client")
 
     def _brought_home(self) -> list[str]:
         """Return the robots that their bridges have brought home since no agent was in charge of them."""
         robots = self._mission.robots
-        unattended = [robot.name for robot in self._picture.robots.values() if robot.unattended]
+        unattended = [name for name, robot in self._status.robots.items() if robot.seen.unattended]
         return [name for name in unattended if robots[name].on_idle != NO_STEPS]
 
     def _late(self) -> Ending | None:

@@ -1,36 +1,37 @@
-"""The course of a run: start in order, watch until it ends, bring vehicles home, leave nothing behind."""
+"""One run of a mission: start its processes in order, watch it, bring vehicles home and end everything."""
 
 from __future__ import annotations
 
 import asyncio
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AsyncExitStack, suppress
 from itertools import pairwise
 
 from msgspec.structs import replace
 
-from argosy.fleet_model.snapshot import Observer
+from argosy.cli.journal import Level
+from argosy.fleet_model.observer import AT_ONCE, FleetObserver, Wanted
 from argosy.processes.process_table import Process, plan
 from argosy.processes.supervisor import Child, Restarts, Supervisor
 from argosy.recording.run_recorder import what_became_of_it
 from argosy.run.armed_warnings import age, last_line
 from argosy.run.end_conditions import EndConditions, Ending
-from argosy.run.process_output import ProcessOutput
 from argosy.run.recovery import Recovery
 from argosy.run.run_status import Status
 from argosy.run.watchdog import Watchdog
 from commd.bus.bus import open_bus
 from commd.bus.errors import BusClosed
 from commd.process.process import EXIT_DONE, EXIT_FAILED
-from schemas.wire import keys
+from schemas.wire import keys, log_lines
+from schemas.wire.log_lines import AnyEvent, LogLine, OrderEnded, RobotLeft, RobotReleased
 from schemas.wire.records import RunPhase
 
 STARTUP_PATIENCE = 30.0
 """Wall seconds that each step of the startup may take."""
 REFRESH = 0.25
-"""Wall seconds between two refreshes of the view, and between two looks at what may end the run."""
+"""Wall seconds between two refreshes of the view, and between two checks of the end conditions."""
 SETTLE = 2.0
 """Wall seconds after the end before idle use is measured: bridges slow the vehicle's streams only then."""
 IDLE_WINDOW = 3.0
@@ -38,15 +39,23 @@ IDLE_WINDOW = 3.0
 LEAVE = 10.0
 """Wall seconds that a process has to leave: less than one, where the machine is not busy."""
 LEAVE_BRIDGE = 35.0
-"""The same for a bridge, which may try three orders for 10 s each on a robot that does not say if it is in use."""
+"""The same for a bridge, which may try three orders for 10 s each on a robot that does not report its state."""
 LEAVE_RECORDER = 15.0
-"""Wall seconds that a recorder has to ask for what it has missed, and to end its file."""
+"""Wall seconds that a recorder has to fetch what it has missed and to end its file."""
+WANTED = Wanted(minds_every=0.5, beliefs_per_tick=AT_ONCE, whole_fleet=False)
+"""Minds with beliefs, twice a second; no deeds and no mail."""
 POLL = 0.02
-"""Wall seconds between two looks at whether a process has come up."""
+"""Wall seconds between two checks of whether a process is up."""
+_LEVELS: Mapping[log_lines.Level, Level] = {
+    "error": "error",
+    "warning": "warning",
+    "notice": "output",
+    "info": "detail",
+}
 
 
 class StartupFailed(Exception):
-    """Something did not come up in time; says what."""
+    """A process did not come up in time."""
 
 
 class MissionRunner:
@@ -55,7 +64,7 @@ class MissionRunner:
     def __init__(self, status: Status, bound: Callable[[], None] = lambda: None) -> None:
         """`bound` is called once the routers and bridges have their ports."""
         self.status, self._bound = status, bound
-        self._mission, self._journal, self._picture = status.setup.mission, status.journal, status.picture
+        self._mission, self._journal = status.setup.mission, status.journal
         self._output = ProcessOutput(status)
         self._supervisor = Supervisor(self._output.wrote, self._ended)
         status.children = self._supervisor.children
@@ -65,11 +74,11 @@ class MissionRunner:
         self._recovery = Recovery(status, self._supervisor, self._end_conditions, self._watchdog, self._restarts)
         self._wake = asyncio.Event()
         self._signals: list[signal.Signals] = []
-        """By which the user wanted to end the run, again and again."""
-        self._observer: Observer | None = None
+        """Signals by which the user asked to end the run."""
+        self._observer: FleetObserver | None = None
         self._bus = AsyncExitStack()
         self.finished: float | None = None
-        """Mission time at which the mission ended, however it did."""
+        """Mission time at which the mission ended."""
         self._marks: dict[str, float] = {}
         """Mission time at which each stretch of the run ended."""
         self._idle = False
@@ -118,10 +127,7 @@ class MissionRunner:
         return [*stretches, ("total", ends[-1])]
 
     async def _start(self) -> None:
-        """Start routers, simulators and bridges together, then the recorder, and the agents when all of them are there.
-
-        What an agent is born to is there: its bridge, and the recorder that hears its first words.
-        """
+        """Start routers, simulators and bridges together, then the recorder, and the agents when all of them are up."""
         status, setup = self.status, self.status.setup
         processes = plan(setup)
 
@@ -143,9 +149,7 @@ class MissionRunner:
                 patience=STARTUP_PATIENCE,
             )
         )
-        self._observer = self._end_conditions.observer = self._watchdog.observer = observer = Observer(
-            bus, self._picture
-        )
+        observer = self._observer = FleetObserver(bus, status.model, self._mission.fleet, WANTED)
         await self._until(comm)
         recorders = await start("recorder")
         await self._until(bridges)
@@ -170,14 +174,14 @@ class MissionRunner:
         return child
 
     async def _until(self, children: list[Child]) -> None:
-        """Wait until processes have shown themselves on the bus."""
+        """Wait until processes are up."""
         for child in children:
             name = child.name
             await self._wait_for(name, lambda child=child: self.status.serves(child))  # type: ignore[misc]
             self._journal.add(name, "up", "good")
 
     async def _recorded(self, recorders: list[Child]) -> None:
-        """Wait until a recorder hears everything: agents that come later are recorded from their birth on."""
+        """Wait until a recorder is up, so that agents are recorded from their start."""
         recording = self.status.setup.recording
         for child in recorders:
             with suppress(StartupFailed):
@@ -193,7 +197,7 @@ class MissionRunner:
         for name, robot in self._mission.robots.items():
             if self._mission.agents_of(name) and name in self.status.setup.telling:
                 what = f"a heartbeat of the vehicle of {name} on {robot.link or robot.prefix}"
-                await self._wait_for(what, lambda name=name: self._picture.robots[name].connected)  # type: ignore[misc]
+                await self._wait_for(what, lambda name=name: self.status.robots[name].seen.connected)  # type: ignore[misc]
 
     async def _wait_for(self, what: str, there: Callable[[], bool]) -> None:
         self.status.waiting_for = what
@@ -204,7 +208,7 @@ class MissionRunner:
         raise StartupFailed(f"waited {STARTUP_PATIENCE:g} s in vain for {what}")
 
     async def _watch(self, startup: asyncio.Task[None]) -> Ending:
-        """Wait for whatever ends the run."""
+        """Wait until the run ends."""
         while True:
             self._wake.clear()
             if self._signals:
@@ -225,18 +229,18 @@ class MissionRunner:
                 await asyncio.wait_for(self._wake.wait(), REFRESH)
 
     def _interrupted(self) -> str:
-        """Return by what the user wanted to end the run; empty if nobody did."""
+        """Return the signal by which the user ended the run, as text; empty if there was none."""
         if not self._signals:
             return ""
         return "ctrl-C" if self._signals[-1] == signal.SIGINT else self._signals[-1].name
 
     async def _rest(self) -> None:
         """Leave the daemons in peace for a moment to measure what they use when idle."""
-        if self._picture.flying() or self._picture.open_actions():
+        if self.status.flying() or self.status.model.open_actions():
             return
         self.status.waiting_for = "idle use to be measured"
         if self._observer is not None:
-            self._observer.watching_minds.clear()
+            self._observer.asks_minds = False
         if await self._undisturbed(SETTLE):
             self._sample()
             self._idle = True
@@ -246,7 +250,7 @@ class MissionRunner:
         self._marks["measuring"] = self.status.now()
 
     async def _undisturbed(self, seconds: float) -> bool:
-        """Wait, unless somebody wants to end at once. Returns whether nobody did."""
+        """Wait `seconds`, unless the user or a process ends. Returns whether the time passed."""
         self._wake.clear()
         try:
             await asyncio.wait_for(self._wake.wait(), seconds)
@@ -255,7 +259,7 @@ class MissionRunner:
         return False
 
     async def _bring_home(self) -> str:
-        """Wait until no vehicle is armed; the agents leave meanwhile: only its bridge commands what comes home.
+        """Wait until no vehicle is armed; the agents leave meanwhile, so that only bridges command vehicles.
 
         Returns which vehicles were left armed and are not a pilot's, and why; empty if there is none.
         """
@@ -271,7 +275,7 @@ class MissionRunner:
         """Stop everything in order: a bridge may need its simulator, and both are watched through commd."""
         await self._restarts.close()
         self.status.waiting_for = ""
-        for robot in self._picture.robots.values():
+        for robot in self.status.robots.values():
             if old := age(self.status, robot):
                 self.status.frozen.add(robot.name)
                 self._journal.add(robot.name, f"what is known of it is {old:.0f} s old", "warning")
@@ -286,14 +290,15 @@ class MissionRunner:
         await self._stop(self._supervisor.of_kind("recorder"), LEAVE_RECORDER)
         await self._bus.aclose()
         await self._stop(self._supervisor.of_kind("simulator"), LEAVE)
-        for router in reversed(self._supervisor.of_kind("commd")):  # one by one: each tells the others that it leaves
+        for router in reversed(self._supervisor.of_kind("commd")):  # one by one: each reports its leave to the others
             await self._stop([router], LEAVE)
 
     def _tell_what_is_armed(self, robot: str, bridge: Child) -> None:
-        seen = self._picture.robots[robot]
+        member = self.status.robots[robot]
+        seen = member.seen
         if not seen.armed:
             return
-        state = "was armed when it was last heard" if seen.lost or age(self.status, seen) else "is armed"
+        state = "was armed when it was last heard" if seen.lost or age(self.status, member) else "is armed"
         if self._recovery.simulator_is_dead(robot):
             self._journal.add(robot, "was armed, and is no more: its simulator is dead", "warning")
         elif seen.coming_home and (bridge.alive or bridge.replaced):
@@ -320,6 +325,7 @@ class MissionRunner:
         self._publish()
 
     def _publish(self) -> None:
+        self.status.model.clock.look_at_run(self.status.now(), self.status.setup.speed, self.status.model.now())
         if self._observer is not None:
             bus = self._observer.bus
             bus.put(keys.run(bus.fleet, bus.name), replace(self.status.record(), header=bus.header("run")))
@@ -338,11 +344,11 @@ class MissionRunner:
     def _sample(self) -> None:
         children = [child for child in self.status.children if child.alive]
         measured = [child.pid for child in children if child.process.kind.measured]
-        flying = self._picture.flying() and self.finished is None
+        flying = self.status.flying() and self.finished is None
         self.status.meter.sample([child.pid for child in children], measured, flying=flying, idle=self._idle)
 
     def _told_to_stop(self, number: signal.Signals) -> None:
-        """End the mission; told again, or when nothing flies, leave at once."""
+        """End the mission; on a second signal, or when no vehicle flies, leave immediately."""
         self._signals.append(number)
         self._wake.set()
         armed = [robot.name for robot in self._recovery.armed()]
@@ -359,7 +365,7 @@ class MissionRunner:
             self._restarts.died(child)
             kind, subjects = child.process.kind.name, child.process.subject.split()
             for name in subjects if kind in ("agentd", "bridged") else ():
-                (self._picture.agent_ended if kind == "agentd" else self._picture.bridge_ended)(name)
+                (self.status.model.agent_died if kind == "agentd" else self.status.model.bridge_died)(name)
         if child.dead:
             needed = child.process.kind.needed
             without = "" if needed else "; the run goes on, and is not recorded any more"
@@ -367,3 +373,42 @@ class MissionRunner:
         if child.process.kind.name == "recorder":
             self.status.recorded = what_became_of_it(child.lines, child.how_it_ended())
         self._wake.set()
+
+
+class ProcessOutput:
+    """Takes the lines of processes into the journal, and their events into the model."""
+
+    def __init__(self, status: Status) -> None:
+        self.ending = False
+        """Whether the run is over: then lines of level `info` are shown too."""
+        self._model, self._journal, self._left = status.model, status.journal, status.left
+
+    def wrote(self, child: Child, line: LogLine) -> None:
+        """Take a line of a process."""
+        kind, subjects = child.process.kind.name, child.process.subject.split()
+        if kind == "agentd" and line.agent in subjects:
+            self._model.agents[line.agent].prints.append(line.text)
+            self._journal.add(line.agent, line.text, "print")
+        elif kind == "agentd" and line.agent:  # an agent that was created at run time
+            self._journal.add(child.name, f"[{line.agent}] {line.text}", "output")
+        elif kind == "bridged" and getattr(line.event, "robot", None) in subjects:
+            self._reported(line.event)
+        else:
+            level = _LEVELS[line.level]
+            self._journal.add(child.name, line.text, "output" if level == "detail" and self.ending else level)
+
+    def _reported(self, event: AnyEvent | None) -> None:
+        """Take an event of a bridge about its robot: no action status reports it when no action ran."""
+        match event:
+            case RobotLeft(robot=robot, state=state, text=text):
+                self._left[robot] = event
+                levels: dict[str, Level] = {"ordered": "good", "disarmed": "info", "piloted": "warning"}
+                self._journal.add(robot, f"its bridge left it: {text}", levels.get(state, "error"))
+            case OrderEnded(robot=robot, order=order, confirmed=True, reason=reason):
+                self._model.ordered(robot, order)
+                self._journal.add(robot, f"{order} confirmed: {reason or 'the vehicle does it'}", "good")
+            case OrderEnded(robot=robot, order=order, reason=reason):
+                self._model.ordered(robot, order)
+                self._journal.add(robot, f"{order} NOT confirmed: {reason}", "error")
+            case RobotReleased(robot=robot):
+                self._model.released(robot)

@@ -1,4 +1,4 @@
-"""The run as plain lines: for a pipe, a log, a terminal that is not one."""
+"""The run as plain lines: for pipes, logs and dumb terminals."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class PlainView:
         pass
 
     def show(self, entry: Entry) -> None:
-        """Write one line, at once."""
+        """Write one line."""
         try:
             print(entry, file=self._out, flush=True)
-        except OSError:  # nobody reads any more; the vehicle still has to be brought home
+        except OSError:  # the reader is gone; vehicles still have to be brought home
             self.show = lambda entry: None  # type: ignore[method-assign]
 
     def refresh(self) -> None:
-        """Lines show themselves."""
+        """Do nothing: lines are written as they come."""

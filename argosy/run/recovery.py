@@ -6,7 +6,7 @@ import asyncio
 import time
 from collections.abc import Callable
 
-from argosy.fleet_model.robots import RobotSeen
+from argosy.fleet_model.members import FleetRobot
 from argosy.processes.supervisor import Child, Restarts, Supervisor
 from argosy.run.armed_warnings import left_alone
 from argosy.run.end_conditions import EndConditions, Ending
@@ -15,17 +15,17 @@ from argosy.run.watchdog import Watchdog
 from commd.common.tasks import wait_at_most
 
 REFRESH = 0.25
-"""Wall seconds between two looks at the vehicles and daemons."""
+"""Wall seconds between two checks of vehicles and daemons."""
 TOLD_EVERY = 10.0
 """Wall seconds between two lines of the countdown."""
 HEARD_WITHIN = 30.0
-"""Wall seconds that a bridge that was started again has to hear its armed vehicles, before it is told in any case."""
+"""Wall seconds that a restarted bridge has to hear its armed vehicles, before it is ordered to leave in any case."""
 NEEDED = ("commd", "bridged")
-"""Daemons without which no vehicle comes home, or nobody sees it."""
+"""Daemons without which no vehicle comes home, or it is not seen."""
 
 
 class Recovery:
-    """Keeps what brings vehicles home alive, and waits for them."""
+    """Keeps the daemons that bring vehicles home alive, and waits for the vehicles."""
 
     def __init__(
         self,
@@ -36,15 +36,15 @@ class Recovery:
         restarts: Restarts,
     ) -> None:
         self.hurry = asyncio.Event()
-        """Set when the user wants to leave, whatever is in the air."""
+        """Set when the user wants to leave, even with vehicles in the air."""
         self._status, self._supervisor, self._end_conditions = status, supervisor, end_conditions
         self._watchdog, self._restarts = watchdog, restarts
-        self._mission, self._picture, self._journal = status.setup.mission, status.picture, status.journal
+        self._mission, self._journal = status.setup.mission, status.journal
 
     async def outlasts_grace(self, ending: Ending, interrupted: Callable[[], str]) -> Ending | None:
         """Let the programs bring their vehicles home before a failure counts. Returns what ends the run, if it does.
 
-        The grace does not run while an operator has paused a robot: the run does not bring home what he holds.
+        The grace stops while an operator has paused a robot: the run does not bring that home.
         """
         left, looked = self._mission.grace, time.monotonic()
         told = f"{ending.text}; vehicles are armed: their programs have {left:g} wall seconds before the mission ends"
@@ -98,18 +98,18 @@ class Recovery:
             why = f"`bring_home` ran out after {self._mission.bring_home:g} s"
         return f"{', '.join(map(_where, alone))} left armed: {why}"
 
-    def armed(self) -> list[RobotSeen]:
-        """Return the vehicles that are armed, or were when they fell silent; one whose simulator is dead is no more."""
-        robots = self._picture.robots.values()
-        return [robot for robot in robots if robot.armed and not self.simulator_is_dead(robot.name)]
+    def armed(self) -> list[FleetRobot]:
+        """Return the vehicles that are armed, or were when they fell silent, without those whose simulator is dead."""
+        robots = self._status.robots.values()
+        return [robot for robot in robots if robot.seen.armed and not self.simulator_is_dead(robot.name)]
 
     def simulator_is_dead(self, robot: str) -> bool:
-        """Whether a robot is no more: what simulated it is dead."""
+        """Whether the simulator of a robot is dead, and so the robot."""
         simulators = self._supervisor.of_kind("simulator")
         return any(not child.alive for child in simulators if child.process.subject == robot)
 
     def _look_after_daemons(self) -> None:
-        """Start the needed daemons again that are dead or hang, whatever the mission says of restarts."""
+        """Restart needed daemons that are dead or hang, even if the mission has no restarts."""
         self._watchdog.look(NEEDED)
         for child in self._supervisor.dead():
             if child.process.kind.name in NEEDED and not all(
@@ -118,26 +118,27 @@ class Recovery:
                 self._restarts.died(child, anyway=True)
         self._restarts.tell(self._status.serves)
 
-    def _away(self) -> list[RobotSeen]:
-        """Return the armed vehicles whose bridge is there, or is to be; one that has ended has left them to a pilot."""
+    def _away(self) -> list[FleetRobot]:
+        """Return the armed vehicles whose bridge runs, or is restarted; others are left to a pilot."""
         return [robot for robot in self.armed() if robot.name in self._bridged()]
 
     def _paused(self) -> list[str]:
-        """Return the robots that an operator has paused and can let go on: their bridge is there, or is to be."""
-        return [name for name in self._picture.paused() if name in self._bridged()]
+        """Return the paused robots that an operator can continue: their bridge runs, or is restarted."""
+        return [name for name in self._status.paused() if name in self._bridged()]
 
     def _bridged(self) -> set[str]:
         bridges = [child for child in self._supervisor.of_kind("bridged") if child.alive or child.replaced]
         return {name for bridge in bridges for name in bridge.process.subject.split()}
 
     def _knows_its_vehicles(self, bridge: Child) -> bool:
-        """Whether a bridge has heard its armed vehicles: others it would leave, as if they were on the ground."""
+        """Whether a bridge has heard its armed vehicles: it would leave unheard ones as if they were on the ground."""
         age = time.monotonic() - bridge.started
-        since = self._status.now() - age * self._status.setup.speed
-        robots = [self._picture.robots[name] for name in bridge.process.subject.split()]
+        since = self._status.model.now() - age
+        robots = [self._status.robots[name].seen for name in bridge.process.subject.split()]
         return age > HEARD_WITHIN or all(robot.heard > since for robot in robots if robot.armed)
 
 
-def _where(robot: RobotSeen) -> str:
-    height = "" if robot.altitude is None else f", {robot.altitude + 0.0:.0f} m up"
-    return f"{robot.name} ({'LOST' if robot.lost else robot.mode}{height})"
+def _where(robot: FleetRobot) -> str:
+    seen = robot.seen
+    height = "" if seen.altitude is None else f", {seen.altitude + 0.0:.0f} m up"
+    return f"{robot.name} ({'LOST' if seen.lost else seen.mode}{height})"

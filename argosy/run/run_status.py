@@ -1,4 +1,4 @@
-"""How a run stands: what the views show besides the picture of the fleet."""
+"""The state of a run: the model of its fleet, and what its views show besides it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from argosy.cli.journal import Journal
-from argosy.fleet_model.picture import Picture
+from argosy.fleet_model.members import FleetAgent, FleetRobot
+from argosy.fleet_model.model import FleetModel
+from argosy.fleet_model.timeline import Entry
 from argosy.processes.process_table import Setup
 from argosy.processes.resource_usage import Meter
 from argosy.processes.supervisor import Child
@@ -17,10 +19,10 @@ from schemas.wire.records import RunPhase, RunState
 
 @dataclass
 class Status:
-    """A run as its views see it."""
+    """A run as its views show it."""
 
     setup: Setup
-    picture: Picture
+    model: FleetModel
     journal: Journal
     meter: Meter
     children: list[Child]
@@ -32,26 +34,50 @@ class Status:
     ended: float | None = None
     """Mission time at which the run was done or had failed."""
     waiting_for: str = ""
-    """What the run waits for now, in words."""
+    """What the run waits for now, as text."""
     timeout_at: float | None = None
     """Mission time at which the run ends by its timeout; known once everything is up."""
     up: set[str] = field(default_factory=set)
-    """Names of the processes that have shown themselves on the bus."""
+    """Names of the processes that hold their name on the bus."""
     left: dict[str, RobotLeft] = field(default_factory=dict)
-    """How each bridge left its robot."""
+    """How each bridge left its robot, by robot."""
     killed: set[str] = field(default_factory=set)
     """Robots whose bridge did not leave in time."""
     frozen: set[str] = field(default_factory=set)
-    """Robots of which nothing new was heard any more when the run ended."""
-
+    """Robots whose state was old when the run ended."""
     recorded: str = ""
-    """What became of the recording, in words; empty = there is none and nobody wanted one."""
-
+    """Outcome of the recording, as text; empty = there is none, and none was asked for."""
     restarts: Counter[str] = field(default_factory=Counter)
-    """How often each process was started again, by its name."""
+    """How often each process was restarted, by its name."""
+
+    def __post_init__(self) -> None:
+        """Put the changes and actions of the fleet into the journal."""
+        self.model.timeline.listener = self._enter
+
+    @property
+    def agents(self) -> dict[str, FleetAgent]:
+        """The agents of the mission."""
+        return {name: self.model.agents[name] for name in self.setup.mission.agents}
+
+    @property
+    def robots(self) -> dict[str, FleetRobot]:
+        """The robots of the mission."""
+        return {name: self.model.robots[name] for name in self.setup.mission.robots}
+
+    def flying(self) -> bool:
+        """Whether any vehicle is armed, or was when it fell silent."""
+        return any(robot.seen.armed for robot in self.robots.values())
+
+    def paused(self) -> list[str]:
+        """Return the robots that an operator has paused."""
+        return [name for name, robot in self.robots.items() if robot.seen.paused]
+
+    def mission_seconds(self, wall: float) -> float:
+        """Convert a length of time in wall seconds, as the model has it, into mission seconds."""
+        return wall * self.setup.speed
 
     def record(self) -> RunState:
-        """Return how far the run has come, for the bus."""
+        """Return the state of the run for the bus."""
         setup = self.setup
         return RunState(
             phase=self.phase,
@@ -69,11 +95,15 @@ class Status:
         )
 
     def serves(self, child: Child) -> bool:
-        """Whether a process has come so far that it does its work."""
+        """Whether a process is up."""
         subjects, kind = child.process.subject.split(), child.process.kind.name
         if kind == "recorder":
             return any(isinstance(line.event, RecordingStarted) for line in child.lines)
-        if kind == "simulator":  # a robot that is never told to be connected is there when its simulator runs
+        if kind == "simulator":  # a robot without the percept `state` is up with its simulator
             telling = self.setup.telling
-            return all(self.picture.robots[robot].connected for robot in subjects if robot in telling)
-        return all(self.picture.is_alive(subject, kind) for subject in subjects)
+            return all(self.model.robots[robot].seen.connected for robot in subjects if robot in telling)
+        return self.model.holders(kind).issuperset(subjects)
+
+    def _enter(self, entry: Entry) -> None:
+        if entry.what in ("told", "action", "outcome"):
+            self.journal.add(entry.who, entry.text, entry.level)

@@ -12,9 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from argosy.cli.journal import Entry, Level
-from argosy.fleet_model.picture import AgentSeen
-from argosy.fleet_model.robots import ActionSeen, RobotSeen
-from argosy.fleet_model.track import Track
+from argosy.fleet_model.actions import ActionSeen
+from argosy.fleet_model.members import FleetAgent, FleetRobot
+from argosy.fleet_model.robots import Track
 from argosy.processes.resource_usage import MEGABYTE
 from argosy.run.armed_warnings import age
 from argosy.run.run_status import Status
@@ -33,15 +33,14 @@ STYLES: dict[Level, str] = {
     "detail": "dim",
 }
 AIRY = 30
-"""Lines of a terminal from which on there is room for blank ones."""
+"""Lines of a terminal from which on blank lines separate the sections."""
 _BARS = "▁▂▃▄▅▆▇█"
-_MOST_PRINTS = 3
 _AROUND = 10
-"""Columns of the margins, the mark of an action and the ellipsis."""
+"""Columns for margins, the mark of an action and the ellipsis."""
 
 
 class LiveView:
-    """Shows the run on the terminal's other screen, so that what stood there comes back at the end."""
+    """Shows the run on the terminal's alternate screen, so that the former content returns at the end."""
 
     def __init__(self, status: Status, console: Console) -> None:
         self._screen = Screen(status)
@@ -59,13 +58,13 @@ class LiveView:
         """Entries appear with the next refresh."""
 
     def refresh(self) -> None:
-        """Draw what is known now. A terminal that is gone is no reason to leave a vehicle alone."""
+        """Draw the present state. A lost terminal must not end the run."""
         with suppress(OSError):
             self._live.refresh()
 
 
 class Screen:
-    """The whole screen: what there is to say first, then as much of the journal as fits."""
+    """The whole screen: vehicles, agents and processes, then as much of the journal as fits."""
 
     def __init__(self, status: Status) -> None:
         self.status = status
@@ -102,28 +101,28 @@ class Screen:
         return [_row(left, right), Rule(style="dim", characters="─")]
 
     def _vehicles(self, width: int) -> list[Table | Text]:
-        robots = self.status.picture.robots.values()
-        if not robots:
-            return []
+        status = self.status
+        now, robots = status.model.now(), status.robots.values()
         table = Table.grid(padding=(0, 2), pad_edge=True)
-        others = [robot for robot in robots if robot.told and not robot.mode]
+        others = [robot for robot in robots if robot.seen.told and not robot.seen.mode]
         for robot in robots:
             if robot not in others:
-                table.add_row(*_robot(robot, width, self.status.now() - robot.heard, age(self.status, robot)))
+                silent = status.mission_seconds(now - robot.seen.heard)
+                table.add_row(*_robot(robot, width, silent, age(status, robot)))
         return [*([table] if table.row_count else []), *map(_no_vehicle, others)]
 
     def _agents(self, width: int) -> list[Table | Text]:
-        return [*(self._agent(agent, width) for agent in self.status.picture.agents.values()), *self._done()]
+        return [*(self._agent(agent, width) for agent in self.status.agents.values()), *self._done()]
 
-    def _agent(self, agent: AgentSeen, width: int) -> Table:
-        now = self.status.now()
+    def _agent(self, agent: FleetAgent, width: int) -> Table:
+        status, model = self.status, self.status.model
         table = Table.grid(padding=(0, 2), pad_edge=True)
         table.add_column(no_wrap=True, style="bold")
         table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
         table.expand = True
         name = agent.name
-        actions = [action for action in self.status.picture.open_actions() if action.agent == agent.name]
-        for intention in agent.intentions:
+        actions = model.open_actions(agent.name)
+        for intention in () if agent.mind is None else agent.mind.intentions:
             stack = printable(" ‹ ".join(intention.stack)) or f"intention {intention.id}"
             waits = "" if intention.waits_for is None else f" for {awaited(intention.waits_for)}"
             why = "" if actions or intention.state == "running" else f"  {intention.state}{waits}"
@@ -131,14 +130,14 @@ class Screen:
             table.add_row(name, Text.assemble(stack, (printable(f"  {place}{why}"), "dim")))
             name = ""
         if name:
-            up = self.status.picture.is_alive(agent.name, "agentd")
+            up = agent.name in model.holders("agentd")
             table.add_row(name, Text("no intentions" if up else "not there yet", style="dim"))
         for action in actions:
-            age = f"  {action.state} {action.age(now):.0f} s  "
+            age = f"  {action.state} {status.mission_seconds(action.age(model.now())):.0f} s  "
             told = _feedback(action, width - len(agent.name) - len(action.text) - len(age) - _AROUND)
             text = Text.assemble(("▸ ", "blue"), (printable(action.text), "blue"), age, (printable(told), "dim"))
             table.add_row("", text)
-        for line in list(agent.prints)[-_MOST_PRINTS:]:
+        for line in agent.prints:
             table.add_row("", Text(f"“{printable(line)}”", style="cyan"))
         return table
 
@@ -146,7 +145,8 @@ class Screen:
         wanted = self.status.setup.mission.done
         if not wanted:
             return []
-        held = [self.status.picture.agents[one.agent].done.get(one.formula, False) for one in wanted]
+        minds = [self.status.model.agents[one.agent].mind for one in wanted]
+        held = [mind is not None and mind.done.get(one.formula, False) for one, mind in zip(wanted, minds, strict=True)]
         text = Text.assemble(" ", ("done when  ", "dim"))
         for one, holds in zip(wanted, held, strict=True):
             text.append("● " if holds else "○ ", style="green" if holds else "dim")
@@ -189,7 +189,7 @@ class Screen:
         return f"restarted {count(number, 'time')}" if number else ""
 
     def _health(self, daemon: str, subject: str) -> str:
-        told = [self.status.picture.health.get((name, daemon)) for name in subject.split()]
+        told = [self.status.model.health_of(name, daemon) for name in subject.split()]
         drops = sum(health.drops for health in told if health)
         bad = sum(health.bad_input for health in told if health)
         counted = [f"{drops} dropped"] if drops else []
@@ -200,10 +200,10 @@ class Screen:
 def _phase(status: Status) -> Text:
     if status.waiting_for and status.phase == "starting":
         return Text(printable(f"waiting for {status.waiting_for}"), style="yellow")
-    orders = dict.fromkeys(robot.operator for robot in status.picture.robots.values() if robot.operator)
+    orders = dict.fromkeys(robot.seen.operator for robot in status.robots.values() if robot.seen.operator)
     if status.phase == "flying" and orders:
         return Text(f"stopped by the operator ({', '.join(orders)})", style="bold yellow")
-    if status.phase == "flying" and (paused := status.picture.paused()):
+    if status.phase == "flying" and (paused := status.paused()):
         return Text(f"paused ({', '.join(paused)})", style="bold yellow")
     style = {"flying": "green", "done": "bold green", "failed": "bold red"}.get(status.phase, "yellow")
     waits = f", waiting for {status.waiting_for}" if status.waiting_for else ""
@@ -218,8 +218,9 @@ def _timeout(status: Status) -> str:
     return f", timeout in {left / 60:.0f} min" if left >= 120 else f", timeout in {left:.0f} s"
 
 
-def _robot(robot: RobotSeen, width: int, silent: float, old: float) -> list[Text]:
+def _robot(member: FleetRobot, width: int, silent: float, old: float) -> list[Text]:
     """Return the cells of a vehicle's row; `silent` and `old` are mission seconds, `old` is 0 for what is fresh."""
+    robot = member.seen
     if not robot.mode:
         return [Text(robot.name, style="bold"), Text("not heard yet", style="yellow")]
     if robot.lost:
@@ -244,15 +245,15 @@ def _robot(robot: RobotSeen, width: int, silent: float, old: float) -> list[Text
     return cells
 
 
-def _no_vehicle(robot: RobotSeen) -> Text:
-    """Return the line of a robot that tells no vehicle's state: its percepts."""
-    text = Text.assemble(" ", (robot.name, "bold"), "  ", (printable("  ".join(robot.told.values())), "dim"))
+def _no_vehicle(robot: FleetRobot) -> Text:
+    """Return the line of a robot that is not a vehicle: its percepts."""
+    text = Text.assemble(" ", (robot.name, "bold"), "  ", (printable("  ".join(robot.seen.told.values())), "dim"))
     text.no_wrap, text.overflow = True, "ellipsis"
     return text
 
 
 def _feedback(action: ActionSeen, room: int) -> str:
-    """Return as many figures of an action as there is room for, none of them cut."""
+    """Return as many whole figures of an action as fit into `room` columns."""
     told = ""
     for key, value in action.feedback.items():
         more = f"{told}  {key} {value:.1f}".strip()

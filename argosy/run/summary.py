@@ -1,12 +1,16 @@
-"""What there is to say at the end of a run."""
+"""The summary of a run, and its report."""
 
 from __future__ import annotations
 
-from argosy.fleet_model.robots import ActionSeen, RobotSeen
+import subprocess
+from pathlib import Path
+
+from argosy.fleet_model.actions import ActionSeen
+from argosy.fleet_model.members import FleetRobot
+from argosy.processes.process_table import python_command
 from argosy.processes.resource_usage import MEGABYTE, Window
 from argosy.run.armed_warnings import in_the_air
 from argosy.run.end_conditions import Ending
-from argosy.run.failure_summary import last_words
 from argosy.run.run_status import Status
 from commd.process.process import EXIT_DONE
 from schemas.humanize import columns, shortened
@@ -15,6 +19,13 @@ TOGETHER = "commd + bridged + agentd together:"
 MOST_ACTIONS = 40
 """Actions that are listed, the last ones; a robot that is steered by velocities has hundreds."""
 Row = tuple[str, str, str, str]
+MOST = 10
+"""Journal entries that are repeated."""
+MOST_LINES = 5
+"""Last lines of each dead process."""
+FIGURE = "track.svg"
+PLOT_PATIENCE = 120.0
+"""Wall seconds that the figure may take."""
 
 
 def summary(status: Status, ending: Ending, phases: list[tuple[str, float]]) -> str:
@@ -22,7 +33,7 @@ def summary(status: Status, ending: Ending, phases: list[tuple[str, float]]) -> 
     lines = [f"{status.setup.mission.name}: {ending.text}", ""]
     lines += _times(status, phases)
     lines += last_words(status, ending) if ending.code != EXIT_DONE else []
-    for robot in status.picture.robots.values():
+    for robot in status.robots.values():
         lines.append(_field(robot.name, _left(status, robot)))
     if status.recorded:
         lines.append(_field("recording", status.recorded))
@@ -38,12 +49,12 @@ def _times(status: Status, phases: list[tuple[str, float]]) -> list[str]:
     speed = status.setup.speed
     first, *rest = phases
     rows = [_row(first[0], "", first[1], speed)]
-    actions = list(status.picture.actions.values())
-    rows += [_action(action, status.now(), speed) for action in actions[-MOST_ACTIONS:]]
+    actions, now = list(status.model.actions.values()), status.model.now()
+    rows += [_action(action, status.mission_seconds(action.age(now)), speed) for action in actions[-MOST_ACTIONS:]]
     rows += [_row(name, "", seconds, speed) for name, seconds in rest]
     table = [("", "mission", "wall", ""), *((name, mission, wall, state) for name, state, mission, wall in rows)]
     lines = [f"  {line}" for line in columns(table, right=(1, 2))]
-    forgotten = status.picture.actions_forgotten + len(actions[:-MOST_ACTIONS])
+    forgotten = status.model.actions_forgotten + len(actions[:-MOST_ACTIONS])
     return [*lines, *([f"  and {forgotten} earlier actions"] if forgotten else []), ""]
 
 
@@ -51,30 +62,33 @@ def _row(name: str, state: str, seconds: float, speed: float) -> Row:
     return name, state, f"{seconds:.1f} s", f"{seconds / speed:.1f} s"
 
 
-def _action(action: ActionSeen, now: float, speed: float) -> Row:
+def _action(action: ActionSeen, seconds: float, speed: float) -> Row:
     reason = f": {action.reason}" if action.reason and action.state != "succeeded" else ""
     state = f"{action.state}{reason}" if action.ended is not None else f"{action.state}, without an outcome"
     name = f"{action.agent}  {action.text}"
-    return _row(shortened(name, 60), state, action.age(now), speed)
+    return _row(shortened(name, 60), state, seconds, speed)
 
 
-def _left(status: Status, robot: RobotSeen) -> str:
+def _left(status: Status, robot: FleetRobot) -> str:
     """Return how a vehicle was left."""
-    if not robot.mode:
-        return ", ".join(robot.told.values()) or "never heard"
-    old = f"{status.now() - status.picture.heard_of(robot):.0f} s ago: "
-    marked = f"LOST, last heard {old}" if robot.lost else old if robot.name in status.frozen else ""
-    told = [robot.mode, "armed" if robot.armed else "disarmed"]
-    if robot.altitude is not None:
-        told.append(f"{robot.altitude + 0.0:.1f} m above home")
+    seen = robot.seen
+    if not seen.mode:
+        return ", ".join(seen.told.values()) or "never heard"
+    old = f"{status.mission_seconds(robot.age(status.model.now()) or 0.0):.0f} s ago: "
+    marked = f"LOST, last heard {old}" if seen.lost else old if robot.name in status.frozen else ""
+    told = [seen.mode, "armed" if seen.armed else "disarmed"]
+    if seen.altitude is not None:
+        told.append(f"{seen.altitude + 0.0:.1f} m above home")
     left = marked + ", ".join(told)
-    if (highest := robot.track.highest()) is not None:
-        left += f"; flew {robot.track.length():.0f} m, {highest:.1f} m high at most"
+    if (highest := seen.track.highest()) is not None:
+        left += f"; flew {seen.track.length():.0f} m, {highest:.1f} m high at most"
     return left
 
 
 def _daemons(status: Status) -> list[str]:
-    counts, health, meter = status.picture.counts, status.picture.health.values(), status.meter
+    model, meter = status.model, status.meter
+    counts, members = model.counts, (model.agents, model.robots, model.boards, model.clients)
+    health = [one.health for kind in members for one in kind.values() if one.health is not None]
     mail = sum(int(one.counters.get("mail_received", 0)) for one in health)
     drops, bad = sum(one.drops for one in health), sum(one.bad_input for one in health)
     heard = f"{counts['percepts']} percepts, {counts['statuses']} statuses, {mail} letters"
@@ -97,3 +111,34 @@ def _share(window: Window) -> str:
 
 def _field(name: str, text: str) -> str:
     return f"  {name:<10} {text}"
+
+
+def last_words(status: Status, ending: Ending) -> list[str]:
+    """Return the last warnings and errors of a run and the last lines of dead processes, nothing twice."""
+    told: dict[tuple[str, str], str] = {}
+    for entry in status.journal.entries:
+        if entry.level in ("warning", "error") and entry.text not in ending.text:
+            told.pop((entry.who, entry.text), None)  # keep the last place of repeated entries
+            told[entry.who, entry.text] = str(entry)
+    lines = ["  last words", *(f"  {text}" for text in list(told.values())[-MOST:])] if told else []
+    for child in status.children:
+        if not child.dead:
+            continue
+        texts = [f"[{line.agent}] {line.text}" if line.agent else line.text for line in child.lines]
+        new = [text for text in texts if text not in ending.text and (child.name, text) not in told][-MOST_LINES:]
+        lines += [f"  last lines of {child.name}", *(f"    {text}" for text in new)] if new else []
+    return [*lines, ""] if lines else []
+
+
+def write_report(folder: Path, recording: Path | None, text: str) -> str:
+    """Write `summary.txt`, and `track.svg` as `argosy plot` draws it. Returns why there is none. Raises OSError."""
+    (folder / "summary.txt").write_text(text, encoding="utf-8")
+    (folder / FIGURE).unlink(missing_ok=True)
+    if recording is None or not recording.exists():
+        return "there is no recording"
+    command = [*python_command(), "argosy", "plot", str(recording), "--out", str(folder / FIGURE)]
+    try:
+        plotted = subprocess.run(command, capture_output=True, text=True, timeout=PLOT_PATIENCE, check=False)
+    except subprocess.TimeoutExpired:
+        return f"it was not drawn within {PLOT_PATIENCE:g} s"
+    return plotted.stderr.strip().removeprefix("error: ") if plotted.returncode else ""

@@ -1,37 +1,34 @@
-"""Finds daemons that run and do nothing, and kills them, so that they are started again."""
+"""Finds hung daemons and kills them, so that they are restarted."""
 
 from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Collection
-from math import inf
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from argosy.fleet_model.snapshot import Observer
+from argosy.fleet_model.members import Member
 from argosy.processes.supervisor import Child
 from argosy.run.run_status import Status
 
 PATIENCE = 15.0
-"""Wall seconds that a daemon may be silent although its board is heard, or be stopped, until it counts as hung."""
+"""Wall seconds that a daemon may be stopped, or silent although its board is heard, until it counts as hung."""
 COMING_UP = 30.0
 """Wall seconds after its start before the silence of a daemon counts."""
 HEALTHY = 3.0
-"""Wall seconds within which each daemon that is well says so again; it does once a second."""
+"""Wall seconds within which a healthy daemon publishes its health again; it does once a second."""
 
 
 class Watchdog:
-    """Looks at the daemons of a run, a few times a second."""
+    """Checks the daemons of a run, a few times a second."""
 
     def __init__(self, status: Status) -> None:
-        self.observer: Observer | None = None
-        """Once there is a bus."""
         self._status = status
         self._since: dict[int, float] = {}
-        """By process id: since when it does nothing."""
+        """Monotonic time since when a process hangs, by process id."""
 
     def look(self, kinds: Collection[str] | None = None) -> None:
-        """Kill what has done nothing for too long, of these kinds (None: of all)."""
+        """Kill daemons of these kinds (None: of all) that hang for too long."""
         now = time.monotonic()
         for child in self._status.children:
             if kinds is not None and child.process.kind.name not in kinds:
@@ -47,17 +44,18 @@ class Watchdog:
                 self._since.pop(child.pid)
 
     def _is_silent(self, child: Child) -> bool:
-        """Whether a daemon says nothing on the bus although the way to its board is open."""
-        if self.observer is None or time.monotonic() - child.started < COMING_UP:
+        """Whether a daemon is silent on the bus although its board is reached."""
+        if time.monotonic() - child.started < COMING_UP:
             return False
-        kind, board, lost = child.process.kind.name, child.process.board, self.observer.router_lost is not None
-        status = self._status
-        if kind == "commd":  # of another board maybe only the link is cut
+        status, model = self._status, self._status.model
+        kind, board, lost = child.process.kind.name, child.process.board, not model.router_up
+        if kind == "commd":  # of another board only the link may be cut
             return lost and board == status.setup.mission.board_names[0]
-        if lost or not status.picture.is_alive(board, "commd"):
+        if lost or board not in model.holders("commd"):
             return False
-        old = status.now() - HEALTHY * status.setup.speed
-        return all(status.picture.heard_at.get((name, kind), -inf) < old for name in child.process.subject.split())
+        members: Mapping[str, Member] = model.agents if kind == "agentd" else model.robots
+        told = (members[name].told if name in members else None for name in child.process.subject.split())
+        return all(at is None or at < model.now() - HEALTHY for at in told)
 
 
 def is_stopped(pid: int) -> bool:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import sys
 import time
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
 
 from argosy.cli.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
 from argosy.fleet_model.fleet_status import FleetStatus, Row
-from argosy.status.lines import ANY_FLEET, line, summary, to_json
 from commd.bus.bus import Bus
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
@@ -21,13 +24,15 @@ from schemas.wire import keys
 from schemas.wire.records import Health
 
 WATCH_EVERY = 1.0
-"""Wall seconds between two looks of `--watch`."""
+"""Wall seconds between two updates of `--watch`."""
 LOOK = 0.05
-"""Wall seconds between two looks at whether everybody has told how he is."""
+"""Wall seconds between two checks of whether every daemon has reported."""
+ANY_FLEET = "any"
+"""Name for all fleets on the router."""
 
 
 def add_roll_arguments(parser: ArgumentParser) -> None:
-    """Declare whose roll is called, and where."""
+    """Declare the arguments for the fleet and its router."""
     parser.add_argument("mission", nargs="?", help="mission file: expected daemons, and the router")
     parser.add_argument("--fleet", metavar="NAME", help="without a mission: only this fleet (default: all)")
     add_router_argument(parser, "the mission's")
@@ -45,7 +50,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Print the status. Returns 0 if all that should be there is there and tells how it is, 1 if not."""
+    """Print the status. Returns 0 if every expected daemon is up, 1 if not."""
     if args.mission and args.fleet:
         print("error: argosy status: a mission has its fleet: leave out --fleet", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -71,7 +76,7 @@ def run(args: Namespace) -> int:
 
 
 def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> FleetStatus:
-    """Begin to hear who is there and how they are."""
+    """Subscribe to tokens and health of a fleet."""
     fleet_status = FleetStatus(mission, asyncio.get_running_loop().time, several=fleet == ANY)
     bus.watch(keys.alive(fleet, "*", "*", "*"), fleet_status.token)
     bus.subscribe(keys.health(fleet, "*", "*"), Health, fleet_status.heard)
@@ -79,19 +84,19 @@ def call_the_roll(bus: Bus, fleet: str, mission: Mission | None) -> FleetStatus:
 
 
 async def settled(fleet_status: FleetStatus, wait: float) -> None:
-    """Wait until everybody has told how he is, at most so many wall seconds."""
+    """Wait until every daemon is up, at most `wait` wall seconds."""
     until = asyncio.get_running_loop().time() + wait
     while not fleet_status.settled and asyncio.get_running_loop().time() < until:  # noqa: ASYNC110 - time alone changes it, too
         await asyncio.sleep(LOOK)
 
 
 def well(rows: list[Row]) -> bool:
-    """Whether somebody is there, and nobody is missing or not as he should be."""
+    """Whether there are daemons, and all are well."""
     return bool(rows) and all(row.well for row in rows)
 
 
 def _view(fleet: str, mission: Mission | None, args: Namespace) -> Callable[[list[Row]], None]:
-    """Return what prints the rows: a table on a terminal, lines in a pipe, JSON."""
+    """Return a function that prints the rows: as a table on a terminal, as lines in a pipe, or as JSON."""
     if args.json:
         return lambda rows: print(json_lines(to_json(fleet, rows, well(rows))))
     if args.plain or not sys.stdout.isatty():
@@ -100,17 +105,17 @@ def _view(fleet: str, mission: Mission | None, args: Namespace) -> Callable[[lis
 
     from argosy.status.table import table
 
-    return lambda rows: Console().print(table(fleet, rows))
+    return lambda rows: Console().print(table(summary(fleet, rows), rows))
 
 
 def _print_lines(fleet: str, rows: list[Row]) -> None:
     for row in rows:
-        print(line(row))
+        print(status_line(row))
     print(summary(fleet, rows))
 
 
 async def _watch(fleet_status: FleetStatus, bus: Bus, fleet: str, args: Namespace) -> int:
-    """Show the roll until ctrl-C, which ends the command."""
+    """Show the status until ctrl-C."""
     if args.json or args.plain or not sys.stdout.isatty():
         return await _tell_changes(fleet_status, fleet, args)
     from rich.console import Console
@@ -120,12 +125,13 @@ async def _watch(fleet_status: FleetStatus, bus: Bus, fleet: str, args: Namespac
 
     with Live(console=Console(), screen=True, auto_refresh=False) as live:
         while True:
-            live.update(table(fleet, fleet_status.rows(), away=not bus.router_up), refresh=True)
+            rows = fleet_status.rows()
+            live.update(table(summary(fleet, rows), rows, away=not bus.router_up), refresh=True)
             await asyncio.sleep(WATCH_EVERY)
 
 
 async def _tell_changes(fleet_status: FleetStatus, fleet: str, args: Namespace) -> int:
-    """Print what changes, with the time: standings and warnings as lines, or everything as one line of JSON."""
+    """Print changes with the time: presence and warnings as lines, or everything as one line of JSON."""
     known: dict[tuple[str, str], object] = {}
     while True:
         rows = fleet_status.rows()
@@ -136,7 +142,7 @@ async def _tell_changes(fleet_status: FleetStatus, fleet: str, args: Namespace) 
             said: dict[tuple[str, str], object] = {(row.title, row.daemon): _what_matters(row) for row in rows}
             for row in rows:
                 if known.get((row.title, row.daemon)) != said[row.title, row.daemon]:
-                    print(now, line(row), flush=True)
+                    print(now, status_line(row), flush=True)
             for name, daemon in known.keys() - said.keys():
                 print(now, printable(f"gone {daemon} {name}"), flush=True)
             known = said
@@ -144,6 +150,74 @@ async def _tell_changes(fleet_status: FleetStatus, fleet: str, args: Namespace) 
 
 
 def _what_matters(row: Row) -> object:
-    """What changes when there is something new to say of a daemon."""
+    """Return the part of a row whose change is printed."""
     life = None if row.health is None else (row.health.header.boot, row.health.errors)
     return row.standing, [note.identity for note in row.notes], life
+
+
+def status_line(row: Row) -> str:
+    """Return a daemon in one line: presence, daemon, name, then its health as `key=value`."""
+    told: dict[str, object] = {"board": row.board}
+    if (health := row.now) is not None:
+        told |= {
+            "version": health.version,
+            "uptime": f"{health.uptime:.0f}",
+            "age": f"{row.age:.1f}",
+            "lag": f"{health.lag:.3f}",
+            "drops": health.drops,
+            "bad_input": health.bad_input,
+            "restarts": "" if health.restarts is None else health.restarts,
+            "errors": health.errors,
+            "last_error": _quoted(health.last_error),
+        }
+        if health.paused:
+            told["paused"] = "yes"
+    if not row.in_mission:
+        told["in_mission"] = "no"
+    words = " ".join(f"{name}={value}" for name, value in told.items() if value != "")
+    notes = "".join(f" note={_quoted(note.text)}" for note in row.notes)
+    return printable(f"{row.standing} {row.daemon} {row.title} {words}{notes}".rstrip())
+
+
+def summary(fleet: str, rows: Sequence[Row]) -> str:
+    """Return in one status_line whether all is well."""
+    ill = [row for row in rows if not row.well]
+    whose = f"fleet {fleet}" if fleet != ANY_FLEET else "all fleets"
+    there = f"{whose}: {len(rows) - len(ill)} of {len(rows)} daemons are up"
+    if not rows:
+        return f"{whose}: nobody is there"
+    if not ill:
+        return there if fleet != ANY_FLEET else f"{there}; who else should be, a mission says: `argosy status MISSION`"
+    standings = dict.fromkeys(row.standing for row in ill)
+    kinds = (f"{one}: {', '.join(f'{r.daemon} {r.title}' for r in ill if r.standing == one)}" for one in standings)
+    return printable(f"{there}; {'; '.join(kinds)}")
+
+
+def to_json(fleet: str, rows: Sequence[Row], well: bool) -> dict[str, Any]:
+    """Return the status as a JSON object."""
+    return {"fleet": fleet, "well": well, "daemons": [_row_to_json(row) for row in rows]}
+
+
+def _row_to_json(row: Row) -> dict[str, Any]:
+    told: dict[str, Any] = {
+        **({"fleet": row.fleet} if row.fleet else {}),
+        "name": row.name,
+        "daemon": row.daemon,
+        "board": row.board,
+        "standing": row.standing,
+        "well": row.well,
+        "in_mission": row.in_mission,
+        "notes": msgspec.to_builtins(row.notes),
+    }
+    if row.now is not None:
+        health = row.now
+        names = ("version", "pid", "uptime", "cpu", "lag", "drops", "bad_input", "restarts", "errors")
+        told |= {name: getattr(health, name) for name in (*names, "last_error", "last_error_age", "counters")}
+        if row.daemon == "bridged":
+            told |= {"paused": health.paused, "ordered": health.ordered}
+        told["age"] = None if row.age is None else round(row.age, 1)
+    return told
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(printable(text), ensure_ascii=False) if text else ""

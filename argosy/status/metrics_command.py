@@ -26,7 +26,7 @@ from schemas.wire.records import Health
 
 LISTEN = "127.0.0.1:9464"
 CALLERS = 16
-"""Connections at once; further ones are closed."""
+"""Connections at the same time; further ones are closed."""
 REQUEST_BYTES = 8_192
 REQUEST_PATIENCE = 5.0
 """Wall seconds that a caller has to ask, and to take the answer."""
@@ -85,7 +85,7 @@ def run(args: Namespace) -> int:
 
 
 class Page:
-    """Answers `GET /metrics`, to a bounded number of callers at once."""
+    """Answers `GET /metrics`, to a bounded number of callers at the same time."""
 
     def __init__(self, text: Callable[[], bytes]) -> None:
         self._text = text
@@ -100,7 +100,7 @@ class Page:
                     writer.write(self._answer_to(await reader.readuntil(b"\r\n\r\n")))
                     await writer.drain()
         except (TimeoutError, OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            pass  # who asks nothing, or does not read, is left
+            pass  # the caller did not ask, or did not read
         finally:
             self.callers -= 1
             writer.close()
@@ -146,7 +146,7 @@ class Fleet(Collector):
     rows: Sequence[Row]
     router_up: bool
     dropped: int = 0
-    """Tokens and records of daemons beyond those that are followed."""
+    """Tokens and records of daemons beyond those that are observed."""
 
     def page(self) -> bytes:
         """Return it in Prometheus' text format, version 0.0.4."""

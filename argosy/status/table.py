@@ -9,7 +9,6 @@ from rich.table import Table
 from rich.text import Text
 
 from argosy.fleet_model.fleet_status import Row, Standing
-from argosy.status.lines import summary
 from schemas.humanize import latency, printable, span
 from schemas.liveness import LAG_LATE
 from schemas.wire.records import Note
@@ -25,8 +24,8 @@ STYLES: dict[Standing, str] = {
 HEADS = ("board", "daemon", "name", "", "version", "for", "lag", "drops", "restarts")
 
 
-def table(fleet: str, rows: Sequence[Row], *, away: bool = False) -> RenderableType:
-    """Return what a terminal shows; `away`: the router is not there, and all this is as it was last known."""
+def table(summary: str, rows: Sequence[Row], *, away: bool = False) -> RenderableType:
+    """Return the table; `away`: the router does not answer, so the table shows the last known state."""
     grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", collapse_padding=True)
     for head in HEADS:
         grid.add_column(head, no_wrap=True, justify="right" if head in HEADS[5:] else "left")
@@ -36,7 +35,7 @@ def table(fleet: str, rows: Sequence[Row], *, away: bool = False) -> RenderableT
         board = row.board
     said = _words(rows)
     ill = any(not row.well for row in rows) or not rows
-    last = Text(summary(fleet, rows), style="bold red" if ill else "bold green")
+    last = Text(summary, style="bold red" if ill else "bold green")
     if away:
         last = Text("the router does not answer: this is what was known last", style="bold red")
     return Group(last, Text(), grid, *([Text(), *said] if said else []))
@@ -64,7 +63,7 @@ def _cells(row: Row, board: str) -> list[Text]:
 
 
 def _words(rows: Sequence[Row]) -> list[Text]:
-    """What is to be said in words, each in a line: what several have in common once."""
+    """Return notes and last errors as lines; a note of several daemons once."""
     common: dict[tuple[str, Note, bool], list[str]] = {}
     for row in rows:
         for note in row.notes:

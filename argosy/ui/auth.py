@@ -1,4 +1,4 @@
-"""Who may come in: a browser with this run's token, from the page itself, by a name that nobody else can take.
+"""Access to the page: only a browser with this run's token, from the page itself, by a host name that is ours.
 
 A page in the operator's browser may send requests to loopback from anywhere in the web. So whatever does something or
 shows something wants the cookie that the printed URL sets (SameSite=Strict: no other site's page sends it), the Host of
@@ -32,7 +32,7 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[\w.-]+)(:[0-9]{1,5})?", re.ASCII)
-"""What a `Host` header may be: it is copied into the policy above."""
+"""Allowed `Host` headers: the header is copied into the policy above."""
 STRANGER = "This page belongs to another run of `argosy ui`, or to none: open the address that it has printed.\n"
 ELSEWHERE = "refused: this request does not come from the page of `argosy ui`\n"
 MISNAMED = "refused: `argosy ui` does not answer to the name {host}\n"
@@ -40,7 +40,7 @@ MISNAMED = "refused: `argosy ui` does not answer to the name {host}\n"
 
 @dataclass(frozen=True)
 class AuthGuard:
-    """What one run of the server lets in."""
+    """The access rules of one run of the server."""
 
     listen: str
     """The host of `--listen`."""
@@ -48,7 +48,7 @@ class AuthGuard:
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
 
     tickets: list[str] = field(default_factory=list, repr=False)
-    """What opens once, if it was not used yet."""
+    """The token that opens once, if it was not used yet."""
 
     @property
     def cookie(self) -> str:
@@ -61,7 +61,7 @@ class AuthGuard:
         return self._address(self.token)
 
     def once(self) -> str:
-        """Return an address that opens once only: it stands in a command line, which all users may read."""
+        """Return an address that opens once only: it goes into a command line, which all users may read."""
         self.tickets[:] = [secrets.token_urlsafe(24)]
         return self._address(self.tickets[0])
 
@@ -92,7 +92,7 @@ class AuthGuard:
         return hmac.compare_digest(request.cookies.get(self.cookie, "").encode("utf-8", "replace"), self.token.encode())
 
     def is_ours(self, request: web.Request) -> bool:
-        """Whether a request comes from our own page."""
+        """Whether our own page made a request."""
         site = request.headers.get("Sec-Fetch-Site", "same-origin")
         return site == "same-origin" and request.headers.get("Origin") == f"http://{request.host}"
 
@@ -113,7 +113,7 @@ class AuthGuard:
 
     @web.middleware
     async def guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Let a request in or say why not; every answer says what the browser may do with it."""
+        """Handle a request or refuse it with the reason; every answer has the security headers."""
         answer = await self._answer(request, handler)
         if not answer.prepared:
             answer.headers.update(HEADERS)

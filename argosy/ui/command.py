@@ -32,7 +32,7 @@ from schemas.mission.model import load_mission
 PORT = 8080
 LISTEN = "127.0.0.1"
 LEAVE = 1.0
-"""Wall seconds that pages have at the end to be told that the server goes."""
+"""Wall seconds to close the connections of pages at the end."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -56,7 +56,7 @@ def _port(text: str) -> int:
 
 def run(args: Namespace) -> int:
     """Serve the page until ctrl-C or SIGTERM."""
-    logging.getLogger("bus").setLevel(logging.ERROR)  # what it would say of the router, the page and Link say
+    logging.getLogger("bus").setLevel(logging.ERROR)  # the page and the link report the router
     _tell_defects_in_a_line(logging.getLogger("aiohttp.server"))
     if args.tiles is not None and not args.tiles.is_dir():
         print(f"error: --tiles: {args.tiles} is no folder", file=sys.stderr)
@@ -71,14 +71,14 @@ def run(args: Namespace) -> int:
 
 
 def _tell_defects_in_a_line(log: logging.Logger) -> None:
-    """Say of an error of ours what and where, not all the ways that led there, unless somebody looks for it."""
+    """Print an error of ours in one line, without a traceback unless `ARGOSY_DEBUG` is set."""
 
     class Line(logging.Handler):
         refused = 0
 
         def emit(self, record: logging.LogRecord) -> None:
             error = record.exc_info[1] if record.exc_info else None
-            if isinstance(error, HttpProcessingError | web.RequestPayloadError):  # what somebody sent is no HTTP
+            if isinstance(error, HttpProcessingError | web.RequestPayloadError):  # the request was not HTTP
                 self.refused += 1
                 if self.refused.bit_count() == 1:  # the 1st, 2nd, 4th, 8th: a flood fills no log
                     what = f"{self.refused} malformed requests so far, the last: {type(error).__name__}"
@@ -93,7 +93,7 @@ def _tell_defects_in_a_line(log: logging.Logger) -> None:
 
 
 def _left_over(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Tell in a line of an error that nobody waited for; that a router was not reached is told by the link already."""
+    """Print an error of a background task in one line; the link already reports an unreachable router."""
     error = context.get("exception")
     if not isinstance(error, zenoh.ZError):
         what = f"{type(error).__name__}: {error}" if error is not None else context["message"]

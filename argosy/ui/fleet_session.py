@@ -1,93 +1,75 @@
-"""A fleet as the pages of `argosy ui` see it: the model that is kept up to date, what is shown, what is asked of it."""
+"""The session behind the pages of `argosy ui`: the link to the fleet, the views made of its model, and requests."""
 
 from __future__ import annotations
 
-import asyncio
 import sys
-from collections.abc import AsyncIterator, Iterable
-from contextlib import asynccontextmanager
+from collections.abc import Iterable
 from typing import Literal
 
 from msgspec.structs import replace
 
-from argosy.cli.operator_bus import ANY, Where
+from argosy.cli.operator_bus import Where
 from argosy.cli.remedies import level_of
-from argosy.fleet_model import Entry, LoggedMessage, MissionClock, TeamModel, TeamWatcher, steady_clock
-from argosy.ui.belief_polling import BeliefPolling
-from argosy.ui.control_requests import ControlRequests, ControlWish, StopWish
-from argosy.ui.fleet_link import Link
+from argosy.fleet_model.link import FleetLink
+from argosy.fleet_model.message_log import LoggedMessage
+from argosy.fleet_model.mission_clock import MissionClock
+from argosy.fleet_model.model import FleetModel
+from argosy.fleet_model.observer import Wanted
+from argosy.fleet_model.timeline import Entry
 from argosy.ui.map_markers import marks
+from argosy.ui.page_requests import ControlRequests, ControlWish, FleetWish, StopWish, WhyWish, explained
 from argosy.ui.view_builders import agent_view, board_view, note_view, notes_of_all, robot_view
-from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Shown
+from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Page, Shown
 from argosy.ui.view_structs import DefectView, HappenedView, HeadView, LetterView, OrderedView, RunView, SeenMind
-from argosy.ui.websocket import Page
-from argosy.ui.why_requests import FleetWish, WhyWish, explained
-from commd.bus.bus import Bus
 from commd.process.log_handler import one_line
 from schemas.mission.model import Ending, Mission
 from schemas.version import RELEASE
 from schemas.wire.records import Header, Outcome
 
 FRESH = 0.2
-"""Seconds for which what is shown is not looked at again."""
+"""Seconds for which the views are not made again."""
 LETTERS = 150
 """Messages of the chart."""
 MARKED = 1.0
-"""Seconds between two looks at what is to be marked on the map."""
+"""Seconds between two updates of the map markers."""
+WANTED = Wanted(beliefs_per_tick=1)
+"""The map shows beliefs."""
 TRACK = 500
 """Points of each track that a new page gets."""
 
 
 class FleetSession:
-    """What the server shows and does. Nothing is made while no page is open."""
+    """Everything that the server shows and does. Views are made only while a page is open."""
 
     def __init__(self, place: Where, mission: Mission | None, identity: str = "", tiles: bool = False) -> None:
         """`identity` is the name in our certificate, if we have one; `tiles`: there are tiles for the map."""
         self.place, self.mission, self.identity = place, mission, identity
-        self.model = TeamModel(steady_clock, fleet="" if place.fleet == ANY else place.fleet, mission=mission)
+        self.link = FleetLink(place, mission, WANTED, choosing=True, notify=_notify)
+        self.model = self.link.model
         self.shown = Shown(self._tracks)
         self._run = self.model.run
         self.pages: set[Page] = set()
-        self.link = Link(place, self._follow)
         self.orders = ControlRequests(self._robots, self._rights)
         self._tiles = tiles
-        self._watcher: TeamWatcher | None = None
-        self._belief_polling = BeliefPolling()
         self._looked: frozenset[str] = frozenset()
         self._made = self._marked = 0.0
-        self._marks = marks(self.model, {})
+        self._marks = marks(self.model)
         self._entry = self._letter = 0
-        """Numbers of the last entry and of the last change of a letter that are shown."""
+        """Numbers of the last timeline entry and message change that are shown."""
         self._letters: dict[tuple[str, str, str], LetterView] = {}
-        self._said: dict[str, str] = {}
         self._defect = ""
-
-    @asynccontextmanager
-    async def _follow(self, bus: Bus, fleet: str) -> AsyncIterator[None]:
-        watcher = self._watcher = TeamWatcher(bus, self.model, fleet)
-        watcher.start()
-        for agent in self._looked:
-            watcher.look_at(agent)
-        belief_polling = asyncio.create_task(self._belief_polling.run(bus, self.model))
-        try:
-            yield
-        finally:
-            self._watcher = None
-            belief_polling.cancel()
-            await asyncio.gather(belief_polling, return_exceptions=True)
-            await watcher.stop()
 
     # What is shown.
 
     def refresh(self) -> None:
-        """Bring what is shown up to date, unless that was just done."""
+        """Update the views, unless that was just done."""
         now = self.model.now()
         if now - self._made < FRESH:
             return
         self._made = now
         try:
             self._bring(now)
-        except Exception as error:  # said on the page, and its other parts and its orders go on
+        except Exception as error:  # shown on the page; its other parts and its orders go on
             what = f"a defect of argosy ui: {type(error).__name__}: {one_line(str(error))}"
             if what != self._defect:
                 print(f"argosy ui: {what}", file=sys.stderr, flush=True)
@@ -100,34 +82,27 @@ class FleetSession:
         self._look()
         if self.model.run != self._run:
             self._run = self.model.run
-            self._belief_polling.beliefs.clear()
             self._marked = 0.0
             self.shown.begin_run()
         if now - self._marked >= MARKED:
-            self._marked, self._marks = now, marks(self.model, self._belief_polling.beliefs)
+            self._marked, self._marks = now, marks(self.model)
         entries = self.model.timeline.since(self._entry)
         self._entry = self.model.timeline.number
-        self._said |= {
-            entry.who: entry.text for entry in entries if entry.what == "print" and entry.who in self.model.agents
-        }
-        for gone in self._said.keys() - self.model.agents.keys():
-            del self._said[gone]
         self._take_letters()
         self.shown.show(self._parts(), [_happened(entry, self.model.clock) for entry in entries])
 
     def left(self, page: Page) -> None:
-        """Forget a page, and look away from what it alone looked at."""
+        """Forget a page and the minds that only it looked at."""
         self.pages.discard(page)
         self._look()
 
     def _look(self) -> None:
-        """Let the watcher look at the minds that pages look at."""
+        """Ask for the minds that pages look at."""
         looked = frozenset(agent for page in self.pages for agent in page.looks_at)
-        if self._watcher is not None:
-            for agent in looked - self._looked:
-                self._watcher.look_at(agent)
-            for agent in self._looked - looked:
-                self._watcher.look_away(agent)
+        for agent in looked - self._looked:
+            self.link.look_at(agent)
+        for agent in self._looked - looked:
+            self.link.look_away(agent)
         self._looked = looked
 
     def _parts(self) -> dict[str, object]:
@@ -136,7 +111,7 @@ class FleetSession:
         shared = {note for note, names in notes_of_all(model).items() if len(names) > 1 and level_of(note) != "error"}
         parts: dict[str, object] = {"head": self._head(), "marks": self._marks}
         for name, agent in model.agents.items():
-            parts[f"agent/{name}"] = agent_view(model, agent, self._said.get(name, ""), shared)
+            parts[f"agent/{name}"] = agent_view(model, agent, shared)
         for name, robot in model.robots.items():
             parts[f"robot/{name}"] = robot_view(model, robot, robots.get(name), shared)
         for name, board in model.boards.items():
@@ -156,7 +131,7 @@ class FleetSession:
 
     def _head(self) -> HeadView:
         link, model, mission, started_with = self.link, self.model, self.model.mission, self.mission
-        router: Literal["up", "away", "never", "ended"] = "up" if link.up else "away" if link.was_up else "never"
+        router: Literal["up", "away", "never", "ended"] = "up" if link.up else "away" if link.reached else "never"
         if router == "away" and model.over:
             router = "ended"
         differs = started_with is not None and mission is not None and mission.text != started_with.text
@@ -169,8 +144,8 @@ class FleetSession:
             version=RELEASE,
             endpoint=self.place.router,
             router=router,
-            router_since=link.changed,
-            problem=link.problem or model.mission_problem,
+            router_since=link.since,
+            problem=link.problem or model.mission_problem if link.reached else link.problem or "looking for the router",
             identity=self.identity,
             observer=self._rights(),
             inject=None if mission is None else mission.inject,
@@ -189,7 +164,7 @@ class FleetSession:
         )
 
     def _take_letters(self) -> None:
-        """Take the letters that came or changed, and forget the oldest."""
+        """Take new and changed messages, and forget the oldest."""
         for letter in self.model.letters.since(self._letter):
             self._letter = letter.number
             key = (letter.id, letter.sender, letter.receiver)
@@ -199,7 +174,7 @@ class FleetSession:
             del self._letters[next(iter(self._letters))]
 
     def _tracks(self) -> dict[str, list[tuple[float, float]]]:
-        """Return where each robot was, as far as that is kept, in few points."""
+        """Return the track of each robot, thinned to about `TRACK` points."""
         tracks: dict[str, list[tuple[float, float]]] = {}
         for name, robot in self.model.robots.items():
             points = robot.seen.track.points
@@ -214,7 +189,7 @@ class FleetSession:
         return list(dict.fromkeys([*named, *(name for name, one in self.model.robots.items() if one.there)]))
 
     def _rights(self) -> str:
-        """Return why nothing may be ordered; empty if it may be."""
+        """Return why orders are not allowed; empty if they are."""
         if self.mission is not None and self.identity in self.mission.security.observers:
             return f"`{self.identity}` is an observer by the mission: it sees, and orders nothing"
         return ""
@@ -228,7 +203,7 @@ class FleetSession:
         return await self.orders.control(self.link.bus, self.link.fleet, wish)
 
     async def why(self, wish: WhyWish) -> object:
-        """Explain what an agent did."""
+        """Explain the decisions of an agent."""
         return await explained(self.link.bus, self.link.fleet, wish)
 
     async def choose(self, wish: FleetWish) -> Outcome:
@@ -236,8 +211,12 @@ class FleetSession:
         return Outcome(ok=self.link.choose(wish.fleet))
 
 
-def _formulas(model: TeamModel, endings: Iterable[Ending], what: str) -> dict[str, bool]:
-    """Return the mission's formulas of one kind and whether they hold, as far as their agents have told."""
+def _notify(text: str) -> None:
+    print(f"argosy ui: {text}", file=sys.stderr, flush=True)
+
+
+def _formulas(model: FleetModel, endings: Iterable[Ending], what: str) -> dict[str, bool]:
+    """Return the mission's formulas of one kind and whether they hold, as far as known."""
     held: dict[str, bool] = {}
     for one in endings:
         mind = model.agents[one.agent].mind if one.agent in model.agents else None
@@ -261,7 +240,7 @@ def _letter(letter: LoggedMessage, number: int) -> LetterView:
     )
 
 
-def _run(model: TeamModel) -> RunView | None:
+def _run(model: FleetModel) -> RunView | None:
     state, silent = model.run_state, model.run_silent
     if state is None:
         return None

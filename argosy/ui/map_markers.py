@@ -1,21 +1,21 @@
-"""What stands on the map besides vehicles: victims, waypoints, targets, areas, as percepts, actions and beliefs say.
+"""Markers of the map besides vehicles: victims, waypoints, targets and areas, from percepts, actions and beliefs.
 
-A victim is what a percept or belief `victim(Id,Lat,Lon)` or `found(Id,Lat,Lon)` says; `held(Id,Agent)` tells to whom it
-is promised and `rescued(Id)` that it is rescued, as in the search and rescue that ships. An area is `area(South,West,
-North,East)`. Everything else that has a latitude beside a longitude is a place.
+A victim is a percept or belief `victim(Id,Lat,Lon)` or `found(Id,Lat,Lon)`; `held(Id,Agent)` says to whom it is
+promised and `rescued(Id)` that it is rescued, as in the search and rescue mission. An area is
+`area(South,West,North,East)`. Everything else with a latitude beside a longitude is a place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
-from argosy.fleet_model import Place, TeamModel
+from argosy.fleet_model.model import FleetModel
+from argosy.fleet_model.places import Place
+from argosy.fleet_model.term_values import plain, position_of
 from argosy.ui.view_structs import AreaView, MarksView, MarkView
 from schemas.geo import distance
-from schemas.wire.mind_records import BeliefView
 from schemas.wire.term_text import BadTerm, read, write
-from schemas.wire.terms import Structure, Term, to_float
+from schemas.wire.terms import Structure, to_float
 
 VICTIMS = frozenset({"victim", "found", "survivor"})
 WAYPOINTS = frozenset({"waypoint", "waypoints", "wp"})
@@ -23,13 +23,11 @@ MOST = 300
 """Marks on a map; the oldest are left out and counted."""
 NEAR = 30_000.0
 """Metres from a robot within which a belief counts as an area."""
-Facts = Mapping[str, Iterable[BeliefView]]
-"""The beliefs of each agent."""
 
 
 @lru_cache(4_096)
 def literal(text: str) -> Structure | None:
-    """Read the text of a belief; None if it is no positive literal with arguments."""
+    """Read the text of a belief; None if it is not a positive literal with arguments."""
     try:
         term = read(text)
     except (BadTerm, RecursionError):
@@ -37,15 +35,22 @@ def literal(text: str) -> Structure | None:
     return term if isinstance(term, Structure) and not term.negated and term.args else None
 
 
-def marks(model: TeamModel, beliefs: Facts) -> MarksView:
-    """Return everything that is to be marked on the map."""
+def marks(model: FleetModel) -> MarksView:
+    """Return the markers of the map."""
     found: dict[str, MarkView] = {}
-    believed = [(agent, said) for agent, its in beliefs.items() for one in its if (said := literal(one.text))]
+    believed = [
+        (name, said) for name, one in model.agents.items() for belief in one.believed if (said := literal(belief.text))
+    ]
     robots = [at for one in model.robots.values() if (at := one.seen.position or one.seen.home)]
     states = _states(believed)
     for agent, said in believed:
-        if said.functor in VICTIMS and len(said.args) >= 3 and (at := _position(said.args[1:3])) and _near(at, robots):
-            _victim(found, _plain(said.args[0]), at, agent, states, write(said))
+        if (
+            said.functor in VICTIMS
+            and len(said.args) >= 3
+            and (at := position_of(*said.args[1:3]))
+            and _near(at, robots)
+        ):
+            _victim(found, plain(said.args[0]), at, agent, states, write(said))
     for place in model.places.all.values():
         _place(found, place, states)
     areas: dict[tuple[float, float, float, float], AreaView] = {}
@@ -62,14 +67,14 @@ def marks(model: TeamModel, beliefs: Facts) -> MarksView:
 
 
 def _states(believed: list[tuple[str, Structure]]) -> dict[str, str]:
-    """Return how victims are, by their ids: a rescue that anybody knows of is one."""
+    """Return the state of each victim by id; a victim is rescued if any agent believes it."""
     states: dict[str, str] = {}
     for _, said in believed:
         if said.functor == "held" and len(said.args) == 2:
-            states.setdefault(_plain(said.args[0]), f"promised to {_plain(said.args[1])}")
+            states.setdefault(plain(said.args[0]), f"promised to {plain(said.args[1])}")
     for _, said in believed:
         if said.functor == "rescued" and len(said.args) == 1:
-            states[_plain(said.args[0])] = "rescued"
+            states[plain(said.args[0])] = "rescued"
     return states
 
 
@@ -93,8 +98,8 @@ def _place(found: dict[str, MarkView], place: Place, states: dict[str, str]) -> 
             )  # fmt: skip
         return
     said = literal(place.text)
-    id = _plain(said.args[0]) if said is not None else place.text
-    if place.name in VICTIMS and said is not None:  # a victim stays where it was seen, perceived or not
+    id = plain(said.args[0]) if said is not None else place.text
+    if place.name in VICTIMS and said is not None:  # a victim stays marked where it was seen
         _victim(found, id, place.position, place.agent, states, place.text)
     elif place.present:
         kind = "waypoint" if place.name in WAYPOINTS else "place"
@@ -104,14 +109,5 @@ def _place(found: dict[str, MarkView], place: Place, states: dict[str, str]) -> 
         )  # fmt: skip
 
 
-def _position(pair: tuple[Term, ...]) -> tuple[float, float] | None:
-    one, two = map(to_float, pair)
-    return None if one is None or two is None or not (-90 <= one <= 90 and -180 <= two <= 180) else (one, two)
-
-
 def _near(at: tuple[float, float], robots: list[tuple[float, float]]) -> bool:
     return any(distance(at, robot) <= NEAR for robot in robots)
-
-
-def _plain(term: Term) -> str:
-    return term if isinstance(term, str) else write(term)

@@ -10,17 +10,16 @@ import msgspec
 from aiohttp import web
 
 from argosy.ui.auth import AuthGuard
-from argosy.ui.control_requests import ControlWish, StopWish
 from argosy.ui.fleet_session import FleetSession
+from argosy.ui.page_requests import ControlWish, FleetWish, StopWish, WhyWish
+from argosy.ui.view_diff import Page
 from argosy.ui.view_structs import encoded
-from argosy.ui.websocket import Page
-from argosy.ui.why_requests import FleetWish, WhyWish
 
 STATIC = Path(__file__).with_name("static")
 REQUEST = 16_384
 """Bytes of what a page posts."""
 PAGES = 16
-"""Pages at once."""
+"""Pages at the same time."""
 FULL = f"{PAGES} pages are open already: close one, and this one comes by itself\n"
 W = TypeVar("W")
 
@@ -44,7 +43,7 @@ def application(auth: AuthGuard, following: FleetSession, tiles: Path | None = N
             following.left(one)
 
     async def here(_request: web.Request) -> web.Response:
-        """Say that this run is the one whose cookie the page has, or why the page gets nothing."""
+        """Answer that this run is the one whose cookie the page has, or that there are too many pages."""
         return web.Response(status=503, text=FULL) if len(pages) >= PAGES else web.Response(text="here\n")
 
     app.router.add_get("/", page)
@@ -63,7 +62,7 @@ def application(auth: AuthGuard, following: FleetSession, tiles: Path | None = N
 def _asked(
     wish: type[W], answer: Callable[[W], Awaitable[object]]
 ) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
-    """Return what reads a wish as JSON and answers it as JSON."""
+    """Return a handler that decodes a request of type `wish` from JSON and answers in JSON."""
     decoder = msgspec.json.Decoder(wish)
 
     async def handle(request: web.Request) -> web.StreamResponse:

@@ -1,4 +1,4 @@
-"""Makes what pages show of the members of a fleet from the shared model."""
+"""Builds the views of a fleet's members from its model."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ from collections.abc import Container, Sequence
 from typing import Literal
 
 from argosy.cli.remedies import level_of
-from argosy.fleet_model import Member, TeamAgent, TeamBoard, TeamModel, TeamRobot, activity
+from argosy.fleet_model.actions import ActionSeen
+from argosy.fleet_model.activity import activity
 from argosy.fleet_model.fleet_status import Standing
-from argosy.fleet_model.robots import ActionSeen
+from argosy.fleet_model.members import FleetAgent, FleetBoard, FleetRobot, Member
+from argosy.fleet_model.model import FleetModel
 from argosy.ui.view_structs import AgentView, BoardView, IntentionLine, NoteView, RobotView, RunningView
 from schemas.liveness import MIND_STALE_AFTER
 from schemas.mission.model import Robot
 from schemas.wire.records import Note
 
 INTENTIONS = 4
-"""Intentions of an agent that stand in the list."""
+"""Intentions of an agent that the list shows."""
 
 
-def notes_of_all(model: TeamModel) -> dict[Note, list[str]]:
-    """Return the notes of all members, with the names of those that have them."""
+def notes_of_all(model: FleetModel) -> dict[Note, list[str]]:
+    """Return the notes of all members, each with the names of the members that have it."""
     named: dict[Note, list[str]] = {}
     for members in (model.agents, model.robots, model.boards):
         for member in members.values():
@@ -30,12 +32,12 @@ def notes_of_all(model: TeamModel) -> dict[Note, list[str]]:
 
 
 def note_view(note: Note, names: Sequence[str] = ()) -> NoteView:
-    """Return a note, with the names of the members that have it where it stands for all of them."""
+    """Return the view of a note; `names`: the members that have it, if it is shown for all of them."""
     return NoteView(code=note.code, text=note.text, about=note.about, level=level_of(note), names=tuple(names))
 
 
-def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[Note] = ()) -> AgentView:
-    """Return an agent as it stands in the list; notes that are `shared` are shown elsewhere."""
+def agent_view(model: FleetModel, agent: FleetAgent, shared: Container[Note] = ()) -> AgentView:
+    """Return the view of an agent; `shared` notes are shown elsewhere."""
     mind, does = agent.mind, activity(model, agent)
     counted = {} if mind is None else {
         "program": mind.program,
@@ -67,7 +69,7 @@ def agent_view(model: TeamModel, agent: TeamAgent, said: str, shared: Container[
         silent=agent.silent,
         why_silent=agent.why_silent,
         actions=tuple(_running(one, model.as_of) for one in model.open_actions(agent.name)[-INTENTIONS:]),
-        said=said,
+        said=agent.prints[-1] if agent.prints else "",
         **counted,  # type: ignore[arg-type]
     )
 
@@ -83,8 +85,8 @@ def _running(action: ActionSeen, now: float) -> RunningView:
     )
 
 
-def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None, shared: Container[Note] = ()) -> RobotView:
-    """Return a robot as it stands on the map; `named` is what the mission says of it."""
+def robot_view(model: FleetModel, robot: FleetRobot, named: Robot | None, shared: Container[Note] = ()) -> RobotView:
+    """Return the view of a robot; `named` is its entry in the mission."""
     seen, age = robot.seen, robot.age(model.as_of)
     velocity = seen.velocity
     return RobotView(
@@ -113,8 +115,8 @@ def robot_view(model: TeamModel, robot: TeamRobot, named: Robot | None, shared: 
     )
 
 
-def board_view(board: TeamBoard) -> BoardView:
-    """Return a board."""
+def board_view(board: FleetBoard) -> BoardView:
+    """Return the view of a board."""
     return BoardView(
         name=board.name,
         standing=_standing(board),
@@ -130,7 +132,7 @@ def _standing(member: Member) -> Standing | Literal["ended"]:
 
 
 def _place(at: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Return a place on earth, or None: JSON has no infinity, and a map no place for it."""
+    """Return a position on earth, or None: JSON has no infinity."""
     return at if at is not None and abs(at[0]) <= 90 and abs(at[1]) <= 180 else None
 
 

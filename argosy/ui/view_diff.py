@@ -1,29 +1,47 @@
-"""What pages show, in parts that have a key each and change one by one; a page is sent what is new since it last asked.
+"""The parts that pages show, each with a key, and the WebSocket that sends a page the parts that have changed.
 
-Nothing waits for a page: who is slow gets what holds when it asks again, and of the events the newest that are kept.
+Nothing waits for a page: a slow one gets the present state when it is ready, and the newest events that are kept.
 """
 
 from __future__ import annotations
 
+import asyncio
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+import msgspec
+from aiohttp import WSMsgType, web
+
+from argosy.fleet_model.mission_clock import steady_clock
 from argosy.ui.view_structs import encoded
 
 KEPT = 3_000
-"""Events that are kept for pages that come later."""
+"""Events that are kept for later pages."""
 AT_FIRST = 600
 """Events that a new page is sent."""
 AT_ONCE = 250
-"""Events of one message; what is left comes with the next ones."""
+"""Events of one message; the next messages have the rest."""
 OF_MINDS, OF_PLANS = "mind/", "plans/"
-"""How the keys of those parts begin that only go to pages that look at that agent."""
+"""Prefixes of parts that only go to pages that look at that agent."""
+PERIOD = 0.25
+"""Wall seconds between two messages to a page."""
+BEAT = 1.0
+"""Wall seconds between two messages if nothing is new."""
+SLOW = 20.0
+"""Wall seconds that a page has to take a message; then it is closed, and connects again by itself."""
+WAITING_BYTES = 65_536
+"""Bytes that wait for a page before the next message is made."""
+FROM_PAGE = 4_096
+"""Bytes of a message of a page."""
+MINDS = 4
+"""Minds that a page may look at."""
 
 
 @dataclass
 class Seen:
-    """What one page has."""
+    """State of one page."""
 
     turn: int = 0
     parts: set[str] = field(default_factory=set)
@@ -33,10 +51,10 @@ class Seen:
 
 
 class Shown:
-    """The parts that pages show, as JSON, and the turn in which each was last changed."""
+    """The parts as JSON, and the turn in which each was last changed."""
 
     def __init__(self, at_first: Callable[[], object] = dict) -> None:
-        """`at_first` returns what a page gets at its beginning and at that of a run: the tracks that were flown."""
+        """`at_first` returns the flown tracks, which a page gets when it opens and when a run begins."""
         self.turn = 0
         self._at_first, self._run_began = at_first, 1
         self.parts: dict[str, tuple[int, bytes]] = {}
@@ -44,11 +62,11 @@ class Shown:
         """The newest events by number, which counts up from 1."""
 
     def begin_run(self) -> None:
-        """What was flown before is over: pages get the tracks anew, with what is shown next."""
+        """Send the tracks again with the next message: those of the run before are over."""
         self._run_began = self.turn + 1
 
     def show(self, parts: Mapping[str, object], events: Sequence[object] = ()) -> None:
-        """Take over what holds now: parts that are not among them are gone."""
+        """Replace all parts, and add events."""
         self.turn += 1
         for key in self.parts.keys() - parts.keys():
             del self.parts[key]
@@ -62,13 +80,13 @@ class Shown:
             self.events.append((number, encoded(event)))
 
     def add(self, parts: Mapping[str, object]) -> None:
-        """Take over some parts; the others stay as they are."""
+        """Replace some parts; the others stay."""
         self.turn += 1
         for key, part in parts.items():
             self.parts[key] = (self.turn, encoded(part))
 
     def news(self, seen: Seen, looks_at: Collection[str], now: float) -> bytes:
-        """Return a message with what is new for a page, as JSON, and note that it has it. `now` is Unix time."""
+        """Return a message with the news for a page, as JSON, and update `seen`. `now` is in Unix seconds."""
         changed, wanted = list[bytes](), set[str]()
         for key, (turn, data) in self.parts.items():
             if key.startswith((OF_MINDS, OF_PLANS)) and key.partition("/")[2] not in looks_at:
@@ -99,3 +117,76 @@ class Shown:
         some = [data for _, data in list(self.events)[first - oldest : first - oldest + AT_ONCE]]
         seen.event = first - 1 + len(some)
         return some, left_out
+
+
+class Looks(msgspec.Struct, forbid_unknown_fields=True):
+    """Message of a page: whose minds it shows, and the last event that it has."""
+
+    look: list[str] = []
+    event: int = 0
+
+
+class Page:
+    """One open page."""
+
+    def __init__(self, shown: Shown, refresh: Callable[[], None]) -> None:
+        self._shown, self._refresh = shown, refresh
+        self.looks_at: tuple[str, ...] = ()
+        self._seen = Seen()
+        self._hurry = asyncio.Event()
+        self.sent = 0
+        """Bytes."""
+
+    async def serve(self, request: web.Request) -> web.WebSocketResponse:
+        """Serve the page until it goes."""
+        socket = web.WebSocketResponse(
+            heartbeat=15, compress=False, max_msg_size=FROM_PAGE, writer_limit=WAITING_BYTES, timeout=2.0
+        )
+        await socket.prepare(request)
+        telling = asyncio.create_task(self._tell(socket))
+        try:
+            async for message in socket:
+                if message.type is not WSMsgType.TEXT or not self._heard(message.data):
+                    await socket.close(code=1008, message=b"expected {look: [agents]}")
+        finally:
+            telling.cancel()
+            with suppress(asyncio.CancelledError, ConnectionError):
+                await telling
+        return socket
+
+    def _heard(self, text: str) -> bool:
+        try:
+            looks = msgspec.json.decode(text, type=Looks)
+        except msgspec.DecodeError:  # a ValidationError is one, too
+            return False
+        self.looks_at = tuple(dict.fromkeys(looks.look))[:MINDS]
+        if not self._seen.begun and looks.event > 0:  # it lost the connection, and has the events before
+            self._seen.event = looks.event
+        self._hurry.set()
+        return True
+
+    async def _tell(self, socket: web.WebSocketResponse) -> None:
+        """Send the news whenever the page has taken the last message."""
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._hurry.wait(), 1.0)  # for its first message
+        told = 0.0
+        while not socket.closed:
+            self._hurry.clear()
+            self._refresh()
+            now = steady_clock()
+            message = self._shown.news(self._seen, self.looks_at, now)
+            if len(message) > EMPTY or now - told >= BEAT:
+                try:
+                    async with asyncio.timeout(SLOW):
+                        await socket.send_frame(message, WSMsgType.TEXT)
+                except (TimeoutError, ConnectionError, RuntimeError):  # aiohttp raises the last one when it is closing
+                    with suppress(Exception):
+                        await socket.close(code=1008, message=b"too slow")
+                    return
+                told, self.sent = now, self.sent + len(message)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._hurry.wait(), PERIOD)
+
+
+EMPTY = len('{"now":1234567890.123}')
+"""Bytes of a message in which nothing is new."""

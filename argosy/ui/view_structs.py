@@ -1,6 +1,6 @@
-"""What goes to the page, as JSON: one struct for each part. Times are Unix seconds of this machine, places are degrees.
+"""Views for the page, as JSON: one struct for each part. Times are Unix seconds of this machine, places are degrees.
 
-What a mind shows goes as it came (schemas/wire/mind_records.py, docs/reference/mind-records.md).
+Views of minds are sent as received (schemas/wire/mind_records.py, docs/reference/mind-records.md).
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ def encoded(thing: object) -> bytes:
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A part of what is shown; what is missing has its default."""
+    """A part of the page; fields with their default value are left out."""
 
 
 class RunView(View, frozen=True, kw_only=True):
-    """What `argosy run` says of the run that it watches over."""
+    """State of the run, as `argosy run` publishes it."""
 
     phase: RunPhase
     why: str = ""
@@ -36,7 +36,7 @@ class RunView(View, frozen=True, kw_only=True):
     report: str = ""
     recording: str = ""
     silent: float | None = None
-    """Unix seconds since when `argosy run` is not heard, although it should be."""
+    """Time since when `argosy run` is silent; None = it is heard."""
 
 
 class NoteView(View, frozen=True, kw_only=True):
@@ -48,7 +48,7 @@ class NoteView(View, frozen=True, kw_only=True):
     about: str = ""
     level: Literal["warning", "error"] = "warning"
     names: tuple[str, ...] = ()
-    """The members that have it, where it does not stand with one."""
+    """The members that have it, if it is shown for several."""
 
 
 class HeadView(View, frozen=True, kw_only=True):
@@ -57,34 +57,34 @@ class HeadView(View, frozen=True, kw_only=True):
     fleet: str = ""
     """Empty: not known yet."""
     fleets: tuple[str, ...] = ()
-    """Where no fleet was named and several are there: those to choose from."""
+    """The fleets to choose from, if there are several and none was named."""
     mission: str = ""
     file: str = ""
     version: str = ""
     endpoint: str = ""
     router: Literal["up", "away", "never", "ended"] = "never"
-    """`away`: it was there; `ended`: it has left with its run."""
+    """`away`: it was reached before; `ended`: it has left with its run."""
     router_since: float = 0.0
     problem: str = ""
-    """Why nothing is seen, in words; or what else is to be said of the bus."""
+    """Why the fleet is not observed, or what is wrong with its mission; empty: nothing."""
     identity: str = ""
     """The name in our certificate; empty without keys."""
     observer: str = ""
-    """Why nothing can be ordered, in words; empty if it may be."""
+    """Why orders are not allowed; empty if they are."""
     inject: bool | None = None
-    """Whether minds take orders by the mission; None = the mission is not known, so their agents say."""
+    """Whether the mission lets minds take orders; None = the mission is not known."""
     mission_differs: str = ""
     """The file that `argosy ui` was started with, if the fleet runs another mission."""
     run: RunView | None = None
-    """None: nobody tells of a run, as in a fleet of boards."""
+    """None: no run is published, as in a fleet of boards."""
     as_of: float | None = None
-    """When what is shown held, of a run that is over; None = it holds now."""
+    """Time of the state that is shown, if the run is over; None = now."""
     notes: tuple[NoteView, ...] = ()
-    """Warnings that several members have; they do not stand with each."""
+    """Warnings of several members; they are not repeated with each."""
     alarms: tuple[NoteView, ...] = ()
-    """Notes that are errors; they stand with each, too."""
+    """Notes that are errors; they are shown with each member, too."""
     mission_zero: float | None = None
-    """When mission second 0 was, as far as it is known."""
+    """Time of mission second 0; None = not known."""
     speed: float = 1.0
     """Mission seconds per wall second."""
     timeout: float | None = None
@@ -98,7 +98,7 @@ class HeadView(View, frozen=True, kw_only=True):
 
 
 class DefectView(View, frozen=True, kw_only=True):
-    """What cannot be shown by a defect of ours (part `defect`): all else is as it was before."""
+    """A defect of `argosy ui` (part `defect`); the other parts stay as they were."""
 
     text: str
 
@@ -111,7 +111,7 @@ class RunningView(View, frozen=True, kw_only=True):
     state: str
     began: float
     silent: float | None = None
-    """Since when its bridge tells nothing of it; None = it does."""
+    """Time of its last status, if that is old; None = it is fresh."""
     feedback: dict[str, float] = {}
     target: tuple[float, float] | None = None
 
@@ -135,16 +135,16 @@ class AgentView(View, frozen=True, kw_only=True):
     board: str = ""
     robot: str = ""
     standing: str
-    """Of its daemon, always told: up, coming, silent, twice, unclaimed or missing (docs/guides/monitoring.md); ended = it
-    has left with its run."""
+    """Presence of its daemon: up, coming, silent, twice, unclaimed or missing (docs/guides/monitoring.md); ended =
+    it left with its run."""
     since: float | None = None
     notes: tuple[NoteView, ...] = ()
     state: Doing = ""
-    """What it does; empty = its mind was not heard."""
+    """Its activity; empty = its mind was not heard."""
     action: str = ""
     """The action that it waits for."""
     stale: float | None = None
-    """When its mind was last heard, if that is long ago; None = it answers, or was never heard."""
+    """When its mind was last heard, if that is old; None = it is fresh, or was never heard."""
     silent: float | None = None
     """Since when its mind does not answer."""
     why_silent: str = ""
@@ -172,9 +172,9 @@ class RobotView(View, frozen=True, kw_only=True):
     since: float | None = None
     notes: tuple[NoteView, ...] = ()
     stale: float | None = None
-    """When it last told something of itself, if that is long ago; None = what is shown is as it is now."""
+    """Time of its state, if that is old; None = it is fresh."""
     lost: bool = False
-    """Its vehicle is not heard any more: all else is as it was."""
+    """Its vehicle is not heard any more; the other values are the last known ones."""
     mode: str = ""
     armed: bool = False
     position: tuple[float, float] | None = None
@@ -193,11 +193,11 @@ class RobotView(View, frozen=True, kw_only=True):
     ceiling: float | None = None
     """Metres above home."""
     operator: str = ""
-    """The order that stands above its agents."""
+    """The operator's order that is in force."""
     paused: bool = False
     """An operator has paused it."""
     told: dict[str, str] = {}
-    """Of what is no vehicle: its last percepts."""
+    """Last percepts of a robot that is not a vehicle."""
 
 
 class BoardView(View, frozen=True, kw_only=True):
@@ -208,12 +208,12 @@ class BoardView(View, frozen=True, kw_only=True):
     since: float | None = None
     notes: tuple[NoteView, ...] = ()
     waiting: int = 0
-    """Messages that wait there."""
+    """Number of waiting messages."""
     problem: str = ""
 
 
 class MarkView(View, frozen=True, kw_only=True):
-    """A place that agents speak of (in part `marks`)."""
+    """A place that agents mention (in part `marks`)."""
 
     id: str
     kind: Literal["victim", "waypoint", "target", "place"]
@@ -221,7 +221,7 @@ class MarkView(View, frozen=True, kw_only=True):
     position: tuple[float, float]
     agents: tuple[str, ...] = ()
     state: str = ""
-    """Of a victim: `missing`, `promised`, `rescued`; of an action: how it stands."""
+    """Of a victim: `missing`, `promised`, `rescued`; of an action: its state."""
     text: str = ""
 
 
@@ -245,7 +245,7 @@ class LetterView(View, frozen=True, kw_only=True):
     """A message between agents (part `letter/N`)."""
 
     number: int
-    """In the order in which messages were first heard of."""
+    """Counts messages in the order in which they were first reported."""
     id: str
     sender: str
     receiver: str
@@ -256,7 +256,7 @@ class LetterView(View, frozen=True, kw_only=True):
     in_reply_to: str = ""
     state: Literal["in_flight", "received", "undelivered"]
     undelivered: str = ""
-    """Why it was given up by somebody; it may have come all the same."""
+    """Why it was given up; it may have arrived all the same."""
 
 
 class HappenedView(View, frozen=True, kw_only=True):
@@ -265,7 +265,7 @@ class HappenedView(View, frozen=True, kw_only=True):
     n: int
     at: float
     mission: float | None = None
-    """Mission seconds by the fleet's clock; None = not known when it happened."""
+    """Mission seconds by the fleet's clock; None = not known."""
     who: str
     what: str
     text: str
@@ -275,21 +275,21 @@ class HappenedView(View, frozen=True, kw_only=True):
 
 
 class OrderedView(View, frozen=True, kw_only=True):
-    """An order to robots and what became of it (part `order/N`)."""
+    """An order to robots and its outcome (part `order/N`)."""
 
     number: int
     order: str
     at: float
     clicked: float
-    """When the page has ordered it, as it said: by this the page knows its own order."""
+    """When the page gave it, by the page: it finds its own order by this."""
     state: Literal["looking", "waiting", "confirmed", "NOT confirmed", "NOT ordered"]
-    """Of the whole order; `looking`: nobody knows yet whom to order. `confirmed` is said of at least one robot."""
+    """Of the whole order; `looking`: the robots are not known yet; `confirmed`: by all of at least one robot."""
     of: str = ""
     """`all`, or nothing for a single robot."""
     outcomes: dict[str, tuple[str, str]] = {}
     """By robot: `waiting`, `confirmed` or `NOT confirmed`, and the reason."""
     problem: str = ""
-    """Why nobody was ordered at all."""
+    """Why no robot was ordered."""
 
 
 class SeenMind(View, frozen=True, kw_only=True):

@@ -1,4 +1,4 @@
-"""The application: which model is shown, and what every page understands."""
+"""The application: the model that is shown, and the keys of every page."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from textual import events
 from textual.app import App
 from textual.binding import Binding, BindingType
 
-from argosy.fleet_model import TeamModel, still
-from argosy.watch.fleet_link import Link
-from argosy.watch.glyphs import UNICODE, Glyphs
+from argosy.fleet_model.link import FleetLink
+from argosy.fleet_model.model import FleetModel
 from argosy.watch.page import Page
 from argosy.watch.pages import Help, Overview
-from argosy.watch.row_text import said
+from argosy.watch.row_text import UNICODE, Glyphs, said
 
 PERIOD = 0.5
 """Wall seconds between two drawings."""
@@ -36,24 +35,24 @@ class WatchApp(App[None]):
         Binding("question_mark,f1,h", "help", show=False),
     ]
 
-    def __init__(self, link: Link, *, glyphs: Glyphs = UNICODE, filter: str = "", period: float = PERIOD) -> None:
-        super().__init__(ansi_color=True)  # said here, so that NO_COLOR takes all colours away and not only the hues
+    def __init__(self, link: FleetLink, *, glyphs: Glyphs = UNICODE, filter: str = "", period: float = PERIOD) -> None:
+        super().__init__(ansi_color=True)  # set here, so that NO_COLOR removes all colours and not only the hues
         self.link, self.glyphs, self.filter, self.period = link, glyphs, filter, period
-        self._still: TeamModel | None = None
+        self._still: FleetModel | None = None
         self.theme = "ansi-dark"  # the terminal's own colours, light or dark
 
     @property
     def paused(self) -> bool:
-        """Whether the view stands still."""
+        """Whether the view is paused."""
         return self._still is not None
 
     @property
-    def shown(self) -> TeamModel:
+    def shown(self) -> FleetModel:
         """The model that is shown: the fleet's, or as it was when the view was paused."""
         return self._still or self.link.model
 
     def _fatal_error(self) -> None:
-        """End with one line for what nobody has caught, instead of a page of our own code."""
+        """End with one line for an uncaught exception, without a traceback."""
         if os.environ.get("ARGOSY_DEBUG"):
             super()._fatal_error()
             return
@@ -75,8 +74,8 @@ class WatchApp(App[None]):
             self.screen.post_message(events.Resize(self.size, self.size))
 
     def action_pause(self) -> None:
-        """Let the view stand still, or go on."""
-        self._still = None if self._still is not None else still(self.link.model)
+        """Pause or continue the view."""
+        self._still = None if self._still is not None else self.link.model.frozen()
         if isinstance(self.screen, Page):
             self.screen.redraw()
 

@@ -1,4 +1,4 @@
-"""`argosy watch`: arguments, terminal, and the end."""
+"""`argosy watch`: arguments, terminal and exit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import sys
 from argparse import ArgumentParser, Namespace
 
 from argosy.cli.operator_bus import Where, add_fleet_arguments, where
-from argosy.watch.glyphs import glyphs_of
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings
 from schemas.mission.model import Mission, load_mission
@@ -38,27 +37,30 @@ def run(args: Namespace) -> int:
             file=sys.stderr,
         )
         return EXIT_BAD_INPUT
-    logging.getLogger().addHandler(logging.NullHandler())  # the view says itself what the bus would write over it
+    logging.getLogger().addHandler(logging.NullHandler())  # the view shows what the bus would log
     return asyncio.run(_show(place, mission, args.filter))
 
 
 async def _show(place: Where, mission: Mission | None, words: str) -> int:
+    from argosy.fleet_model.link import FleetLink
     from argosy.watch.app import WatchApp
-    from argosy.watch.fleet_link import Link
+    from argosy.watch.row_text import glyphs_of
 
-    link = Link(place, mission)
+    link = FleetLink(place, mission)
     app = WatchApp(link, glyphs=glyphs_of(os.environ, sys.stdout.encoding or ""), filter=words)
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:  # ignored: under nohup
             asyncio.get_running_loop().add_signal_handler(number, app.exit)  # it gives the terminal back
     dialling = asyncio.create_task(link.run())
-    dialling.add_done_callback(lambda _: app.exit() if link.failure else None)
+    dialling.add_done_callback(lambda _: app.exit())
     try:
         await app.run_async(mouse=False)
     finally:
         dialling.cancel()
-        await asyncio.gather(dialling, return_exceptions=True)
-    if link.failure:
-        print(link.failure, file=sys.stderr)
+        (ended,) = await asyncio.gather(dialling, return_exceptions=True)
+    if isinstance(ended, Findings):  # the router cannot be reached with these keys
+        print(ended, file=sys.stderr)
         return EXIT_BAD_INPUT
+    if isinstance(ended, Exception):
+        raise ended
     return EXIT_FAILED if app.return_code else EXIT_DONE

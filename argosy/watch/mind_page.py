@@ -1,4 +1,4 @@
-"""An agent's mind, drilled down: what it intends and does, what waits, what it believes, what it decided and why."""
+"""The mind of one agent: intentions, actions, events, beliefs, and decisions with their reasons."""
 
 from __future__ import annotations
 
@@ -6,29 +6,30 @@ from rich.text import Text
 
 from agentd.standalone.decision_printer import decision_lines, failure_lines
 from argosy.cli.remedies import level_of
-from argosy.fleet_model import TeamAgent, TeamModel, activity
-from argosy.watch.glyphs import Glyphs
+from argosy.fleet_model.activity import activity
+from argosy.fleet_model.members import FleetAgent
+from argosy.fleet_model.model import FleetModel
 from argosy.watch.overview_page import unheard
-from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, place, places, rounded, said
+from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, places, rounded, said
 from argosy.why.wording import awaited
 from schemas.humanize import count, span
 from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, MindView
 
 OLD = 3.0
-"""Seconds after which what is shown of a mind counts as old; each is asked every 2 s."""
+"""Seconds after which a view of a mind counts as old; each is asked every 2 s."""
 MOST_OUTCOMES = 5
 """Actions that have ended that are shown."""
 
 
-def seen(agent: TeamAgent) -> tuple[MindView | None, float | None]:
-    """Return the view of its mind with the most in it, unless a newer one is there, and when it was heard."""
+def seen(agent: FleetAgent) -> tuple[MindView | None, float | None]:
+    """Return the detailed view of a mind, or the summary if it is newer, and its time."""
     if agent.detail is not None and (agent.heard or 0.0) - (agent.detailed or 0.0) <= OLD:
         return agent.detail, agent.detailed
     return agent.mind, agent.heard
 
 
-def title(model: TeamModel, agent: TeamAgent) -> Text:
-    """Return who it is and how it is, in one line."""
+def title(model: FleetModel, agent: FleetAgent) -> Text:
+    """Return name and state of an agent in one line."""
     view, heard = seen(agent)
     now = model.as_of
     if view is None or heard is None:
@@ -49,7 +50,7 @@ def title(model: TeamModel, agent: TeamAgent) -> Text:
     )
 
 
-def _age(agent: TeamAgent, old: float) -> str:
+def _age(agent: FleetAgent, old: float) -> str:
     if agent.ended:
         return ""
     if not agent.there:
@@ -59,8 +60,8 @@ def _age(agent: TeamAgent, old: float) -> str:
     return f"as it was {span(old)} ago" if old > OLD else ""
 
 
-def mind(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
-    """Return intentions, actions, events, questions, messages: all that moves it."""
+def mind(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
+    """Return intentions, actions, events, questions, mail and the mission's formulas."""
     view, _ = seen(agent)
     rows: list[Row] = [Row(said(f"! {note.text}", BAD if level_of(note) == "error" else WARN)) for note in agent.notes]
     if view is None:
@@ -115,7 +116,7 @@ def _intention(intention: IntentionView, view: MindView, glyphs: Glyphs) -> list
     return rows
 
 
-def _actions(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
+def _actions(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
     now = model.now()
     running = model.open_actions(agent.name)
     ended = [one for one in model.actions.values() if one.agent == agent.name and one.ended is not None]
@@ -136,7 +137,7 @@ def _actions(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Row]:
     return rows
 
 
-def _mail(model: TeamModel, agent: TeamAgent, view: MindView) -> list[Row]:
+def _mail(model: FleetModel, agent: FleetAgent, view: MindView) -> list[Row]:
     queues = [
         (board.name, queue)
         for board in model.boards.values()
@@ -161,14 +162,14 @@ def _formula(text: str, holds: bool, bad: bool, glyphs: Glyphs) -> Row:
     )
 
 
-def _old(agent: TeamAgent, now: float) -> list[Row]:
-    """Return how old the details are that are shown, if they are old: only the mind that is looked at is asked."""
+def _old(agent: FleetAgent, now: float) -> list[Row]:
+    """Return the age of the details, if they are old."""
     old = now - (agent.detailed or now)
     return [Row(Text(f"as it was {span(old)} ago", BAD))] if old > OLD else []
 
 
-def beliefs(agent: TeamAgent, now: float) -> list[Row]:
-    """Return what it believes, source by source, each with its age in mission seconds."""
+def beliefs(agent: FleetAgent, now: float) -> list[Row]:
+    """Return the beliefs by source, each with its age in mission seconds."""
     view = agent.detail
     if view is None:
         word = "its mind has not been seen yet" if agent.mind is None else "not asked for yet"
@@ -187,7 +188,7 @@ def beliefs(agent: TeamAgent, now: float) -> list[Row]:
 
 
 def _without_source(text: str, sources: tuple[str, ...]) -> str:
-    """Leave out who told it: it stands above."""
+    """Remove the sources: the heading has them."""
     return text.removesuffix(f"[{','.join(f'source({source})' for source in sources)}]")
 
 
@@ -195,8 +196,8 @@ def _order(source: str) -> tuple[int, str]:
     return ({"percept": 1, "self": 2}.get(source, 0), source)
 
 
-def decisions(agent: TeamAgent, opened: set[str], now: float) -> list[Row]:
-    """Return the last decisions, the newest first; those that are opened with their reasons."""
+def decisions(agent: FleetAgent, opened: set[str], now: float) -> list[Row]:
+    """Return the last decisions, the newest first; those in `opened` with their reasons."""
     view = agent.detail
     if view is None:
         return [Row(Text("not asked for yet", WARN))]
@@ -221,7 +222,7 @@ def _decision(view: DecisionView, key: str) -> Row:
     outcome = {"failed": BAD, "none": BAD, "dropped": WARN, "ended": GOOD}.get(view.outcome, "")
     word = "no plan" if view.outcome == "none" else view.outcome
     if view.outcome == "none" and not {"!", "?"} & set(view.kind):
-        outcome = DIM  # most beliefs come and go without one
+        outcome = DIM  # most belief events have no plan
     return Row(
         joined(
             (f"{view.time:8.1f} s", DIM),

@@ -1,4 +1,4 @@
-"""The fleet at a glance: vehicles, agents, boards, each in a row with what matters of it."""
+"""The overview of a fleet: a row for each vehicle, agent and board."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from argosy.cli.remedies import level_of
-from argosy.fleet_model import Member, TeamAgent, TeamModel, TeamRobot, activity
-from argosy.fleet_model.robots import ActionSeen, RobotSeen
-from argosy.watch.glyphs import Glyphs
-from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Row, head, joined, place, rounded, said, table
+from argosy.fleet_model.actions import ActionSeen
+from argosy.fleet_model.activity import activity
+from argosy.fleet_model.members import FleetAgent, FleetRobot, Member
+from argosy.fleet_model.model import FleetModel
+from argosy.fleet_model.robots import RobotSeen
+from argosy.watch.row_text import BAD, DIM, GOOD, WARN, Glyphs, Row, head, joined, place, rounded, said, table
 from argosy.why.wording import awaited
 from schemas.geo import distance
 from schemas.humanize import count, span
@@ -29,8 +31,8 @@ NARROW = 130
 """Columns below which a vehicle's place is left out."""
 
 
-def overview(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
-    """Return the rows of the whole fleet for a screen of so many columns."""
+def overview(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
+    """Return the rows of the whole fleet for a screen of `width` columns."""
     rows: list[Row] = []
     if model.robots:
         rows += [head("vehicles"), *_vehicles(model, width, glyphs)]
@@ -41,14 +43,14 @@ def overview(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
     return rows
 
 
-def _vehicles(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
+def _vehicles(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
     robots = list(model.robots.values())
     rows = [[_mark(robot, glyphs), Text(robot.name, "bold"), *_robot(model, robot, width, glyphs)] for robot in robots]
     lines = table(rows, width - 1, flex=5, right=(4,))
     return [*(Row(line, f"robot {one.name}") for line, one in zip(lines, robots, strict=True)), *_notes(robots)]
 
 
-def _robot(model: TeamModel, robot: TeamRobot, width: int, glyphs: Glyphs) -> list[Text]:
+def _robot(model: FleetModel, robot: FleetRobot, width: int, glyphs: Glyphs) -> list[Text]:
     """Return mode, arming, height and all else of a robot."""
     seen, now = robot.seen, model.as_of
     actions = [action for agent in robot.agents for action in model.open_actions(agent)]
@@ -97,12 +99,12 @@ def _action(action: ActionSeen, now: float, speed: float, glyphs: Glyphs) -> Tex
 
 
 def unheard(action: ActionSeen, now: float) -> tuple[str, str]:
-    """Return for how long nobody has told of an action, if that is long, and its style."""
+    """Return the age of an action's last status, if that is old, and its style."""
     silent = action.silent(now)
     return ("" if silent is None else f"not heard for {span(silent)}", BAD)
 
 
-def _agents(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
+def _agents(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
     agents = list(model.agents.values())
     rows = [_agent(model, agent, glyphs) for agent in agents]
     lines = table(rows, width - 1, flex=4, right=(3, 5, 6))
@@ -112,8 +114,8 @@ def _agents(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
     return [*found, *_notes(agents)]
 
 
-def _agent(model: TeamModel, agent: TeamAgent, glyphs: Glyphs) -> list[Text]:
-    """Return mark, name, state, number of intentions, what it does, lag, mail."""
+def _agent(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Text]:
+    """Return mark, name, state, number of intentions, activity, lag and mail."""
     mind, now = agent.mind, model.now()
     lag = Text(f"lag {span(agent.lag)}" if agent.lag >= LAGGING else "", BAD)
     waiting = model.mail_for(agent.name) + (mind.mailbox if mind is not None else 0)
@@ -155,7 +157,7 @@ def _does(stack: tuple[str, ...], waits_for: WaitView | None, action: str) -> Te
     return joined(rounded(stack[0]), (rounded(action) if action else waits, DIM))
 
 
-def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
+def _boards(model: FleetModel, width: int, glyphs: Glyphs) -> list[Row]:
     boards = list(model.boards.values())
     rows: list[Row] = []
     for board in boards:
@@ -180,7 +182,7 @@ def _boards(model: TeamModel, width: int, glyphs: Glyphs) -> list[Row]:
 
 
 def _notes(members: Sequence[Member]) -> list[Row]:
-    """Return what is to be said of members, once for all of whom it is said."""
+    """Return the notes of some members, each note once with the names."""
     about: dict[Note, list[str]] = {}
     for member in (one for one in members if one.there):
         for note in member.notes:
@@ -207,8 +209,8 @@ def _mark(member: Member, glyphs: Glyphs) -> Text:
     return Text(glyphs.well, GOOD if member.well else BAD)
 
 
-def _absent(model: TeamModel, member: Member) -> str:
-    """Return why a member is not there, or not as it should be, in words."""
+def _absent(model: FleetModel, member: Member) -> str:
+    """Return why a member is not well, as text."""
     if member.there:
         return f"its {member.daemon} is {member.standing}"
     if member.ended:

@@ -1,4 +1,4 @@
-"""What the pages of the view share: title, banner, panes with headings, the line for a filter, the keys."""
+"""Base of the pages: title, banner, panes with headings, filter line and keys."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from argosy.fleet_model import TeamModel
-from argosy.watch.banner import banner
-from argosy.watch.row_text import BAD, joined, safe, said
+from argosy.fleet_model.link import FleetLink
+from argosy.fleet_model.model import FleetModel
+from argosy.watch.row_text import BAD, GOOD, WARN, clock, joined, safe, said
 from argosy.watch.scroll_pane import ScrollPane
+from schemas.humanize import count, span
 
 if TYPE_CHECKING:
     from argosy.watch.app import WatchApp
+HINT_AFTER = 10.0
+"""Seconds of waiting after which a possible reason is shown."""
 
 
 class Pane(Vertical):
-    """Rows below a heading that tells of how many there are more than seen, and what is left out."""
+    """Rows below a heading that shows the position in them and the filter."""
 
     DEFAULT_CSS = """
     Pane { height: 1fr; }
@@ -42,7 +45,7 @@ class Pane(Vertical):
         yield self.lines
 
     def head(self, mark: str) -> None:
-        """Tell what is shown; the mark stands before the pane that has the keys."""
+        """Update the heading; the mark shows the focused pane."""
         lines = self.lines
         total, seen = int(lines.virtual_size.height), lines.size.height
         first = lines.scroll_offset.y
@@ -100,11 +103,11 @@ class Page(Screen[None]):
         """Return the panes."""
         raise NotImplementedError
 
-    def top(self, model: TeamModel) -> Text:
+    def top(self, model: FleetModel) -> Text:
         """Return the title."""
         raise NotImplementedError
 
-    def draw(self, model: TeamModel) -> None:
+    def draw(self, model: FleetModel) -> None:
         """Show what a model has."""
         raise NotImplementedError
 
@@ -114,7 +117,7 @@ class Page(Screen[None]):
         self.set_interval(self.watch_app.period, self.redraw)
 
     def on_screen_resume(self) -> None:
-        """Draw at once what has changed while another page was above."""
+        """Draw what has changed while another page was shown."""
         self.redraw()
 
     def redraw(self) -> None:
@@ -186,3 +189,73 @@ class Page(Screen[None]):
         if lines is not None:
             lines.focus()
         self.redraw()
+
+
+def title(model: FleetModel, router: str) -> Text:
+    """Return the title: the fleet, and how many of its members are there."""
+    there = [
+        f"{sum(one.there for one in members.values())} of {count(len(members), what)}"
+        for members, what in ((model.agents, "agent"), (model.robots, "robot"), (model.boards, "board"))
+        if members
+    ]
+    others = f"also at this router: {', '.join(sorted(model.other_fleets))}" if model.other_fleets else ""
+    return joined(
+        (f"argosy watch {model.fleet or 'any fleet'}", "bold"),
+        *there,
+        (others, WARN),
+        (_run_time(model), "dim"),
+        (router, "dim"),
+    )
+
+
+def banner(link: FleetLink, model: FleetModel, paused: bool) -> list[Text]:
+    """Return what is wrong with the view, a line for each problem."""
+    now, lines = link.model.now(), list[Text]()
+    live = link.model
+    if live.over:
+        lines += _ended(live)
+    elif not link.reached:
+        why = link.problem or f"dialling {link.place.router}"
+        lines.append(said(f"no router yet, waiting for {span(now - link.since)}: {why}", BAD))
+        if now - link.since > HINT_AFTER:
+            lines.append(
+                said("is the fleet running? is it another router: --router ENDPOINT, or --mission FILE?", WARN)
+            )
+    elif not live.router_up:
+        lost = now - (live.router_since or now)
+        lines.append(
+            said(f"ROUTER LOST for {span(lost)}: all below is as it was; it comes back by itself", "reverse bold red")
+        )
+    elif not any(one.there for members in (live.agents, live.robots, live.boards) for one in members.values()):
+        who = f"nobody of fleet {live.fleet}" if live.fleet else "nobody"
+        lines.append(said(f"{who} is there yet, waiting for {span(now - link.since)}", WARN))
+        if now - link.since > HINT_AFTER:
+            others = (
+                f"at this router there is {', '.join(sorted(live.other_fleets))}: --fleet NAME; "
+                if live.other_fleets
+                else ""
+            )
+            lines.append(said(f"{others}is it started (argosy run, or its units)? argosy doctor tells more", WARN))
+    if live.run_silent is not None:
+        lines.append(said(f"argosy run is not heard for {span(live.run_silent)}: nobody watches over this run", WARN))
+    if paused:
+        text = f"PAUSED as it was at {clock(model.now())}: the fleet goes on without you; space to go on"
+        lines.append(said(text, "reverse yellow"))
+    return lines
+
+
+def _run_time(model: FleetModel) -> str:
+    """Return the mission time and the phase of the run; the time of day while no mission time is known."""
+    seconds = model.clock.seconds(model.as_of)
+    time = f"{clock(model.now())} (wall)" if seconds is None else f"{seconds:.0f} s of mission"
+    return time if model.run_state is None else f"{model.run_state.phase.replace('_', ' ')}, {time}"
+
+
+def _ended(model: FleetModel) -> list[Text]:
+    """Return how the run has ended, and where its report and its recording are."""
+    state = model.run_state
+    assert state is not None
+    after = f"after {state.mission_time:.1f} s"
+    words = f"the mission is done {after}" if state.phase == "done" else f"the mission has failed {after}: {state.why}"
+    kept = [f"{what}: {place}" for what, place in (("report", state.report), ("recording", state.recording)) if place]
+    return [said(words, GOOD if state.phase == "done" else BAD), *(said(line) for line in kept)]

@@ -10,18 +10,17 @@ from textual import events
 from textual.binding import Binding, BindingType
 from textual.widget import Widget
 
-from argosy.fleet_model import TeamModel
+from argosy.fleet_model.model import FleetModel
+from argosy.fleet_model.timeline import Entry
+from argosy.run.screen import STYLES
 from argosy.watch import mind_page
-from argosy.watch.banner import title
-from argosy.watch.glyphs import Glyphs
 from argosy.watch.overview_page import overview
-from argosy.watch.page import Page, Pane
-from argosy.watch.row_text import Row, head
+from argosy.watch.page import Page, Pane, title
+from argosy.watch.row_text import Glyphs, Row, head
 from argosy.watch.scroll_pane import Choice, ScrollPane
-from argosy.watch.timeline_rows import TimelineRows
 
 WIDE, HIGH = 120, 30
-"""Columns and lines of a terminal from which on all panes of an agent are seen at once."""
+"""Columns and lines of a terminal from which on all panes of an agent are shown together."""
 MOST_FLEET = 0.6
 """Share of the screen that the fleet may take; the timeline has the rest."""
 HELP = """\
@@ -40,6 +39,8 @@ What is old says how old it is: a vehicle in dim letters was not heard for 3 s, 
 answered for 5 s. The mind of the agent that is looked at is asked twice a second, each other one every 2 s,
 the mailboxes every 2 s. Ages of beliefs and intentions are seconds of the mission's clock.
 """
+MOST_ENTRIES = 2_000
+"""Rows that are shown."""
 
 
 class Overview(Page):
@@ -62,19 +63,19 @@ class Overview(Page):
         super().on_mount()
         self._team.focus()
 
-    def top(self, model: TeamModel) -> Text:
-        """Return the fleet's name and how many of it are there."""
+    def top(self, model: FleetModel) -> Text:
+        """Return the title of the fleet."""
         return title(model, self.watch_app.link.place.router)
 
-    def draw(self, model: TeamModel) -> None:
-        """Show the fleet and what happens."""
+    def draw(self, model: FleetModel) -> None:
+        """Show the fleet and its timeline."""
         rows = overview(model, self.size.width, self.watch_app.glyphs)
         self.query_one("#team").styles.height = max(3, min(len(rows) + 1, round(self.size.height * MOST_FLEET)))
         self._team.show_rows(rows)
         self._events.show_rows(self._timeline_rows.update(model))
 
     def on_choice_opened(self, event: Choice.Opened) -> None:
-        """Look into the agent, or into that of the robot."""
+        """Open the page of the agent, or of the robot's agent."""
         kind, _, name = event.key.partition(" ")
         model = self.watch_app.shown
         if kind == "robot":
@@ -84,7 +85,7 @@ class Overview(Page):
 
 
 class AgentPage(Page):
-    """One agent: all its panes where there is room, else one of them."""
+    """One agent: all its panes if there is room, else one of them."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         *(Binding(str(number), f"pane({number - 1})", show=False) for number in range(1, 5)),
@@ -102,7 +103,7 @@ class AgentPage(Page):
         super().__init__()
         self.agent = agent
         self._opened: set[str] = set()
-        """Decisions that are told with their reasons."""
+        """Decisions that are shown with their reasons."""
         self._shown = "mind"
 
     def panes(self) -> Iterable[Widget]:
@@ -125,14 +126,14 @@ class AgentPage(Page):
         return TimelineRows(self.agent, *filter(None, (agent.robot if agent is not None else "",)))
 
     def on_mount(self) -> None:
-        """Ask for the mind with its details from now on."""
+        """Begin to ask for the details of the mind."""
         self.watch_app.link.look_at(self.agent)
         super().on_mount()
         self._arrange()
         self._mind.focus()
 
     def on_unmount(self) -> None:
-        """Ask as for all others again."""
+        """Stop asking for the details."""
         self.watch_app.link.look_away(self.agent)
 
     def on_resize(self, _: events.Resize) -> None:
@@ -140,7 +141,7 @@ class AgentPage(Page):
         self._arrange()
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        """Show the pane that has the keys now."""
+        """Show the focused pane."""
         if isinstance(event.widget, ScrollPane) and isinstance(event.widget.parent, Pane):
             self._shown = str(event.widget.parent.id)
             self._arrange()
@@ -152,12 +153,12 @@ class AgentPage(Page):
         for pane in self.query(Pane):
             pane.set_class(not wide and pane.id != self._shown, "behind")
 
-    def top(self, model: TeamModel) -> Text:
-        """Return who it is and how it is."""
+    def top(self, model: FleetModel) -> Text:
+        """Return name and state of the agent."""
         agent = model.agents.get(self.agent)
         return Text(f"{self.agent} is forgotten") if agent is None else mind_page.title(model, agent)
 
-    def draw(self, model: TeamModel) -> None:
+    def draw(self, model: FleetModel) -> None:
         """Show the mind."""
         agent = model.agents.get(self.agent)
         if agent is None:
@@ -175,7 +176,7 @@ class AgentPage(Page):
         return not self.query_one(f"#{pane}").has_class("behind")
 
     def on_choice_opened(self, event: Choice.Opened) -> None:
-        """Tell why, or no longer."""
+        """Show or hide the reasons of a decision."""
         self._opened ^= {event.key}
         self.redraw()
 
@@ -200,7 +201,7 @@ class AgentPage(Page):
 
 
 class Help(Page):
-    """What the keys do."""
+    """The keys."""
 
     KEYS = LONG_KEYS = "escape back"
 
@@ -214,11 +215,11 @@ class Help(Page):
         super().on_mount()
         self._text.focus()
 
-    def top(self, model: TeamModel) -> Text:
+    def top(self, model: FleetModel) -> Text:
         """Return the fleet's name."""
         return title(model, self.watch_app.link.place.router)
 
-    def draw(self, model: TeamModel) -> None:
+    def draw(self, model: FleetModel) -> None:
         """Show the text."""
         self._text.show_rows(help_rows(self.watch_app.glyphs))
 
@@ -227,3 +228,40 @@ def help_rows(glyphs: Glyphs) -> list[Row]:
     """Return the help with the marks of this terminal."""
     marks = {"well": glyphs.well, "away": glyphs.away, "runs": glyphs.runs, "under": glyphs.under}
     return [Row(Text(line), indent=4) if line else head("") for line in HELP.format(**marks).splitlines()]
+
+
+class TimelineRows:
+    """The rows of a timeline; of one agent and its robot, if they are named."""
+
+    def __init__(self, *names: str) -> None:
+        self._names = frozenset(names)
+        self._number = 0
+        self._model: FleetModel | None = None
+        self.rows: list[Row] = []
+        self._entries: list[tuple[float, int, Row]] = []
+
+    def update(self, model: FleetModel) -> list[Row]:
+        """Return the rows for what the model has now."""
+        if model is not self._model:  # paused, or going on again
+            self._model, self._number, self._entries, self.rows = model, 0, [], []
+        new = [
+            (one.at, one.number, _entry_row(model, one))
+            for one in model.timeline.since(self._number)
+            if self._concerns(one)
+        ]
+        self._number = model.timeline.number
+        if new:  # agents report a moment later than bridges: sort by time
+            self._entries = sorted([*self._entries, *new], key=lambda entry: entry[:2])[-MOST_ENTRIES:]
+            self.rows = [row for _, _, row in self._entries]
+        return self.rows
+
+    def _concerns(self, entry: Entry) -> bool:
+        return not self._names or entry.who in self._names
+
+
+def _entry_row(model: FleetModel, entry: Entry) -> Row:
+    style = STYLES[entry.level] if entry.what not in ("sent", "received") else "magenta"
+    seconds = model.clock.seconds(entry.at)
+    time = entry.clock if seconds is None else f"{seconds:8.1f}"
+    text = Text.assemble((f"{time} ", "dim"), (f"{entry.who}  ", "bold"), (entry.text, style))
+    return Row(text, indent=10, found_by=entry.what)

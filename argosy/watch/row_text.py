@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rich.cells import cell_len
@@ -23,33 +23,33 @@ class Row:
 
     text: Text
     key: str = ""
-    """What it is about, if it can be chosen: `agent scout`."""
+    """Identity of a row that can be chosen: `agent scout`."""
     indent: int = 0
-    """Columns by which what does not fit is set in on the next line."""
+    """Columns by which wrapped lines are indented."""
     head: bool = False
     """Whether it is a heading, which no filter hides."""
     found_by: str = field(default="", compare=False)
     """Further words by which a filter finds it."""
 
     def __post_init__(self) -> None:
-        """Let nothing through that a terminal takes for a command, whoever made the text."""
+        """Remove control characters from the text, whoever made it."""
         safe(self.text)
 
     def matches(self, words: Sequence[str]) -> bool:
-        """Whether every word stands in it, and none of those with a `-` before them; in small letters."""
+        """Whether the row has every word, and none with a `-` before it. The words are in lower case."""
         text = f"{self.text.plain} {self.found_by}".lower()
         return all(word[1:] not in text if word[:1] == "-" and word[1:] else word in text for word in words)
 
 
 def safe(text: Text) -> Text:
-    """Return this text with a blank for each character that a terminal may take for a command; its styles stay."""
+    """Replace each control character of a text by a blank; its styles stay."""
     if not text.plain.isprintable():
         text.plain = printable(text.plain)
     return text
 
 
 def said(text: str, style: str = "") -> Text:
-    """Return a text that no terminal takes for a command."""
+    """Return a text without control characters."""
     return Text(printable(text), style)
 
 
@@ -59,7 +59,7 @@ def head(text: str) -> Row:
 
 
 def joined(*parts: Text | str | tuple[str, str], gap: str = "  ") -> Text:
-    """Return parts beside each other, the empty ones left out."""
+    """Join parts in a line; empty ones are left out."""
     text = Text()
     for part in parts:
         one = said(part) if isinstance(part, str) else said(*part) if isinstance(part, tuple) else part
@@ -71,7 +71,7 @@ def joined(*parts: Text | str | tuple[str, str], gap: str = "  ") -> Text:
 def table(
     rows: Sequence[Sequence[Text]], width: int, *, flex: int, right: Sequence[int] = (), gap: int = 2
 ) -> list[Text]:
-    """Return rows whose columns stand below each other; the column `flex` gets what the others leave.
+    """Return rows as lines with aligned columns; the column `flex` gets the remaining width.
 
     Columns at the right end go first where there is no room, and an empty column takes none.
     """
@@ -124,3 +124,27 @@ def places(text: str) -> str:
 def clock(at: float) -> str:
     """Return the time of day on this machine of a time in Unix seconds."""
     return time.strftime("%H:%M:%S", time.localtime(at))
+
+
+@dataclass(frozen=True)
+class Glyphs:
+    """One set of marks."""
+
+    well: str = "●"
+    away: str = "○"
+    runs: str = "▸"
+    under: str = "‹"
+    """Between a goal and the one that waits for it."""
+    cursor: str = "▌"
+    instead: Mapping[int, str] = field(default_factory=dict)
+    """Replacements for characters that this terminal does not have."""
+
+
+UNICODE = Glyphs()
+ASCII = Glyphs("*", "o", ">", "<", ">", {ord("→"): ">", ord("←"): "<", ord("…"): "~"})
+
+
+def glyphs_of(environment: Mapping[str, str], encoding: str) -> Glyphs:
+    """Return the marks that a terminal can show."""
+    plain = environment.get("TERM", "") in ("linux", "vt100", "vt102", "vt220", "ansi", "dumb")
+    return UNICODE if not plain and encoding.lower().replace("-", "") == "utf8" else ASCII

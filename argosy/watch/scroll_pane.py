@@ -1,4 +1,4 @@
-"""Panes of rows: only what is seen is drawn, so that a pane of thousands of rows costs as much as one of twenty."""
+"""Scrollable panes of rows. Only visible rows are drawn, so that thousands of rows cost as much as twenty."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from argosy.watch.glyphs import Glyphs
-from argosy.watch.row_text import Row
+from argosy.watch.row_text import Glyphs, Row
 
 
 class ScrollPane(ScrollView, can_focus=True):
@@ -35,7 +34,7 @@ class ScrollPane(ScrollView, can_focus=True):
     ]
 
     def __init__(self, glyphs: Glyphs, *, id: str, wrap: bool = False, follow: bool = False) -> None:
-        """`wrap`: what is too long goes on in the next line; `follow`: whoever is at the end stays there."""
+        """`wrap`: long rows are wrapped; `follow`: a pane that is scrolled to its end stays there."""
         super().__init__(id=id)
         self.filter = ""
         """Words that a row must have to be shown."""
@@ -153,7 +152,7 @@ class Choice(ScrollPane):
         self.chosen = ""
         """The key of the chosen row."""
         self._by_hand = False
-        """Whether somebody chose it; else it is the first, whatever comes before it."""
+        """Whether the user chose it; else the first row is chosen."""
 
     def action_step(self, by: int) -> None:
         keys = self._keys()
@@ -205,5 +204,5 @@ class Choice(ScrollPane):
         segments = [Segment(self._mark), *self._segments(text)]
         if not self.has_focus:
             return segments
-        over = Style(reverse=True)  # and no colours: they would stand out as patches
+        over = Style(reverse=True)  # without colours: they would look like patches
         return [Segment(one.text, over) for one in [*segments, Segment(" " * self.size.width)]]

@@ -22,18 +22,18 @@ class Line(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Paragraph(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What there is to say of one thing that happened, or that is so now."""
+    """The explanation of one event, or of the present state."""
 
     kind: Kind
     lines: tuple[Line, ...]
     time: float | None = None
-    """Mission seconds; none: it is about what is so now, or about the program."""
+    """Mission seconds; None: it is about the present state or the program."""
     times: int = 1
-    """How often it happened for the same reasons; the newest of them is told."""
+    """How often it happened for the same reasons; the newest is explained."""
 
 
 class Explanation(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Why an agent did, or did not do, something: what happened stands in order, the newest last."""
+    """Why an agent did, or did not do, something: events in order, the newest last."""
 
     agent: str
     about: str = ""

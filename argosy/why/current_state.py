@@ -1,4 +1,4 @@
-"""What an agent is doing now, and what was dropped or failed lately."""
+"""Explain the present state of an agent, and what was dropped or failed lately."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator
 from itertools import islice
 
 from argosy.why.answer import Line, Paragraph
-from argosy.why.causes import cause_lines
 from argosy.why.decision_history import Memory
-from argosy.why.decisions import aftermath
+from argosy.why.decisions import aftermath, cause_lines
 from argosy.why.question import parts_of
 from argosy.why.wording import (
     ANSWERING,
@@ -26,13 +25,13 @@ from schemas.humanize import count, span
 from schemas.wire.mind_records import DropView, FailureView, IntentionView, MindView
 
 MOST_INTENTIONS = 10
-"""So many intentions are told; of further ones the number."""
+"""Intentions that are explained; further ones are counted."""
 MOST_GOALS = 6
-"""So many goals of a stack are named."""
+"""Goals of a stack that are named."""
 
 
 def standing(memory: Memory) -> Paragraph:
-    """How the agent is."""
+    """Return the state of the agent."""
     view = memory.view
     program = f" It runs {view.program}." if view.program else ""
     match view.state:
@@ -60,7 +59,7 @@ def standing(memory: Memory) -> Paragraph:
 
 
 def doing(memory: Memory, wanted: Callable[[IntentionView], bool] = lambda _: True) -> Iterator[Paragraph]:
-    """Each intention that is wanted: the goal, what it waits for and since when; those that are alike are counted."""
+    """Explain each wanted intention: goal, what it waits for and since when; equal ones are counted."""
     view = memory.view
     alike: dict[tuple[object, ...], list[IntentionView]] = {}
     for intention in filter(wanted, view.intentions):
@@ -86,7 +85,7 @@ def _name(event: str) -> str:
 
 
 def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
-    """An intention: what it is at, what for, and where it comes from."""
+    """Explain an intention: its position, purpose and cause."""
     stack = [event for event in intention.stack if event != ANSWERING]
     goals = [_goal(event) for event in stack]
     at = f" at {intention.at}" if intention.at else ""
@@ -117,7 +116,7 @@ def _goal(event: str) -> str:
 
 
 def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:
-    """What was dropped because too much waited."""
+    """Explain what was dropped because queues were full."""
     for drop in drops:
         match drop.what:
             case "events":
@@ -137,7 +136,7 @@ def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:
 
 
 def sites(memory: Memory, event: str) -> Iterator[Line]:
-    """Where in the program an event such as `+!tick/1` is raised."""
+    """Return where in the program an event such as `+!tick/1` is raised."""
     sign, name = sign_of(event)
     uses = {f"{goal}{name}" for goal in ("!", "!!")} if sign == "+!" else {event}
     for plan in memory.view.plans:
@@ -151,7 +150,7 @@ def _was(count: int) -> str:
 
 
 def only_counted(view: MindView) -> Iterator[Paragraph]:
-    """What was dropped of which only the number is known."""
+    """Report drops of which only the number is known."""
     for what, number in view.dropped.items():
         named = sum(drop.count for drop in view.drops if drop.what == what)
         if number > named:
@@ -160,7 +159,7 @@ def only_counted(view: MindView) -> Iterator[Paragraph]:
 
 
 def failure_paragraph(memory: Memory, failure: FailureView) -> Paragraph:
-    """A failure whose decision is not remembered."""
+    """Explain a failure whose decision is not remembered."""
     at = f" at {failure.position}" if failure.position else ""
     head = Line(f"{ago(memory.now, failure.time)}:{at} {failure_words(failure)}.", 0, failure.position)
     return Paragraph("failure", (head, *aftermath(memory, failure)), failure.time)

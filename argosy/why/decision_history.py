@@ -1,4 +1,4 @@
-"""What an agent remembers of its decisions, and how they hang together: which of them led to which."""
+"""The decisions and failures that an agent remembers, and which of them caused which."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from schemas.wire.mind_records import DecisionView, FailureView, MindView, PlanV
 
 @dataclass(frozen=True)
 class Cause:
-    """Why there was an event: the decision whose plan raised it, or the failure that it is about, if remembered."""
+    """Cause of an event: the decision whose plan raised it, or the failure that it is about, if remembered."""
 
     by: DecisionView | None = None
     failure: FailureView | None = None
     own_focus: bool = False
-    """It began an intention of its own: nobody waits for it."""
+    """It began an intention of its own, for which no plan waits."""
 
 
 class Memory:
@@ -34,7 +34,7 @@ class Memory:
         return max([self.view.time, *times])
 
     def cause(self, decision: DecisionView) -> Cause:
-        """What led to a decision."""
+        """Return the cause of a decision."""
         failure = self._failure_before(decision) if decision.kind.startswith("-") and "!" in decision.kind else None
         if failure is not None:
             goal = failure.given_up[-1] if failure.given_up else decision.goal
@@ -46,7 +46,7 @@ class Memory:
         return Cause()
 
     def chain(self, decision: DecisionView) -> Iterator[tuple[DecisionView, Cause]]:
-        """The decisions that led to one, beginning with that itself, each with its own cause."""
+        """Yield a decision and those that led to it, each with its cause."""
         seen: set[int] = set()
         current: DecisionView | None = decision
         while current is not None and id(current) not in seen:
@@ -56,7 +56,7 @@ class Memory:
             current = cause.by
 
     def led_to(self, failure: FailureView) -> DecisionView | None:
-        """The decision for the event that a failure goes on with."""
+        """Return the decision for the event that handles a failure."""
         if not failure.handled_by:
             return None
         for decision in self.decisions:
@@ -67,7 +67,7 @@ class Memory:
         return None
 
     def outcome_of(self, failure: FailureView) -> DecisionView | None:
-        """The decision whose plan failed so."""
+        """Return the decision whose plan had this failure."""
         return next((one for one in reversed(self.decisions) if one.failure == failure), None)
 
     def _before(self, decision: DecisionView) -> Iterator[DecisionView]:
@@ -75,7 +75,7 @@ class Memory:
         return (self.decisions[number] for number in range(place - 1, -1, -1))
 
     def _latest(self, decision: DecisionView, intention: int, event: str) -> DecisionView | None:
-        """The last decision before one in an intention, for an event."""
+        """Return the last decision before another one, for an event of an intention."""
         return next(
             (
                 one
@@ -86,13 +86,13 @@ class Memory:
         )
 
     def _raiser(self, decision: DecisionView, intention: int) -> DecisionView | None:
-        """The decision for the plan of an intention that has the formula by which an event was raised."""
+        """Return the decision for the plan of an intention that raised an event."""
         plan = self.plan_at(decision.asked_at)
         found = (one for one in self._before(decision) if one.intention == intention and one.chosen)
         return next((o for o in found if plan is None or (o.chosen and o.chosen.position == plan.position)), None)
 
     def plan_at(self, position: str) -> PlanView | None:
-        """The plan whose body has a formula at `file:line`."""
+        """Return the plan whose body has a formula at `file:line`."""
         file, line = _place(position)
         best: PlanView | None = None
         for plan in (*self.view.plans, *(one.chosen for one in self.decisions if one.chosen)):
@@ -102,7 +102,7 @@ class Memory:
         return best
 
     def _failure_before(self, decision: DecisionView) -> FailureView | None:
-        """The failure that the event of a failure plan is about."""
+        """Return the failure that triggered a failure plan."""
         for failure in reversed(self.failures):
             later = failure.cycle <= decision.cycle and failure.intention in (decision.intention, 0)
             if later and failure.handled_by == f"{decision.kind}{decision.name}":

@@ -1,18 +1,19 @@
-"""Decisions in words: which plan was chosen for an event, why not another, and what became of it."""
+"""Explain decisions: which plan was chosen for an event, why not another, its outcome and its causes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import islice
 
 from argosy.why.answer import Kind, Line, Paragraph
-from argosy.why.causes import cause_lines
-from argosy.why.decision_history import Memory
+from argosy.why.decision_history import Cause, Memory
 from argosy.why.wording import (
     ANSWERING,
     ago,
     awaited,
     event_words,
     failure_words,
+    first_up,
     goals_words,
     plan_words,
     raiser_words,
@@ -25,13 +26,19 @@ from schemas.humanize import count
 from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, RejectedView
 
 MOST_PLANS = 6
-"""So many rejected plans are told; of further ones the number."""
+"""Rejected plans that are explained; further ones are counted."""
 WITHOUT_PLAN = ("no_relevant", "no_applicable")
 """Errors of goals that found no plan."""
+MOST_LINKS = 8
+"""Steps back that are explained; further ones are counted."""
+MOST_FOLLOWED = 400
+"""Steps back that are followed."""
+OF_A_RESTART = ("restarted/1", "interrupted/3")
+"""Events that agentd raises in a restarted agent."""
 
 
 def groups(decisions: Iterable[DecisionView]) -> list[list[DecisionView]]:
-    """Decisions that were made for the same reasons and ended alike together; the group with the newest last."""
+    """Group decisions with the same reasons and outcome; the group with the newest decision is last."""
     found: dict[tuple[object, ...], list[DecisionView]] = {}
     for decision in decisions:
         shape = _shape(decision)
@@ -47,7 +54,7 @@ def _shape(made: DecisionView) -> tuple[object, ...]:
 
 
 def decision_paragraph(memory: Memory, group: list[DecisionView]) -> Paragraph:
-    """The newest decision of a group in full; the others are counted."""
+    """Explain the newest decision of a group; the others are counted."""
     made = group[-1]
     lines = [Line(f"{ago(memory.now, made.time)}: {_head(made)}", 0, made.chosen.position if made.chosen else "")]
     if made.rejected:
@@ -127,14 +134,14 @@ def _waits(intention: IntentionView) -> str:
 
 
 def failure_lines(memory: Memory, failure: FailureView) -> Iterator[Line]:
-    """What failed in a plan, and what that led to."""
+    """Explain what failed in a plan, and the consequences."""
     at = f" at {failure.position}" if failure.position else ""
     yield Line(f"The plan failed{at}: {failure_words(failure)}.", 1, failure.position)
     yield from aftermath(memory, failure)
 
 
 def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
-    """What became of the goals of a failure."""
+    """Explain the outcome of the goals of a failure."""
     own = (failure.formula,) if failure.error in WITHOUT_PLAN else ()
     goals = tuple(dict.fromkeys((*map(without_annotations, own), *failure.given_up)))
     asked = ANSWERING in goals
@@ -161,3 +168,89 @@ def _unchosen(memory: Memory, made: DecisionView) -> Iterator[Line]:
             yield from aftermath(memory, failure)
             return
     yield Line("So it failed.", 1)
+
+
+def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", indent: int = 1) -> list[Line]:
+    """Explain the cause of an event, a line for each step back; the first line names it `called`."""
+    lines: list[Line] = []
+    known: dict[tuple[str, ...], int] = {}
+    rounds = further = 0
+    last: tuple[DecisionView, Cause] | None = None
+    for made, cause in islice(memory.chain(decision), MOST_FOLLOWED):
+        last = made, cause
+        shape = (made.kind, made.name, made.asked_at, "" if cause.failure is None else cause.failure.position)
+        known[shape] = known.get(shape, 0) + 1
+        if cause.by is None and cause.failure is None:
+            break  # the origin, explained below
+        if known[shape] > 1:
+            rounds = max(rounds, known[shape] - 1)
+        elif len(lines) >= MOST_LINKS:
+            further += 1
+        else:
+            lines += _link(made, cause, event_words(made.event) if lines else called, indent)
+    if further:
+        lines.append(Line(f"... and {count(further, 'step')} more back.", indent))
+    if rounds:
+        lines.append(Line(f"So it went round {count(rounds, 'time')} before, as far as is remembered.", indent))
+    if last is not None and last[1].by is None and last[1].failure is None:
+        lines += _origin_line(memory, last[0], event_words(last[0].event) if lines else called, indent)
+    return lines
+
+
+def _link(made: DecisionView, cause: Cause, subject: str, indent: int) -> Iterator[Line]:
+    if cause.failure is not None:
+        failure, place = cause.failure, cause.failure.position
+        at = f" at {place}" if place else ""
+        yield Line(f"{first_up(subject)} comes from this{at}: {failure_words(failure)}.", indent, place)
+    elif cause.by is not None:
+        at = f" at {made.asked_at}" if made.asked_at else ""
+        focus = ", as an intention of its own" if cause.own_focus and made.kind == "+!" else ""
+        text = f"{first_up(subject)} comes from {raiser_words(cause.by.event)}, whose plan {_verb(made)} it{at}{focus}."
+        yield Line(text, indent, made.asked_at)
+
+
+def _verb(made: DecisionView) -> str:
+    match made.kind:
+        case "+!":
+            return "set"
+        case "+?":
+            return "asked"
+        case "-":
+            return "took away"
+        case "+":
+            return "added"
+    return "raised"
+
+
+def _origin_line(memory: Memory, made: DecisionView, subject: str, indent: int) -> Iterator[Line]:
+    place = "" if made.goal == ANSWERING else made.asked_at
+    yield Line(f"{first_up(subject)} {origin_words(memory, made)}.", indent, place)
+
+
+def origin_words(memory: Memory, made: DecisionView) -> str:
+    """Return the origin of an event without a remembered cause, as a predicate: `comes from a percept`."""
+    if made.goal == ANSWERING:
+        return f"was asked by {made.source} in a message" if made.source else "was asked by another agent"
+    cause, at = made.cause, f" at {made.asked_at}" if made.asked_at else ""
+    match None if cause is None else cause.kind:
+        case "program" if made.kind == "+" and made.name in OF_A_RESTART:
+            return "comes from its restart: agentd tells it to an agent that was started again"
+        case "program":
+            return "stands in the program, which begins with it"
+        case "outside":
+            return "was given from outside: by an operator, the mission or a restart"
+        case "percept":
+            return "comes from what the agent perceives"
+    if cause is not None and cause.kind == "message":
+        identity = f" {cause.message}" if cause.message else ""
+        return f"comes from a message of {cause.sender} ({cause.performative}{identity})"
+    if cause is not None and cause.kind == "told":
+        return f"was told by {cause.sender}"
+    if made.goal:
+        raiser = raiser_words(made.goal)
+        return f"comes from {raiser}, whose plan {_verb(made)} it{at}; what was before is not remembered any more"
+    if cause is not None:
+        plan = memory.plan_at(made.asked_at)
+        which = "a plan" if plan is None else f"the plan {plan_words(plan)}"
+        return f"was raised{at} by {which}; why that ran is not remembered any more"
+    return "comes from the agent itself"

@@ -1,12 +1,15 @@
-"""Explanations: made of a view of a mind, and of what the boards and the other agents answer when they are asked."""
+"""Explain what an agent does, from a view of its mind and from answers of the boards and the other agents."""
 
 from __future__ import annotations
 
 import asyncio
 import time
 from collections.abc import Iterable
-from dataclasses import replace
-from typing import TypeVar
+from pathlib import PurePath
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec.structs import replace
 
 from argosy.cli.operator_bus import ANY, Unanswered
 from argosy.why.answer import Explanation, Line, Paragraph
@@ -15,7 +18,6 @@ from argosy.why.decision_history import Memory
 from argosy.why.decisions import WITHOUT_PLAN, decision_paragraph, groups
 from argosy.why.goal_explanation import about as tell_about
 from argosy.why.goal_explanation import names_of
-from argosy.why.program_places import Places
 from argosy.why.question import subject_of
 from argosy.why.unanswered_questions import MailFacts, dead_letters, question_paragraph
 from argosy.why.wording import without_annotations
@@ -29,20 +31,23 @@ from schemas.wire.records import BoardServices, Mailboxes, Record
 R = TypeVar("R", bound=Record)
 
 REMEMBERED = 200
-"""Decisions and failures that a mind is asked for: all that it keeps if nobody says otherwise."""
+"""Decisions and failures that a mind is asked for; as many as it keeps by default."""
 LAST = 5
-"""So many happenings are told if nobody says otherwise."""
+"""Events that are explained by default."""
 ANSWER_TIMEOUT = 5.0
 """Wall seconds that an agent has to answer."""
 MAIL_TIMEOUT = 2.0
 """Wall seconds that boards and receivers have to answer."""
 MOST_ASKED = 8
-"""So many receivers of open questions are asked what they think."""
+"""Receivers of open questions that are asked for their minds."""
 NO_DECISIONS = "It remembers no decisions: none was made since its start, or it was started with --decisions 0."
+S = TypeVar("S", bound=msgspec.Struct)
+_PLACES = ("position", "at", "asked_at", "dropped_at", "program")
+"""Fields that hold `file:line`, or a file, and nothing else; `uses` holds several."""
 
 
 async def explain(bus: Bus, fleet: str, agent: str, about: str = "", last: int = LAST) -> Explanation:
-    """Ask an agent, and about its open questions the boards and those who were asked, and tell what it thinks.
+    """Ask an agent, the boards, and the receivers of its open questions, and explain what it does.
 
     Raises Unanswered if there is no such agent or it does not answer, and Findings for what nothing can be called.
     """
@@ -93,10 +98,10 @@ def _now(memory: Memory, last: int, facts: MailFacts) -> list[Paragraph]:
 
 
 def _went_wrong(made: DecisionView) -> bool:
-    """Whether a plan was dropped or failed by itself, not only with one that it waited for, or there was none."""
+    """Whether a plan was dropped or failed by itself, not only with one that it waited for, or no plan was found."""
     if made.failure is not None:
         if made.failure.error in WITHOUT_PLAN:
-            return False  # that of the goal without a plan is told
+            return False  # the goal without a plan is explained instead
         return made.failure.given_up[:1] == (without_annotations(made.event),)
     return made.outcome == "dropped" or (made.chosen is None and made.kind[-1] in "!?")
 
@@ -106,7 +111,7 @@ def _is_told(cycle: int, error: str, goals: set[int]) -> bool:
 
 
 async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:
-    """Return the fleet of an agent and what it thinks. Raises Unanswered, which says who is there."""
+    """Return the fleet of an agent and its mind. Raises Unanswered, which lists the agents that are there."""
     selector = f"{keys.mind(fleet, agent)}?plans=true;last={REMEMBERED}"
     found = await _all(bus, selector, MindView, ANSWER_TIMEOUT)
     if len(found) > 1:
@@ -126,9 +131,11 @@ async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:
 
 
 async def mail_facts(bus: Bus, fleet: str, view: MindView) -> MailFacts:
-    """Ask the boards what waits there and who lives where, and the receivers of open questions what they think."""
+    """Ask the boards for mailboxes and agents, and the receivers of open questions for their minds."""
     asked = dict.fromkeys(question.receiver for question in view.questions)
-    receivers = [one for one in asked if is_name(one)][:MOST_ASKED]  # who is asked stands in a key, as `*` would
+    receivers = [one for one in asked if is_name(one)][
+        :MOST_ASKED
+    ]  # the name becomes part of a key, where `*` has a meaning
     minds_asked = asyncio.gather(*(_mind(bus, fleet, name) for name in receivers))
     (boards, silent), homes, minds = await asyncio.gather(_mailboxes(bus, fleet), _homes(bus, fleet), minds_asked)
     known = {name: mind for name, mind in zip(receivers, minds, strict=True) if mind is not None}
@@ -153,7 +160,7 @@ async def _mind(bus: Bus, fleet: str, agent: str) -> MindView | None:
 
 
 async def _all(bus: Bus, selector: str, kind: type[R], seconds: float) -> dict[str, R | str]:
-    """All answers by their keys: a record, or in words why there is none."""
+    """Return all answers by key: a record, or the error as text."""
     found: dict[str, R | str] = {}
     errors = await bus.ask_all(selector, kind, seconds, found.__setitem__)
     return errors | found
@@ -163,3 +170,44 @@ def _chunk(key: str, number: int) -> str:
     """Fleet (0) or name (1) of a key."""
     parsed = keys.parse(key)
     return "" if parsed is None else (parsed[0], parsed[1])[number]
+
+
+class Places:
+    """Removes the folder of a program from the positions in a view, and restores it in the lines about it.
+
+    Other texts are not changed: programs and vehicles may print the same characters.
+    """
+
+    def __init__(self, view: MindView) -> None:
+        self._folder = f"{PurePath(view.program).parent}/" if "/" in view.program else ""
+        self._whole: dict[str, str] = {}
+
+    def near(self, struct: S) -> S:
+        """Return a view, or a part of one, with short positions."""
+        return self._near(struct) if self._folder else struct
+
+    def far(self, paragraphs: Iterable[Paragraph]) -> tuple[Paragraph, ...]:
+        """Return paragraphs whose lines have their whole position; their texts keep the short one."""
+        return tuple(replace(one, lines=tuple(map(self._far, one.lines))) for one in paragraphs)
+
+    def _far(self, line: Line) -> Line:
+        return replace(line, position=self._whole.get(line.position, line.position))
+
+    def _near(self, struct: S) -> S:
+        changes: dict[str, Any] = {}
+        for name in struct.__struct_fields__:
+            match name, getattr(struct, name):
+                case _, str(text) if name in _PLACES and text.startswith(self._folder):
+                    changes[name] = self._cut(text)
+                case "uses", dict(uses):
+                    changes[name] = {use: self._cut(place) for use, place in uses.items()}
+                case _, msgspec.Struct() as inner:
+                    changes[name] = self._near(inner)
+                case _, tuple(several) if several and isinstance(several[0], msgspec.Struct):
+                    changes[name] = tuple(map(self._near, several))
+        return replace(struct, **changes) if changes else struct
+
+    def _cut(self, place: str) -> str:
+        short = place.removeprefix(self._folder)
+        self._whole[short] = place
+        return short

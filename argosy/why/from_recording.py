@@ -1,4 +1,4 @@
-"""A mind as it was at a moment of a recording: it lives its recorded inputs again up to there."""
+"""Rebuild a mind as it was at a moment of a recording, by replaying its recorded inputs up to then."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from schemas.wire.mind_records import Deed, MindDeeds, MindInputs, MindView
 LOOK = Look(plans=True, last=1000, beliefs=MOST_BELIEFS)
 """A mind that lives again remembers more decisions than one that has to fly."""
 MOST_ACTIONS = 60
-"""So many of the last actions and their ends are known."""
+"""Last actions and outcomes that are kept."""
 
 
 class NotRecorded(ValueError):
-    """What was asked for is not in the recording; says what is."""
+    """The agent or time is not in the recording."""
 
 
 def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[MindView, list[str]]:
@@ -53,7 +53,7 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
 
 
 def _life(recording: Recording, agent: str, at: float | None) -> Life:
-    """The life that lasts at a mission second: the last one that has begun by then."""
+    """Return the life at a mission second: the last one that has begun by then."""
     parsed = (keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__)
     known = sorted({one[1] for one in parsed if one is not None})
     if agent not in known:
@@ -70,7 +70,7 @@ def _begin(life: Life) -> float:
 
 
 def _live(lived: ReplayedMind, batch: MindInputs, at: float | None) -> bool:
-    """Live a batch, up to a mission second. Returns whether there is more to live."""
+    """Replay a batch, up to a mission second. Returns whether more follows."""
     later = [] if at is None else [step.first for step in batch.steps if step.now > at]
     last = min([batch.last, *(first - 1 for first in later[:1])])
     lived.take(batch)

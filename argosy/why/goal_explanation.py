@@ -1,14 +1,13 @@
-"""All that there is to say about one goal, belief or action of an agent."""
+"""Explain one goal, belief or action of an agent."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
 from argosy.why.answer import Line, Paragraph
-from argosy.why.causes import cause_lines
 from argosy.why.current_state import doing, dropped, failure_paragraph
 from argosy.why.decision_history import Memory
-from argosy.why.decisions import WITHOUT_PLAN, aftermath, decision_paragraph, groups
+from argosy.why.decisions import WITHOUT_PLAN, aftermath, cause_lines, decision_paragraph, groups
 from argosy.why.question import Subject, parts_of
 from argosy.why.unanswered_questions import MailFacts, question_paragraph
 from argosy.why.wording import ago, event_words, failure_words, plan_words, shown, sign_of
@@ -23,7 +22,7 @@ MOST_NAMES = 10
 
 
 def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list[Paragraph]:
-    """The paragraphs about a subject: what happened in order, then what is so now and what the program says."""
+    """Return the paragraphs about a subject: events in order, then the present state and the program."""
     view = memory.view
     made = [one for one in memory.decisions if subject.is_of(one.event)]
     happened = [decision_paragraph(memory, group) for group in groups(made)]
@@ -60,7 +59,7 @@ def _newest_of_each(failures: Iterable[FailureView]) -> list[FailureView]:
 
 
 def _failed(memory: Memory, failure: FailureView) -> Paragraph:
-    """A formula that failed: in which plan, why there was one, and what it led to."""
+    """Explain a formula that failed: its plan, the cause and the consequences."""
     at = f" at {failure.position}" if failure.position else ""
     made = memory.outcome_of(failure)
     if made is None or made.chosen is None:
@@ -84,7 +83,7 @@ def _key(failure: FailureView) -> tuple[str, str, str]:
 
 
 def _deeds(memory: Memory, subject: Subject, failed: set[str]) -> Iterator[Paragraph]:
-    """Actions and what became of them, but for those whose failure is told."""
+    """Explain actions and their outcomes, without those whose failure is explained already."""
     ends = {deed.id: deed for deed in memory.view.actions if deed.kind == "outcome"}
     for deed in memory.view.actions:
         if deed.kind != "action" or not subject.is_of(deed.text):
@@ -147,7 +146,7 @@ def _belief(memory: Memory, belief: BeliefView) -> str:
 
 
 def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Paragraph]:
-    """The plans for it, and the plans that raise it, where nothing has happened."""
+    """Name the plans for a subject, and the plans that raise it, if nothing has happened."""
     view = memory.view
     plans = [plan for plan in view.plans if _fits(subject, plan)]
     sites = [(plan, use, place) for plan in view.plans for use, place in plan.uses.items() if _raises(subject, use)]
@@ -180,7 +179,7 @@ def _site(use: str) -> str:
 
 
 def _chosen(memory: Memory, plan: PlanView) -> str:
-    """Whether a plan was chosen as far as is remembered, and if not why."""
+    """Return whether a plan was chosen, and if not why, as far as is remembered."""
     for made in reversed(memory.decisions):
         if made.chosen is not None and made.chosen.position == plan.position:
             return f"which was chosen {ago(memory.now, made.time)}."
@@ -207,7 +206,7 @@ def _indicator(text: str) -> str:
 
 
 def names_of(view: MindView) -> list[str]:
-    """All that can be asked about: goals, beliefs and actions of the agent."""
+    """Return the names of goals, beliefs and actions of the agent."""
     names = {made.name.rpartition("/")[0] for made in view.decisions}
     names |= {parts_of(plan.trigger)[1] for plan in view.plans}
     names |= {sign_of(use)[1].rpartition("/")[0] for plan in view.plans for use in plan.uses}

@@ -1,4 +1,4 @@
-"""What is asked about: a goal, a belief or an action, with or without sign, arity and arguments."""
+"""The subject of a question: a goal, a belief or an action, with or without sign, arity and arguments."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _WRITTEN = re.compile(
 
 @dataclass(frozen=True)
 class Subject:
-    """A name, and what more is known of it."""
+    """A name, with the further conditions of the question."""
 
     text: str
     """As asked."""
@@ -27,15 +27,15 @@ class Subject:
     goal: str = ""
     """`!` or `?` if it was asked so, else empty: any."""
     fails: bool = False
-    """It was asked with a minus: only about the end of a belief, or failure."""
+    """It has a minus: the question is only about the end of a belief, or a failure."""
 
     def is_named(self, indicator: str) -> bool:
-        """Whether it is this functor and arity: `go/1`, with or without the sign of an event before it."""
+        """Whether an indicator such as `go/1` or `+!go/1` is the subject's."""
         name, _, arity = sign_of(indicator)[1].rpartition("/")
         return name == self.name and (self.arity is None or str(self.arity) == arity)
 
     def is_of(self, text: str) -> bool:
-        """Whether an event, belief or formula written out is one that was asked about."""
+        """Whether an event, belief or formula, as text, is about the subject."""
         sign, name, args = parts_of(text)
         if name != self.name or (self.arity is not None and self.arity != len(args)):
             return False
@@ -47,7 +47,7 @@ class Subject:
 
 
 def subject_of(text: str) -> Subject:
-    """Read what is asked about. Raises Findings for what no goal, belief or action can be called."""
+    """Read a subject. Raises Findings if no goal, belief or action can have this name."""
     written = _WRITTEN.fullmatch(text.strip())
     if written is None:
         expected = "expected the name of a goal, a belief or an action: go, go/1, '!go(3,_)'"
@@ -63,13 +63,13 @@ def subject_of(text: str) -> Subject:
 
 
 def parts_of(text: str) -> tuple[str, str, tuple[str, ...]]:
-    """Sign, functor and arguments of an event, a belief or a formula: `+!`, `go` and `3` of `+!go(3)[source(bob)]`."""
+    """Return sign, functor and arguments of a formula: `+!`, `go` and `3` of `+!go(3)[source(bob)]`."""
     sign, rest = sign_of(without_annotations(text))
     return (sign, *taken_apart(rest))
 
 
 def taken_apart(text: str) -> tuple[str, tuple[str, ...]]:
-    """Functor and arguments of a literal as text: `go` and `3`, `f(_)` of `go(3,f(_))`."""
+    """Return functor and arguments of a literal as text: `go` and `3`, `f(_)` of `go(3,f(_))`."""
     name, bracket, rest = text.partition("(")
     if not bracket or not rest.rstrip().endswith(")"):
         return text.strip(), ()
@@ -88,7 +88,7 @@ def taken_apart(text: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _agree(asked: str, written: str) -> bool:
-    """Whether an argument is what was asked for: a variable agrees with all, a number with an equal one."""
+    """Whether an argument matches the asked one: a variable matches all, a number an equal one."""
     if re.fullmatch(r"[A-Z_]\w*", asked):
         return True
     try:

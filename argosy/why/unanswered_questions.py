@@ -1,9 +1,10 @@
-"""Where a question is that has no answer: at a board, with its receiver, or on the way back."""
+"""Explain where an unanswered question is: at a board, at its receiver, or on the way back."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+
+import msgspec
 
 from argosy.why.answer import Line, Paragraph
 from argosy.why.decision_history import Memory
@@ -16,23 +17,22 @@ from schemas.wire.records import Mailboxes
 from schemas.wire.term_text import write
 
 
-@dataclass
-class MailFacts:
-    """What the boards and the other agents say."""
+class MailFacts(msgspec.Struct):
+    """Answers of the boards and the other agents."""
 
-    boards: list[Mailboxes] = field(default_factory=list)
-    silent: dict[str, str] = field(default_factory=dict)
-    """Boards that do not tell, and why."""
-    homes: dict[str, str] = field(default_factory=dict)
+    boards: list[Mailboxes] = []
+    silent: dict[str, str] = {}
+    """Boards that did not answer, and why."""
+    homes: dict[str, str] = {}
     """The board of each agent that some board knows."""
-    minds: dict[str, MindView] = field(default_factory=dict)
-    """Of those that were asked and answered."""
+    minds: dict[str, MindView] = {}
+    """Of the agents that were asked and answered."""
     asked: bool = False
-    """Whether anybody was asked."""
+    """Whether boards and receivers were asked."""
 
 
 def question_paragraph(memory: Memory, question: QuestionView, facts: MailFacts) -> Paragraph:
-    """An open question, and where it or its answer is now."""
+    """Explain an open question, and where it or its answer is now."""
     at = f" at {question.position}" if question.position else ""
     what = f"{question.performative} {shown(question.content)}"
     head = f"{ago(memory.now, question.asked)}: asked {question.receiver}{at}: {what}. No answer has come."
@@ -147,7 +147,7 @@ def _decided(receiver: str, made: DecisionView, mind: MindView) -> Iterator[tupl
 
 
 def dead_letters(agent: str, facts: MailFacts, now_ns: int) -> Iterator[Paragraph]:
-    """Messages of the agent that were given up and that nobody waits for."""
+    """Report messages of the agent that were given up, and for which no plan waits."""
     for board in facts.boards:
         for letter in board.dead:
             message = letter.message

@@ -1,4 +1,4 @@
-"""Events, plans and times in words that a newcomer understands."""
+"""Events, plans, failures and times as text for people."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from schemas.humanize import joined, shortened, span
 from schemas.wire.mind_records import FailureView, PlanView, RejectedView, WaitView
 
 ANSWERING = "+!answer_question"
-"""The event of the intention that answers a question of another agent, which no program has written."""
+"""The internal event of an intention that answers a question of another agent."""
 LONGEST = 160
 """Characters of a formula that are shown."""
 
 
 def shown(text: str) -> str:
-    """A text of the agent's, fit for a terminal and not longer than a line or two."""
+    """Return a text of an agent, printable and at most `LONGEST` characters long."""
     return shortened(text, LONGEST)
 
 
 def ago(now: float, then: float) -> str:
-    """`12 s ago (mission second 431.2)`; of what is to come, `in 12 s (...)`."""
+    """Return `12 s ago (mission second 431.2)`; for a future time `in 12 s (...)`."""
     seconds = now - then
     where = f"mission second {then:.1f}"
     if seconds < -0.05:
@@ -33,7 +33,7 @@ def first_up(text: str) -> str:
 
 
 def unquoted(text: str) -> Iterator[tuple[int, str]]:
-    """Yield the characters of a term that stand in no string or quoted name, each with its place."""
+    """Yield the characters of a term outside strings and quoted names, each with its index."""
     quote, escaped = "", False
     for place, character in enumerate(text):
         if escaped:
@@ -48,7 +48,7 @@ def unquoted(text: str) -> Iterator[tuple[int, str]]:
 
 
 def without_annotations(text: str) -> str:
-    """An event without what stands in square brackets behind it: `+!go(1)` of `+!go(1)[source(bob)]`."""
+    """Return an event without its annotations: `+!go(1)` of `+!go(1)[source(bob)]`."""
     depth = 0
     for place, character in unquoted(text):
         if character == "(":
@@ -67,7 +67,7 @@ def sign_of(event: str) -> tuple[str, str]:
 
 
 def event_words(event: str) -> str:
-    """What an event is: `the goal !go(1)`, `the new belief victim(3)`."""
+    """Return an event as text: `the goal !go(1)`, `the new belief victim(3)`."""
     sign, rest = sign_of(without_annotations(event))
     rest = shown(rest)
     match sign:
@@ -117,7 +117,7 @@ def with_values(bindings: Mapping[str, str]) -> str:
 
 
 def awaited(wait: WaitView) -> str:
-    """Return what an intention waits for, to stand behind "for"."""
+    """Return what an intention waits for, as text after "for"."""
     match wait.kind:
         case "action":
             return f"the action {shown(wait.name)}"
@@ -141,14 +141,14 @@ def awaited(wait: WaitView) -> str:
 
 
 def rejected_words(rejected: RejectedView) -> str:
-    """Why a plan was not chosen."""
+    """Return why a plan was not chosen."""
     if rejected.why != "context" or not rejected.literal:
         return rejected.message
     return f"{shown(rejected.literal)} does not hold{with_values(rejected.plan.bindings)}"
 
 
 def failure_words(failure: FailureView) -> str:
-    """What failed, and why: `the action takeoff(5) failed: it is not armed`."""
+    """Return what failed, and why: `the action takeoff(5) failed: it is not armed`."""
     what = shown(failure.formula)
     why = f": {shown(failure.reason)}" if failure.reason else ""
     match failure.error:

@@ -1,43 +1,51 @@
-"""A short recorded flight as an observer sees it, to be played into a picture."""
+"""A short recorded flight, to be played into the model of a run."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from argosy.cli.journal import Journal
-from argosy.fleet_model.picture import Picture
+from argosy.fleet_model.model import FleetModel
+from argosy.fleet_model.robots import MAX_POINTS
 from argosy.processes.process_table import Setup
 from argosy.processes.resource_usage import Meter
 from argosy.run.run_status import Status
 from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.mind_records import IntentionView, MindView
-from schemas.wire.records import ActionStatus, Health, Order, Perception, State
+from schemas.wire.records import ActionStatus, Header, Health, Order, Perception, State
 from schemas.wire.terms import Term
 
 MISSION = Path(__file__).parents[2] / "missions" / "single_uav.yaml"
+START = 1_000.0
+"""Time of the model at mission second 0."""
+BRIDGE = Header(source="uav1")
 HOME, AWAY = (-27.604033, -48.518363), (-27.603683, -48.518052)
 
 
 class Recording:
-    """Plays records into a picture at mission times of its own."""
+    """Plays records into the model of a run at mission times of its own."""
 
     def __init__(self, speed: float = 5.0) -> None:
         self.at = 0.0
         mission = load_mission(MISSION)
         journal = Journal(lambda: self.at)
-        self.picture = Picture(mission, journal, lambda: self.at)
+        self.model = FleetModel(
+            lambda: START + self.at / speed, mission=mission, track_points=MAX_POINTS, sees_runs=False
+        )
+        self.model.clock.look_at_run(0.0, speed, START)
         setup = Setup(mission, "tcp/127.0.0.1:7447", speed, frozenset(), Path("/nowhere"))
-        self.status = Status(setup, self.picture, journal, Meter(), [], lambda: self.at, phase="flying")
+        self.status = Status(setup, self.model, journal, Meter(), [], lambda: self.at, phase="flying")
 
     def percept(self, name: str, *parameters: Term) -> None:
         """Play a percept of the agent."""
-        self.picture.percept(keys.percept("single-uav", "uav", name), Perception(name=name, parameters=parameters))
+        told = Perception(header=BRIDGE, name=name, parameters=parameters)
+        self.model.percept(keys.percept("single-uav", "uav", name), told)
 
     def percept_gone(self, name: str) -> None:
         """Play the removal of a percept of the agent."""
-        gone = Perception(name=name, update="remove")
-        self.picture.percept(keys.percept("single-uav", "uav", name), gone)
+        gone = Perception(header=BRIDGE, name=name, update="remove")
+        self.model.percept(keys.percept("single-uav", "uav", name), gone)
 
     def action(
         self,
@@ -58,26 +66,20 @@ class Recording:
             cause="operator" if by_operator else None,
             order=by_operator,
         )
-        self.picture.status(keys.status("single-uav", "uav", name), status)
+        self.model.status(keys.status("single-uav", "uav", name), status)
 
     def mind(self, *stack: str, done: bool = False) -> None:
         """Play a look into the mind."""
         running = (IntentionView(id=1, state="waiting", stack=stack, at="uav.asl:41"),) if stack else ()
-        self.picture.mind(MindView(agent="uav", intentions=running, done={"mission_done": done}))
+        self.model.mind("uav", MindView(agent="uav", intentions=running, done={"mission_done": done}))
 
     def fail(self, *beliefs: str) -> None:
         """Play a look into the mind of an agent that has given up."""
-        self.picture.mind(
-            MindView(
-                agent="uav",
-                failed={"mission_failed(_)": True},
-                beliefs=beliefs,
-            )
-        )
+        self.model.mind("uav", MindView(agent="uav", failed={"mission_failed(_)": True}, beliefs=beliefs))
 
     def health(self, name: str, daemon: str, **fields: object) -> None:
         """Play the health of a daemon."""
-        self.picture.heard_health(keys.health("single-uav", name, daemon), Health(daemon=daemon, **fields))  # type: ignore[arg-type]
+        self.model.health(keys.health("single-uav", name, daemon), Health(daemon=daemon, **fields))  # type: ignore[arg-type]
 
     @property
     def lines(self) -> list[str]:

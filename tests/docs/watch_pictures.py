@@ -7,11 +7,11 @@ import re
 import tempfile
 from pathlib import Path
 
+from argosy.watch.fleet_link import Link
 from textual.pilot import Pilot
 
 from argosy.cli.operator_bus import Where
 from argosy.watch.app import WatchApp
-from argosy.watch.fleet_link import Link
 from argosy.watch.pages import AgentPage
 from tests.argosy.watch.shown import text_of
 from tests.docs.pages import ROOT

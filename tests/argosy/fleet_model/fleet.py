@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.fleet_model import TeamModel
+from argosy.fleet_model.model import FleetModel
 from schemas.mission.model import Mission
 from schemas.wire import keys
 from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView, WaitView
@@ -18,7 +18,7 @@ class Fleet:
 
     def __init__(self, mission: Mission | None = None) -> None:
         self.at = 1_000_000.0
-        self.model = TeamModel(lambda: self.at, fleet=FLEET, mission=mission)
+        self.model = FleetModel(lambda: self.at, fleet=FLEET, mission=mission)
 
     def comes(self, name: str, daemon: str, boot: str = "b1") -> Fleet:
         """A daemon takes its name."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from argosy.fleet_model import still
 from schemas.wire.mind_records import Deed
 from tests.argosy.fleet_model.fleet import Fleet, rescue
 
@@ -57,14 +56,14 @@ def test_the_action_of_a_bridge_that_is_gone_ends_as_not_known() -> None:
 def test_a_new_life_of_the_agent_or_of_the_bridge_ends_what_the_one_before_began() -> None:
     for name, daemon, word in (("scout", "agentd", "agent"), ("uav1", "bridged", "bridge")):
         fleet = flying().waits(0.2).comes(name, daemon, "b2").goes(name, daemon, "b1")
-        assert ending(told(fleet, 5)) == ("unknown", f"not known how it ended: its {word} was started anew")
+        assert ending(told(fleet, 5)) == ("unknown", f"not known how it ended: its {word} was restarted")
 
 
 def test_an_action_of_which_nobody_tells_for_long_ends_as_not_known() -> None:
     fleet = told(flying(), 10)
     (action,) = fleet.model.open_actions("scout")
     assert action.silent(fleet.at) == 10
-    assert ending(told(fleet, 25)) == ("unknown", "not known how it ended: nobody has told of it for 30 s")
+    assert ending(told(fleet, 25)) == ("unknown", "not known how it ended: no status for 30 s")
 
 
 def test_an_action_that_is_told_of_goes_on_and_one_that_was_given_up_is_taken_up_again() -> None:
@@ -86,6 +85,6 @@ def test_nothing_ends_because_the_router_is_away() -> None:
 
 def test_a_model_that_stands_still_keeps_what_ran() -> None:
     fleet = flying()
-    held = still(fleet.model)
+    held = fleet.model.frozen()
     told(fleet.goes("scout", "agentd"), 5, agent=False)
     assert [one.text for one in held.open_actions("scout")] == ["goto(-27.6035,-48.5182,20)"]

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from argosy.fleet_model import steady_clock
-from argosy.fleet_model.roster import MOST
+from argosy.fleet_model.members import MOST
+from argosy.fleet_model.mission_clock import steady_clock
 from schemas.wire import keys
 from schemas.wire.mind_records import Deed, MindView
 from schemas.wire.records import ActionStatus, Note

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.fleet_model import MissionClock
+from argosy.fleet_model.mission_clock import MissionClock
 from tests.argosy.fleet_model.fleet import rescue
 
 

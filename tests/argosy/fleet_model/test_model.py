@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from argosy.fleet_model import TeamModel
-from argosy.fleet_model.members import TRACK
+from argosy.fleet_model.model import TRACK, FleetModel
 from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.mind_records import Deed
@@ -87,8 +86,8 @@ def test_no_mind_counts_as_silent_because_the_router_is_away() -> None:
     assert fleet.model.agents["scout"].silent is None
     assert fleet.model.agents["scout"].there
     assert texts(fleet)[-2:] == [
-        "router: it does not answer: what is shown is what was known last",
-        "router: it answers again, after 60.0 s",
+        "router: does not answer; the view shows the last known state",
+        "router: answers again, after 60.0 s",
     ]
 
 
@@ -146,7 +145,7 @@ def test_a_deed_stands_at_the_time_at_which_it_was_done_not_told() -> None:
 
 def test_left_out_deeds_are_said() -> None:
     fleet = rescue().deed("scout", left_out=3)
-    assert texts(fleet)[-1] == "scout: 3 more of its deeds are not told: too many at once"
+    assert texts(fleet)[-1] == "scout: 3 more of its deeds were not published: too many at a time"
 
 
 def test_a_message_is_one_letter_whoever_tells_of_it_first() -> None:
@@ -233,7 +232,7 @@ def test_everything_that_may_grow_is_bounded() -> None:
     for number in range(700):
         fleet.model.token(keys.alive(FLEET, f"a{number}", "agentd", "b"), alive=True)
     fleet.model.tick()
-    model: TeamModel = fleet.model
+    model: FleetModel = fleet.model
     assert len(model.robots["uav1"].seen.track.points) <= TRACK
     assert len(model.places.all) == 1000
     assert len(model.letters) == 2000

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from argosy.fleet_model import activity
+from argosy.fleet_model.activity import activity
 from schemas.mission.model import Mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import RunningMission

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.fleet_model import TeamModel, still
+from argosy.fleet_model.model import FleetModel
 from schemas.wire.mind_records import Deed
 from schemas.wire.records import Queue
 from tests.argosy.fleet_model.fleet import HOME, Fleet, rescue
@@ -31,7 +31,7 @@ def all_come(fleet: Fleet, boot: str) -> Fleet:
     return fleet
 
 
-def known(model: TeamModel) -> tuple[int, int, int, bool, bool]:
+def known(model: FleetModel) -> tuple[int, int, int, bool, bool]:
     """Return how many places, actions and points of the track there are, and whether mind and mail are known."""
     mind, mail = model.agents["scout"].mind is not None, model.boards["pi1"].mailboxes is not None
     return len(model.places.all), len(model.actions), len(model.robots["uav1"].seen.track.points), mind, mail
@@ -52,7 +52,7 @@ def test_with_a_new_run_all_that_was_known_of_the_one_before_goes() -> None:
     )
     assert (fleet.model.run, fleet.model.clock.zero) == (2, None)
     texts = [one.text for one in fleet.model.timeline.entries]
-    assert texts.count("a new run begins: everybody of the one before had gone") == 1
+    assert texts.count("a new run begins: all daemons of the one before had gone") == 1
 
 
 def test_what_the_new_run_tells_is_kept_from_its_first_word_on() -> None:
@@ -100,7 +100,7 @@ def test_a_run_that_began_while_the_router_was_away_is_noticed_and_what_it_has_t
 
 def test_a_model_that_stands_still_keeps_the_run_that_it_shows() -> None:
     fleet = flown()
-    held = still(fleet.model)
+    held = fleet.model.frozen()
     all_come(all_go(fleet).waits(5), "b2")
     assert held.agents["scout"].mind is not None
     assert len(held.actions) == 2

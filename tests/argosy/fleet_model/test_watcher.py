@@ -10,7 +10,9 @@ from collections.abc import Iterator
 from contextlib import AsyncExitStack, contextmanager
 from pathlib import Path
 
-from argosy.fleet_model import TeamModel, TeamWatcher, steady_clock
+from argosy.fleet_model.mission_clock import steady_clock
+from argosy.fleet_model.model import FleetModel
+from argosy.fleet_model.observer import FleetObserver
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from tests.argosy.fleet_model.crowd import FLEET
@@ -41,8 +43,8 @@ def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(endpoi
     async def body() -> None:
         async with AsyncExitStack() as stack, asyncio.timeout(240):
             await stack.enter_async_context(session(endpoint, "board", "commd", router=True))
-            model = TeamModel(steady_clock)
-            watcher = TeamWatcher(await _observer(stack, endpoint), model)
+            model = FleetModel(steady_clock)
+            watcher = FleetObserver(await _observer(stack, endpoint), model)
             watcher.start()
             stack.push_async_callback(watcher.stop)
             assert model.fleet == ""
@@ -79,8 +81,8 @@ def test_a_router_that_goes_is_said_at_once_and_the_fleet_is_seen_again_when_it_
             await router.__aenter__()
             agent = await stack.enter_async_context(session(endpoint, "uav"))
             agent.token(keys.alive("test", "uav", "agentd", "b"))
-            model = TeamModel(steady_clock, fleet="test")
-            watcher = TeamWatcher(await _observer(stack, endpoint), model, "test")
+            model = FleetModel(steady_clock, fleet="test")
+            watcher = FleetObserver(await _observer(stack, endpoint), model, "test")
             watcher.start()
             stack.push_async_callback(watcher.stop)
             await until(lambda: "uav" in model.agents and model.agents["uav"].there, "the agent")
@@ -99,7 +101,7 @@ def test_who_looks_at_a_mind_is_counted(endpoint: str) -> None:
     async def body() -> None:
         async with AsyncExitStack() as stack, asyncio.timeout(240):
             await stack.enter_async_context(session(endpoint, "board", "commd", router=True))
-            watcher = TeamWatcher(await _observer(stack, endpoint), TeamModel(steady_clock, fleet="test"), "test")
+            watcher = FleetObserver(await _observer(stack, endpoint), FleetModel(steady_clock, fleet="test"), "test")
             for step in (watcher.look_at, watcher.look_at, watcher.look_away):
                 step("uav")
             assert "uav" in watcher.looked_at

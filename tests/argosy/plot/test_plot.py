@@ -21,6 +21,7 @@ from schemas.wire.mind_records import Deed, MindDeeds
 from schemas.wire.records import ActionStatus, Header, Perception, Record, State
 from schemas.wire.terms import Term
 
+BRIDGE = Header(source="bridge")
 FLEET, SPEED, BEGUN = "sar", 5.0, 1_790_000_000_000_000_000
 HOME, VICTIM = (-27.604033, -48.518363), (-27.6036, -48.5180)
 MISSION = """\
@@ -54,7 +55,7 @@ class Fleet:
 
     def percept(self, agent: str, name: str, *parameters: Term) -> None:
         """Record a percept."""
-        self.put(keys.percept(self.fleet, agent, name), Perception(name=name, parameters=parameters))
+        self.put(keys.percept(self.fleet, agent, name), Perception(header=BRIDGE, name=name, parameters=parameters))
 
     def action(self, agent: str, number: int, state: State, name: str, *parameters: Term, reason: str = "") -> None:
         """Record the status of an action."""

@@ -12,7 +12,7 @@ from argosy.run.summary import summary
 from schemas.mission.model import Failsafe
 from schemas.wire.log_lines import RobotLeft
 from schemas.wire.terms import Term
-from tests.argosy.recorded import Recording
+from tests.argosy.recorded import START, Recording
 
 FAILED = Ending(1, "failed: for a test")
 HOME = RobotLeft(robot="uav1", state="ordered", order="rtl", text="rtl: the vehicle does it")
@@ -75,11 +75,11 @@ def test_a_lost_vehicle_that_was_armed_may_be_flying_and_the_summary_keeps_its_l
 def test_what_a_bridge_knows_without_its_vehicle_is_no_word_of_the_vehicle(name: str, term: Term) -> None:
     """A bridge that was started again says at once who holds its robot: it has not heard the vehicle by that."""
     recording = airborne()
-    robot = recording.picture.robots["uav1"]
+    robot = recording.model.robots["uav1"].seen
     heard = robot.heard
     recording.percept(name, term)
     assert getattr(robot, name) == term
-    assert robot.heard == heard < recording.status.now()
+    assert robot.heard == heard < recording.model.now()
     recording.percept("altitude", 38.0)
     assert robot.heard > heard
 
@@ -87,14 +87,14 @@ def test_what_a_bridge_knows_without_its_vehicle_is_no_word_of_the_vehicle(name:
 def test_a_vehicle_whose_bridge_died_is_heard_again_by_its_state_alone() -> None:
     """A bridge that was started again tells positions before the first HEARTBEAT: it cannot bring it home by them."""
     recording = airborne()
-    robot = recording.picture.robots["uav1"]
+    robot = recording.model.robots["uav1"].seen
     recording.health("uav1", "bridged")
-    recording.picture.bridge_ended("uav1")
+    recording.model.bridge_died("uav1")
     recording.at = 14.0
     recording.percept("global_pos", -27.6, -48.5)
-    assert (robot.lost, robot.armed, robot.heard) == (True, True, 12.0)
+    assert (robot.lost, robot.armed, robot.heard) == (True, True, START + 12.0)
     recording.percept("state", "GUIDED", True, True)
-    assert (robot.lost, robot.heard) == (False, 14.0)
+    assert (robot.lost, robot.heard) == (False, START + 14.0)
 
 
 def test_a_vehicle_that_its_bridge_found_disarmed_is_not_called_flying() -> None:

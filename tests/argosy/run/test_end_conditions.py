@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from dataclasses import replace
 
 import msgspec
@@ -54,7 +53,7 @@ def test_hold_keeps_the_run_going_and_says_how_to_give_the_robot_back() -> None:
     assert recording.lines[-1] == told
     recording.percept("state", "LAND", True, False)
     assert look(recording) is None
-    recording.picture.released("uav1")
+    recording.model.released("uav1")
     assert recording.lines[-1] == "uav1: released by the operator: its agents act again"
     assert "stopped" not in screen(recording)[0]
 
@@ -106,7 +105,7 @@ def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(preve
     alarm = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.0)
     recording.health("uav1", "bridged", notes=(alarm,))
     recording.health("uav1", "bridged")
-    recording.picture.mind(MindView(agent="uav", cycle=7))
+    recording.model.mind("uav", MindView(agent="uav", cycle=7))
     recording.health("uav", "agentd", idle=prevented != "intends something")
     recording.percept("state", "RTL", True, prevented == "armed")
     match prevented:
@@ -114,7 +113,7 @@ def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(preve
             recording.action(2, "set_mode", "accepted", "GUIDED")
             recording.action(2, "set_mode", "succeeded", "GUIDED")
         case "a client":
-            recording.picture.token(keys.alive("single-uav", "pilot", "client", "b1"), alive=True)
+            recording.model.token(keys.alive("single-uav", "pilot", "client", "b1"), alive=True)
         case "on_idle: none":
             recording.status.setup.mission.robots["uav1"] = msgspec.structs.replace(
                 recording.status.setup.mission.robots["uav1"], on_idle=NO_STEPS
@@ -162,40 +161,59 @@ def test_a_run_that_is_not_done_tells_its_last_errors_and_warnings_once_and_with
     assert "last words" not in summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
 
 
-class Silent:
-    """An observer that hears nothing of one agent, and has lost its router."""
+def test_a_run_ends_with_the_formulas_of_its_mission_and_says_what_the_agent_believes() -> None:
+    recording = Recording()
+    recording.mind("+!fly_mission")
+    assert look(recording) is None
+    recording.fail("altitude(0)[source(percept)]", 'mission_failed("Arm: low battery")[source(self)]')
+    assert look(recording) == Ending(1, 'failed: uav believes mission_failed("Arm: low battery")')
+    recording.mind(done=True)
+    assert look(recording) == Ending(0, "done")
+    assert recording.lines == ["uav: done: mission_done"]
 
-    def __init__(self, router_lost: float | None, *silent: str) -> None:
-        self.router_lost, self.silent = router_lost, set(silent)
 
-
-def ending_of(observer: Silent, restart: bool) -> Ending | None:
-    """Return how a run ends in which an observer hears this."""
-    recording = in_flight()
+def watching(restart: bool) -> tuple[Recording, EndConditions]:
+    """Return a recording in which agent and router are there, and what may end its run."""
+    recording = Recording(1.0)
+    recording.at = 100.0
     recording.status.setup = replace(recording.status.setup, restart=restart)
-    end_conditions = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
-    end_conditions.observer = observer  # type: ignore[assignment]
-    return end_conditions.look()
+    recording.model.token(keys.alive("single-uav", "uav", "agentd", "b1"), alive=True)
+    recording.model.tick()
+    return recording, EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
 
 
-def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again() -> None:
-    assert ending_of(Silent(None, "uav"), restart=False) == Ending(1, "failed: uav has not shown its mind for 5 s")
-    assert ending_of(Silent(None, "uav"), restart=True) is None
+@pytest.mark.parametrize("gone", [False, True])
+def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again(gone: bool) -> None:
+    for restart in (False, True):
+        recording, end_conditions = watching(restart)
+        if gone:
+            recording.model.token(keys.alive("single-uav", "uav", "agentd", "b1"), alive=False)
+            recording.model.tick()
+        recording.at += 4.0
+        recording.model.mind_unanswered("uav")
+        assert end_conditions.look() is None
+        recording.at += 2.0
+        recording.model.mind_unanswered("uav")
+        told = Ending(1, "failed: uav has not shown its mind for 5 s")
+        assert end_conditions.look() == (None if restart else told)
 
 
 def test_a_lost_router_ends_the_run_later_where_the_dead_are_started_again() -> None:
-    text = "failed: the router at tcp/127.0.0.1:7447 has not answered for {} s"
-    lost = time.monotonic() - 20
-    assert ending_of(Silent(lost), restart=False) == Ending(1, text.format(10))
-    assert ending_of(Silent(lost), restart=True) is None
-    assert ending_of(Silent(lost - 40), restart=True) == Ending(1, text.format(45))
+    for restart, patience in ((False, 10), (True, 45)):
+        recording, end_conditions = watching(restart)
+        recording.model.router(up=False)
+        recording.at += patience - 1
+        assert end_conditions.look() is None
+        recording.at += 2
+        told = f"failed: the router at tcp/127.0.0.1:7447 has not answered for {patience} s"
+        assert end_conditions.look() == Ending(1, told)
 
 
 def test_what_an_agent_said_before_its_death_is_not_done() -> None:
     recording = in_flight()
     recording.mind(done=True)
     assert look(recording) == Ending(0, "done")
-    recording.picture.agent_ended("uav")
+    recording.model.agent_died("uav")
     assert look(recording) is None
     recording.mind(done=True)
     assert look(recording) == Ending(0, "done")
@@ -203,8 +221,8 @@ def test_what_an_agent_said_before_its_death_is_not_done() -> None:
 
 def test_what_ran_on_a_bridge_that_died_has_ended_and_restarts_are_summed_up() -> None:
     recording = in_flight()
-    recording.picture.bridge_ended("uav1")
-    assert recording.picture.open_actions() == []
+    recording.model.bridge_died("uav1")
+    assert recording.model.open_actions() == []
     recording.status.restarts.update({"bridged uav1": 2, "agentd uav": 1})
     told = summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
     assert "failed: its bridge died" in told

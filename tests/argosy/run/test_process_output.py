@@ -9,7 +9,7 @@ import pytest
 
 from argosy.cli.journal import Level
 from argosy.processes.process_table import KINDS, Process
-from argosy.run.process_output import ProcessOutput
+from argosy.run.mission_runner import ProcessOutput
 from schemas.wire import log_lines
 from schemas.wire.log_lines import LeftAs, LogLine, OrderEnded, RobotLeft, RobotReleased
 from tests.argosy.recorded import Recording
@@ -53,14 +53,14 @@ def test_at_the_end_of_a_run_all_lines_are_shown() -> None:
 def test_what_a_program_prints_is_its_agents() -> None:
     heard = Heard()
     assert heard.line("agentd", "uav", LogLine(text="hello", agent="uav")) == ("uav", "hello", "print")
-    assert list(heard.recording.picture.agents["uav"].prints) == ["hello"]
+    assert list(heard.recording.model.agents["uav"].prints) == ["hello"]
 
 
 def test_nobody_prints_for_an_agent_of_another_process() -> None:
     heard = Heard()
     heard.line("agentd", "uav2", LogLine(text="hello", agent="uav"))
     heard.line("bridged", "uav1", LogLine(text="hello", agent="uav"))
-    assert not heard.recording.picture.agents["uav"].prints
+    assert not heard.recording.model.agents["uav"].prints
 
 
 def test_what_an_agent_prints_that_was_created_at_run_time_is_shown_with_its_name() -> None:
@@ -82,11 +82,11 @@ def test_the_outcome_of_an_operators_order_is_shown_although_no_action_ran() -> 
     heard = Heard()
     confirmed = OrderEnded(robot="uav1", order="land", confirmed=True)
     assert heard.event(confirmed) == ("uav1", "land confirmed: the vehicle does it", "good")
-    assert heard.recording.picture.robots["uav1"].operator == "land"
+    assert heard.recording.model.robots["uav1"].seen.operator == "land"
     failed = OrderEnded(robot="uav1", order="rtl", confirmed=False, reason="no answer")
     assert heard.event(failed) == ("uav1", "rtl NOT confirmed: no answer", "error")
     heard.event(RobotReleased(robot="uav1"))
-    assert heard.recording.picture.robots["uav1"].operator == ""
+    assert heard.recording.model.robots["uav1"].seen.operator == ""
 
 
 def test_no_other_process_reports_on_a_robot() -> None:

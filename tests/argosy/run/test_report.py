@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from argosy.run.report import write_report
+from argosy.run.summary import write_report
 
 
 def test_without_a_recording_the_summary_is_written_and_an_older_figure_is_gone(tmp_path: Path) -> None:

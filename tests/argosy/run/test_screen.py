@@ -47,7 +47,7 @@ def in_flight() -> Recording:
     recording.action(1, "goto", "running", -27.603683, -48.518052, 40)
     recording.at = 12.0
     recording.mind("+!visited(-27.603683,-48.518052,40)", "+!fly_mission")
-    recording.picture.printed("uav", "flying to the waypoint")
+    recording.model.agents["uav"].prints.append("flying to the waypoint")
     return recording
 
 
@@ -86,7 +86,7 @@ def test_figures_of_an_action_are_left_out_rather_than_cut() -> None:
     recording = in_flight()
     feedback = {"distance": 12.5, "altitude": 38.2, "speed": 4.9}
     status = ActionStatus(id="uav:1:1", state="running", name="goto", feedback=feedback)
-    recording.picture.status("argosy/single-uav/uav/status/goto", status)
+    recording.model.status("argosy/single-uav/uav/status/goto", status)
     for width in range(60, 110):
         (line,) = [line for line in screen(recording, width) if "▸ goto" in line]
         shown = line.partition(" s  ")[2]
@@ -116,7 +116,7 @@ def test_what_was_done_shows_as_done() -> None:
 
 def test_text_from_outside_cannot_command_the_terminal() -> None:
     recording = in_flight()
-    recording.picture.printed("uav", "\x1b[2J[bold]boo[/bold]")
+    recording.model.agents["uav"].prints.append("\x1b[2J[bold]boo[/bold]")
     recording.action(2, "say", "running", "\x1b]0;title\x07")
     recording.mind("\x1b[31m+!g")
     text = "\n".join(screen(recording))

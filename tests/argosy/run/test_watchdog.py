@@ -26,8 +26,6 @@ class Looking:
         self.supervisor = Supervisor(lambda child, line: None, lambda child: None)
         self.recording.status.children = self.supervisor.children
         self.watchdog = Watchdog(self.recording.status)
-        self.watchdog.observer = self  # type: ignore[assignment]
-        self.router_lost: float | None = None
 
     async def start(self, kind: str, subject: str, *, daemon: bool = True) -> Child:
         """Start a sleeper as a daemon of the board `local`."""
@@ -37,7 +35,7 @@ class Looking:
 
     def token(self, name: str, daemon: str) -> None:
         """A daemon shows itself."""
-        self.recording.picture.token(keys.alive("single-uav", name, daemon, "1"), True)
+        self.recording.model.token(keys.alive("single-uav", name, daemon, "1"), True)
 
     async def until(self, condition: Callable[[], bool]) -> None:
         """Look again and again until something holds."""
@@ -114,7 +112,7 @@ def test_nobody_is_judged_while_the_way_to_its_board_is_cut() -> None:
         agent = await one.start("agentd", "uav")
         await one.looked()  # commd of its board is not heard
         one.token("local", "commd")
-        one.router_lost = 1.0
+        one.recording.model.router(up=False)
         await one.looked()
         assert agent.alive
 
@@ -138,7 +136,7 @@ def test_the_first_boards_router_is_killed_when_it_does_not_answer() -> None:
         router = await one.start("commd", "local")
         await one.looked()
         assert router.alive
-        one.router_lost = 1.0
+        one.recording.model.router(up=False)
         await one.until(lambda: not router.alive)
 
     looking(body)

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from argosy.__main__ import main
 from argosy.fleet_model.fleet_status import MOST, FleetStatus
-from argosy.status.lines import line, summary, to_json
+from argosy.status.command import status_line, summary, to_json
 from argosy.status.metrics_command import Fleet
 from argosy.status.table import table
 from schemas.humanize import json_lines, span
@@ -104,7 +104,7 @@ def test_who_is_not_in_the_mission_is_shown_and_a_client_need_not_tell_how_it_is
     trial.at += SILENT_AFTER - 0.1
     rows = {row.name: row for row in trial.fleet_status.rows()}
     assert not rows["made"].in_mission
-    assert line(rows["made"]).endswith(" in_mission=no")
+    assert status_line(rows["made"]).endswith(" in_mission=no")
     assert rows["tool"].standing == "up"
     trial.alive("made", "agentd", there=False)
     trial.at += 0.2
@@ -167,7 +167,7 @@ def test_a_line_tells_everything_in_keys_and_values_and_takes_no_line_breaks_fro
     }
     trial.tells("uav", "bridged", restarts=4, **facts, **words)
     (row,) = [row for row in trial.fleet_status.rows() if row.name == "uav"]
-    assert line(row) == (
+    assert status_line(row) == (
         "up bridged uav board=pi2 version=0.1.0 uptime=75 age=0.0 lag=0.012 drops=3 bad_input=1 restarts=4 errors=2 "
         'last_error="the \\"link\\" broke" note="no failsafe"'
     )
@@ -181,7 +181,7 @@ def test_no_name_on_the_bus_reaches_a_terminal_as_a_command() -> None:
     trial.alive("x\x1b[31m", "agentd\x07")
     trial.tells("x\x1b[31m", "agentd\x07", version="\x9b2J")
     rows = trial.fleet_status.rows()
-    assert all(line(row).isprintable() for row in rows)
+    assert all(status_line(row).isprintable() for row in rows)
     assert summary("any", rows).isprintable()
     assert all(text.isprintable() for text in shown(rows).splitlines())
     assert all(text.isprintable() for text in json_lines(to_json("any", rows, False)).splitlines())
@@ -192,13 +192,13 @@ def test_an_older_daemon_that_tells_neither_version_nor_restarts_is_shown_all_th
     trial.alive("a", "agentd")
     trial.tells("a", "agentd")
     rows = [row for row in trial.fleet_status.rows() if row.name == "a"]
-    assert line(rows[0]) == "up agentd a board=pi1 uptime=0 age=0.0 lag=0.000 drops=0 bad_input=0 errors=0"
+    assert status_line(rows[0]) == "up agentd a board=pi1 uptime=0 age=0.0 lag=0.000 drops=0 bad_input=0 errors=0"
     assert " ?  " in shown(rows)
 
 
 def shown(rows: list[Any], width: int = 80, **more: bool) -> str:
     console = Console(width=width, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    console.print(table("trial", rows, **more))
+    console.print(table(summary("trial", rows), rows, **more))
     return console.export_text()
 
 

@@ -14,7 +14,7 @@ import aiohttp
 from aiohttp import web
 
 from argosy.cli.operator_bus import Where
-from argosy.fleet_model import steady_clock
+from argosy.fleet_model.mission_clock import steady_clock
 from argosy.ui.auth import AuthGuard
 from argosy.ui.fleet_session import FleetSession
 from argosy.ui.server import application

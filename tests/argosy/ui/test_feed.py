@@ -248,7 +248,7 @@ def test_whom_a_page_has_looked_at_is_not_looked_at_any_more_when_it_has_closed(
                 assert browser.following._looked == {"scout"}
             await until(lambda: not browser.following.pages, "the page is closed")
             assert browser.following._looked == frozenset()
-            watcher = browser.following._watcher
+            watcher = browser.following.link._observer
             assert watcher is not None
             del asked[:]
             await until(lambda: len(asked) >= 2, "it is asked still")

@@ -11,8 +11,9 @@ VICTIM = (-27.6035, -48.5182)
 
 
 def by_id(fleet: Fleet, **beliefs: tuple[str, ...]) -> dict[str, MarkView]:
-    believed = {agent: [BeliefView(text=text) for text in texts] for agent, texts in beliefs.items()}
-    return {one.id: one for one in marks(fleet.model, believed).marks}
+    for agent, texts in beliefs.items():
+        fleet.mind(agent).model.agents[agent].believed = tuple(BeliefView(text=text) for text in texts)
+    return {one.id: one for one in marks(fleet.model).marks}
 
 
 def test_a_victim_that_was_perceived_is_missing_until_somebody_believes_otherwise() -> None:
@@ -28,7 +29,7 @@ def test_a_victim_that_agents_only_believe_in_is_one_mark_with_all_of_them() -> 
     text = f"victim(7,{VICTIM[0]},{VICTIM[1]})[source(scout)]"
     found = by_id(rescue(), scout=(f"found(7,{VICTIM[0]},{VICTIM[1]})",), rescuer1=(text,))
     assert list(found) == ["victim 7"]
-    assert found["victim 7"].agents == ("scout", "rescuer1")
+    assert found["victim 7"].agents == ("rescuer1", "scout")
 
 
 def test_a_target_is_there_while_its_action_runs() -> None:
@@ -41,7 +42,10 @@ def test_a_target_is_there_while_its_action_runs() -> None:
 def test_an_area_is_a_rectangle_near_the_fleet_and_nothing_else() -> None:
     area = "area(-27.603853,-48.5193,-27.602955,-48.5173)"
     views = [BeliefView(text=text) for text in (area, "area(1,2,3,4)", "area(3,2,1,4)", "area(x,y,1,2)", "area(5)")]
-    told = marks(rescue().model, {"scout": views, "rescuer1": views[:1]})
+    fleet = rescue().mind("scout").mind("rescuer1")
+    fleet.model.agents["scout"].believed = tuple(views)
+    fleet.model.agents["rescuer1"].believed = tuple(views[:1])
+    told = marks(fleet.model)
     assert [one.bounds for one in told.areas] == [(-27.603853, -48.5193, -27.602955, -48.5173)]
 
 
@@ -64,6 +68,6 @@ def test_marks_are_bounded_and_the_rest_is_counted() -> None:
     fleet = rescue()
     for number in range(400):
         fleet.percept("scout", "victim", number, *VICTIM, key=(0,))
-    told = marks(fleet.model, {})
+    told = marks(fleet.model)
     assert len(told.marks) == 300
     assert told.left_out == 100

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-import argosy.ui.control_requests
+import argosy.ui.page_requests
 from argosy.cli.operator_bus import Where
-from argosy.fleet_model import steady_clock
+from argosy.fleet_model.mission_clock import steady_clock
 from commd.bus.bus import Bus
 from schemas.mission.model import load_mission
 from schemas.wire.records import Outcome
@@ -244,7 +244,7 @@ def test_an_order_that_was_cut_off_is_not_waited_for_by_its_pages(
     async def body() -> None:
         async with fleet(endpoint, {"uav1": None}), served(Where("sar", endpoint)) as browser:
             await linked(browser, "uav1")
-            monkeypatch.setattr(argosy.ui.control_requests, "bridges", fails)
+            monkeypatch.setattr(argosy.ui.page_requests, "bridges", fails)
             assert (await browser.post("/stop", {"order": "hold"}))[0] == 500
             [view] = browser.following.orders.last
             assert view.state == "NOT confirmed"

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-import argosy.ui.control_requests
+import argosy.ui.page_requests
 from argosy.cli.operator_bus import Where
-from argosy.fleet_model import TeamModel
+from argosy.fleet_model.model import FleetModel
 from argosy.ui.map_markers import marks
 from commd.bus.bus import Bus
 from commd.daemon import tell_mission
@@ -164,7 +164,7 @@ def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
             await known.wait()
             return []
 
-        monkeypatch.setattr(argosy.ui.control_requests, "bridges", nobody)
+        monkeypatch.setattr(argosy.ui.page_requests, "bridges", nobody)
         async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
             await seen.shows("#router", "● router")
             await seen.twice(seen.page.locator("header [data-order=hold]"))
@@ -243,7 +243,7 @@ def test_a_defect_of_the_server_is_a_banner_and_orders_go_on(
         async with AsyncExitStack() as stack:
             _, browser, seen = await paged(stack, endpoint, "uav1")
 
-            def broken(_model: TeamModel, _beliefs: object) -> None:
+            def broken(_model: FleetModel, _beliefs: object) -> None:
                 raise OverflowError("cannot convert float infinity to integer")
 
             monkeypatch.setattr("argosy.ui.fleet_session.marks", broken)

@@ -9,17 +9,17 @@ from typing import Any
 from textual.pilot import Pilot
 
 from argosy.cli.operator_bus import Where
+from argosy.fleet_model.link import FleetLink
 from argosy.watch.app import WatchApp
-from argosy.watch.fleet_link import Link
-from argosy.watch.glyphs import UNICODE, Glyphs
+from argosy.watch.row_text import UNICODE, Glyphs
 from tests.argosy.fleet_model.fleet import FLEET, Fleet
 
 Shown = tuple[WatchApp, Pilot[None]]
 
 
-def link_to(fleet: Fleet) -> Link:
+def link_to(fleet: Fleet) -> FleetLink:
     """A link that has reached the fleet and dials nowhere."""
-    link = Link(Where(FLEET, "tcp/127.0.0.1:7447"), None)
+    link = FleetLink(Where(FLEET, "tcp/127.0.0.1:7447"), None)
     link.model, link.reached, link.since = fleet.model, True, fleet.at
     return link
 
@@ -50,7 +50,7 @@ def show(
     *,
     glyphs: Glyphs = UNICODE,
     filter: str = "",
-    link: Link | None = None,
+    link: FleetLink | None = None,
 ) -> None:
     """Run the view and do something with it."""
 

@@ -84,7 +84,7 @@ def test_a_router_that_is_lost_is_said_at_once_and_comes_back_by_itself(endpoint
             assert "2 of 2 agents" in terminal.text, "what was known last stays"
             first = _router(endpoint)
             terminal.until(lambda text: "ROUTER LOST" not in text, "the banner goes")
-            terminal.shows("it answers again")
+            terminal.shows("answers again")
             terminal.press("q")
             assert terminal.end() == 0
     finally:

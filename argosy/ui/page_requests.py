@@ -13,12 +13,14 @@ from typing import Literal
 import msgspec
 from msgspec.structs import replace
 
-from argosy.cli.operator_bus import bridges
-from argosy.fleet_model import steady_clock
+from argosy.cli.operator_bus import Unanswered, bridges
+from argosy.fleet_model.mission_clock import steady_clock
 from argosy.stop.command import UNANSWERED, order_robot
 from argosy.ui.view_structs import OrderedView
+from argosy.why import Explanation, explain
 from commd.bus.bus import Bus
-from commd.bus.errors import BusError, QueryTimeout
+from commd.bus.errors import BusClosed, BusError, QueryTimeout
+from schemas.files.findings import Findings
 from schemas.wire import keys
 from schemas.wire.keys import check_name
 from schemas.wire.mind_records import MindOrder
@@ -36,21 +38,22 @@ CONTROL_PATIENCE = 5.0
 LONGEST = 4_000
 """Characters of a goal or belief."""
 LATE = 5.0
-"""Wall seconds after which an order that comes is none any more: whoever gave it sees another sky by now."""
+"""Wall seconds after which an order is refused: the operator decided on an older state."""
+UNREACHED = "the router is not reached"
 
 
 class StopWish(msgspec.Struct, forbid_unknown_fields=True):
-    """What a page asks of robots."""
+    """An order to robots."""
 
     order: OperatorOrder
     at: float
-    """When that was, by our clock as the page was told it."""
+    """When it was given, by our clock as the page knows it."""
     robots: list[str] | None = None
     """None: all."""
 
 
 class ControlWish(msgspec.Struct, forbid_unknown_fields=True):
-    """What a page asks of a mind."""
+    """An order to a mind."""
 
     agent: str
     do: Literal["pause", "step", "resume", "goal", "belief"]
@@ -59,18 +62,18 @@ class ControlWish(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class ControlRequests:
-    """The orders of this run."""
+    """Carries out the orders of this run's pages and keeps the last ones."""
 
     def __init__(self, known: Callable[[], list[str]], rights: Callable[[], str]) -> None:
         self._known = known
-        """The robots of the mission, and those that were seen."""
+        """Returns the robots of the mission, and those that were seen."""
         self._rights = rights
-        """Why nothing may be ordered; empty if it may be."""
+        """Returns why orders are not allowed; empty if they are."""
         self._number = 0
         self.last: deque[OrderedView] = deque(maxlen=KEPT)
 
     async def stop(self, bus: Bus | None, fleet: str, wish: StopWish) -> OrderedView:
-        """Order robots, all at once, and wait for what each of them says."""
+        """Send an order to all robots at the same time and wait for each outcome."""
         self._number += 1
         view = OrderedView(
             number=self._number, order=wish.order, at=steady_clock(), clicked=wish.at, state="looking",
@@ -90,7 +93,7 @@ class ControlRequests:
         view = self._now(replace(view, outcomes=dict.fromkeys(names, WAITING)))
         looking = asyncio.create_task(bridges(bus, fleet))
         try:
-            if wish.robots is None:  # those that nobody has seen yet, too: the others have their orders by now
+            if wish.robots is None:  # also robots not seen before; the known ones have their orders by now
                 for more in sorted({robot for _, robot in await looking} - set(names)):
                     telling.add(asyncio.create_task(self._told(bus, fleet, more, wish.order)))
                     view = self._now(replace(view, outcomes=view.outcomes | {more: WAITING}))
@@ -120,7 +123,7 @@ class ControlRequests:
         return robot, await order_robot(bus, fleet, robot, order)
 
     def _now(self, view: OrderedView) -> OrderedView:
-        """Let pages see how an order stands."""
+        """Show the state of an order on the pages."""
         view = replace(view, state=_state(view))
         for index, one in enumerate(self.last):
             if one.number == view.number:
@@ -128,7 +131,7 @@ class ControlRequests:
         return view
 
     async def control(self, bus: Bus | None, fleet: str, wish: ControlWish) -> Outcome:
-        """Order a mind; refused in words unless its mission allows it."""
+        """Send an order to a mind. Returns the reason if it is refused."""
         if why := late(wish.at) or self._rights() or misnamed((wish.agent,), "an agent"):
             return Outcome(ok=False, reason=why)
         if bus is None or not fleet:
@@ -156,9 +159,9 @@ def _state(view: OrderedView) -> Literal["looking", "waiting", "confirmed", "NOT
 
 
 def late(at: float) -> str:
-    """Say why an order of that time is none any more; empty if it is a fresh one.
+    """Return why an order of that time is refused; empty if it is fresh.
 
-    One lies somewhere while this process, its machine or the way to it hangs, and comes when nobody expects it.
+    An order may be delayed while this process, its machine or the connection hangs, and arrive unexpectedly.
     """
     age = steady_clock() - at
     if abs(age) <= LATE:
@@ -168,10 +171,45 @@ def late(at: float) -> str:
 
 
 def misnamed(names: Sequence[str], what: str) -> str:
-    """Say which of the names is none, in words: a `*` would speak to everybody."""
+    """Return which of the names is not valid, as text; empty if all are. A `*` would address everybody."""
     for name in names:
         try:
             check_name(name)
         except ValueError:
             return f"`{name[:64]}` is no name of {what}"
     return ""
+
+
+class WhyWish(msgspec.Struct, forbid_unknown_fields=True):
+    """A question why an agent did something."""
+
+    agent: str
+    about: str = ""
+    """A goal, belief or action; empty: what happened last."""
+
+
+class FleetWish(msgspec.Struct, forbid_unknown_fields=True):
+    """The choice of one of several fleets."""
+
+    fleet: str
+
+
+class Explained(msgspec.Struct, omit_defaults=True):
+    """The answer: an explanation (argosy/why), or the reason why there is none."""
+
+    explanation: Explanation | None = None
+    error: str = ""
+
+
+async def explained(bus: Bus | None, fleet: str, wish: WhyWish) -> Explained:
+    """Ask an agent why."""
+    if wrong := misnamed((wish.agent,), "an agent"):
+        return Explained(error=wrong)
+    if bus is None or not fleet:
+        return Explained(error=UNREACHED)
+    try:
+        return Explained(await explain(bus, fleet, wish.agent, wish.about))
+    except (BusClosed, Unanswered) as error:
+        return Explained(error=str(error))
+    except Findings as findings:
+        return Explained(error="; ".join(one.message for one in findings.findings))
