@@ -11,6 +11,7 @@ from argosy.watch.fleet_link import Link
 from textual.pilot import Pilot
 
 from argosy.cli.operator_bus import Where
+from argosy.fleet_model.link import FleetLink
 from argosy.watch.app import WatchApp
 from argosy.watch.pages import AgentPage
 from tests.argosy.watch.shown import text_of
@@ -38,7 +39,7 @@ async def draw() -> dict[str, str]:
 
 
 async def _look(router: str) -> dict[str, str]:
-    link = Link(Where("sar", router), None)
+    link = FleetLink(Where("sar", router), None)
     app, screens = WatchApp(link), dict[str, str]()
     dialling = asyncio.create_task(link.run())
     try:

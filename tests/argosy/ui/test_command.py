@@ -49,7 +49,7 @@ def test_it_prints_an_address_serves_the_page_without_a_router_and_ends_by_a_sig
         assert page.status == 200
         assert b"<title>Argosy</title>" in page.read()
         ui.says(f"argosy ui: no router at {endpoint}: ")
-        ui.says("it is tried again")
+        ui.says("trying again")
         ui.signal(signal.SIGTERM)
         assert ui.ends() == 0
         assert "Traceback" not in ui.text
