@@ -7,7 +7,6 @@ import re
 import tempfile
 from pathlib import Path
 
-from argosy.watch.fleet_link import Link
 from textual.pilot import Pilot
 
 from argosy.cli.operator_bus import Where
