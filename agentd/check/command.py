@@ -1,4 +1,4 @@
-"""What can be told to be wrong with a program before it runs, and the command `agentd check`."""
+"""Find mistakes in a program before it runs: `check_program`, and the command `agentd check`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ EXIT_BAD_INPUT = 2
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """What a robot can do and tell: None where that is not known, an empty mapping that there is nothing."""
+    """The actions and percepts of a robot: None if they are not known, an empty mapping if there are none."""
 
     actions: Arities | None = None
     percepts: Arities | None = None
@@ -72,8 +72,8 @@ def check_program(
 ) -> list[Finding]:
     """All findings about a program, in the order of its file; warnings of the parser are among them.
 
-    ``actions`` and ``percepts`` are what the robot can do and tell: names with their number of arguments (or several
-    numbers); None says that they are not known, an empty mapping that there are none. ``beliefs`` are names and
+    ``actions`` and ``percepts`` are those of the robot: names with their number of arguments (or several numbers);
+    None if they are not known, an empty mapping if there are none. ``beliefs`` are names and
     arities that come from elsewhere (other agents). ``internal`` and ``functions`` are the internal actions and
     functions that exist; without them, those of the standard library. Included files are read and checked too.
     """
@@ -178,7 +178,7 @@ def run(args: Namespace) -> int:
 
 
 def _fields(one: Finding) -> dict[str, Any]:
-    """A finding as JSON says it. These fields stay; others may come."""
+    """The JSON fields of a finding. These fields are stable; others may be added."""
     names = ("file", "line", "column", "severity", "kind", "message")
     return {name: getattr(one, name) for name in names}
 

@@ -17,7 +17,7 @@ def takes(arities: int | Collection[int], arity: int) -> bool:
 
 
 def arguments(arities: int | Collection[int]) -> str:
-    """How many arguments something takes, in words."""
+    """The number of arguments of something as text."""
     if isinstance(arities, range) and len(arities) > 9:
         return f"at least {arities.start} argument{'s' * (arities.start != 1)}" if arities.start else "any arguments"
     numbers = [arities] if isinstance(arities, int) else sorted(set(arities))
@@ -32,8 +32,8 @@ def arguments(arities: int | Collection[int]) -> str:
 class Elsewhere:
     """Beliefs and goals that others may send, as name and arity.
 
-    ``complete`` says that nobody sends anything else; otherwise goals and beliefs are not held to be missing because
-    the program does not set them itself. ``open_...`` say that others send some which cannot be seen in their programs.
+    ``complete``: nobody sends anything else; otherwise goals and beliefs are not reported as missing because the
+    program does not set them itself. ``open_...``: others send some which cannot be seen in their programs.
     """
 
     beliefs: frozenset[tuple[str, int]] = frozenset()

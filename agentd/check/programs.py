@@ -34,7 +34,7 @@ from schemas.files.text_files import read_bounded
 
 
 def near_file(name: str, beside: str) -> str:
-    """``; did you mean x.asl?`` where a program of nearly this name stands where that one was looked for."""
+    """``; did you mean x.asl?`` if a program of nearly this name is in the folder of the missing one."""
     wanted = Path(beside).parent / name
     try:
         there = [path.name for path in wanted.parent.iterdir() if path.suffix == ".asl" and path.is_file()]
@@ -54,7 +54,7 @@ class Includes:
         self.harness = False
         """Whether Jason's test harness is included, which `agentd test` takes the place of."""
         self.missing = False
-        """Whether a file could not be read: then nothing can be said of what the program lacks."""
+        """Whether a file could not be read: then nothing is reported as missing in the program."""
 
     def __call__(self, what: Directive | InternalAction, namespace: str) -> Iterable[Item]:
         """The items of the file that a directive names, or an `.include` while the agent runs."""
@@ -64,7 +64,7 @@ class Includes:
             case Directive(name=Structure(args=(String(name), *_))) if "\0" not in name:
                 return self._items(name, what.position.file, namespace, what.position)
             case _:
-                return ()  # told as a wrong directive
+                return ()  # reported as a wrong directive
 
     def _items(
         self, name: str, beside: str, namespace: str, position: Position, *, at_run_time: bool = False
@@ -124,7 +124,7 @@ def read_survey(program: Program, paths: SourcePaths) -> Surveyed:
 
 
 def _created(file: str, found: Survey, paths: SourcePaths, findings: list[Finding]) -> Iterator[str]:
-    """The files of the agents that a program creates; one that is not there is told among the findings."""
+    """The files of the agents that a program creates; a missing one is added to the findings."""
     for name, position in found.created:
         try:
             yield paths.find(name, file)
@@ -135,11 +135,11 @@ def _created(file: str, found: Survey, paths: SourcePaths, findings: list[Findin
 
 
 def _not_checked(files: Sequence[InternalAction]) -> Iterator[Finding]:
-    """Say once what is not told because of files that only the run knows."""
+    """Report once what is not checked because of files that are known only at run time."""
     if files:
         first = min(files, key=lambda call: (call.position.file, call.position.line, call.position.column))
         text = f"the file of {first.name} is not known before the run: "
-        text += "beliefs that nothing adds and plans that nothing uses are not told"
+        text += "beliefs that nothing adds and plans that nothing uses are not reported"
         if any(call.name == ".include" for call in files):
             text += ", goals without plans are warnings"
         yield finding(Kind.KNOWN_WHEN_RUN, first.position, text, "info")
@@ -164,11 +164,11 @@ class Subjects:
     programs: dict[str, Surveyed] = field(default_factory=dict)
     shown: dict[str, dict[Finding, str]] = field(default_factory=dict)
     incomplete: bool = False
-    """Whether a program could not be read: then nothing can be said of what it would send."""
+    """Whether a program could not be read: then it is not known what it would send."""
     percepts_unknown: bool = False
     """Whether a project has an environment, whose percepts nobody knows."""
     programs_named: bool = False
-    """Whether programs were named by themselves: nobody knows in which environment they will live."""
+    """Whether programs were named without a project: their environment is not known."""
 
     def elsewhere(self) -> Elsewhere:
         """What the programs send to one another."""
@@ -245,7 +245,7 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
     except (SyntaxErrors, OSError, UnicodeDecodeError):
         subjects.incomplete = True
         return
-    paths = project_paths(project, paths, [])  # what is wrong with them is told by the project's reader
+    paths = project_paths(project, paths, [])  # their errors are reported by the project's reader
     subjects.percepts_unknown |= project.environment is not None
     for entry in project.agents:
         wanted = entry.file.text if entry.file is not None else entry.name
@@ -255,7 +255,7 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
             subjects.incomplete = True
             text = f"cannot read the program of the agent {entry.name}: {error.strerror or error}"
             unread = finding(Kind.FILE, entry.position, text)
-            if not any(entry.name in one.message for one in shown):  # told by the project's reader
+            if not any(entry.name in one.message for one in shown):  # reported by the project's reader
                 shown[unread] = str(unread)
             continue
         options = [(option.name, option.value) for option in entry.options]
@@ -265,7 +265,7 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
 
 
 def _begins_with(name: str, value: str) -> Iterator[Item]:
-    """The beliefs and goals of an option of a project; what is wrong with it is told by the project's reader."""
+    """The beliefs and goals of an option of a project; its errors are reported by the project's reader."""
     if name not in ("beliefs", "goals"):
         return
     try:

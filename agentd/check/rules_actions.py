@@ -31,7 +31,7 @@ from schemas.mission.model import PERFORMATIVES
 
 
 def external_actions(survey: Survey, known: Arities, internal: Arities) -> Iterator[Finding]:
-    """Actions that the robot does not know, or not with so many arguments."""
+    """Actions that the robot does not have, or with a wrong number of arguments."""
     goals = {placed.name for placed in survey.plans if placed.event == "+!"}
     for action in survey.actions:
         arities = known.get(action.name)
@@ -109,9 +109,9 @@ _OFTEN_UNDOTTED = frozenset(
 def internal_actions(
     survey: Survey, actions: Arities, functions: Arities, unusable: Mapping[str, str] | None = None
 ) -> Iterator[Finding]:
-    """Internal actions and functions that do not exist, or not with so many arguments.
+    """Internal actions and functions that do not exist, or with a wrong number of arguments.
 
-    ``unusable`` says of packages that should provide some why they cannot.
+    ``unusable`` gives for packages that should provide some the reason why they cannot.
     """
     registered = {name for name, _ in survey.functions}
     for call in survey.calls:
@@ -183,7 +183,7 @@ def directives_as_beliefs(survey: Survey) -> Iterator[Finding]:
         match belief.literal:
             case Structure("include" | "register_function", (String(), *_)) as literal:
                 directive = f"{{ {source_text(literal)} }}"
-                text = f"{literal.functor}(...) is a belief here; a directive stands in braces: {directive}"
+                text = f"{literal.functor}(...) is a belief here; a directive is written in braces: {directive}"
                 yield warning(Kind.DIRECTIVE_AS_BELIEF, literal.position, text)
 
 
@@ -194,5 +194,5 @@ def unknown_performatives(survey: Survey) -> Iterator[Finding]:
             case (".send", (_, Structure(functor) as term, _, *_)) | (".broadcast", (Structure(functor) as term, _)):
                 hint = "" if functor in PERFORMATIVES else near(functor, PERFORMATIVES, 0.75)
                 if hint:
-                    text = f"{functor} is no performative that agents handle by themselves{hint}"
+                    text = f"{functor} is not a performative that agents handle by themselves{hint}"
                     yield warning(Kind.UNKNOWN_PERFORMATIVE, term.position, text)

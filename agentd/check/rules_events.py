@@ -17,8 +17,8 @@ _TRUTH = {("true", 0), ("false", 0)}
 def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Elsewhere) -> Iterator[Finding]:
     """Tests of beliefs that are no percept and that no line adds.
 
-    Beliefs that another agent may tell look the same, and a program may be written for several robots, so these are
-    warnings. Where percepts are not known only what looks misspelt is told.
+    Beliefs that another agent may send look the same, and a program may be written for several robots, so these are
+    warnings. If the percepts are not known, only probable misspellings are reported.
     """
     held = _held(survey, elsewhere.beliefs)
     by_name: dict[str, set[int]] = {}
@@ -41,9 +41,9 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
         if known or (hint and _base(test.name) not in map(_base, by_name)):
             text = f"nothing adds the belief {test.name}/{test.arity}"
             if percepts is not None:
-                text += ", and no percept has its name: unless an agent or a mission tells it, "
+                text += ", and no percept has its name: unless an agent or a mission sends it, "
             else:
-                text += ": unless it is a percept or told, "
+                text += ": unless it is a percept or sent by an agent, "
             text = f"{text}{_consequence(test, tested_as_goal)}{hint}"
             yield warning(Kind.BELIEF_NEVER_ADDED, test.position, text)
 
@@ -59,7 +59,7 @@ def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhe
         if arities is None:
             if not (survey.open_beliefs or elsewhere.open_beliefs):
                 text = f"nothing adds the belief {placed.name}/{placed.arity}, and no percept has its name: "
-                text += f"unless an agent or a mission tells it, this plan never runs{near(placed.name, percepts)}"
+                text += f"unless an agent or a mission sends it, this plan never runs{near(placed.name, percepts)}"
                 yield warning(Kind.UNKNOWN_PERCEPT, place, text)
         elif not takes(arities, placed.arity):
             text = f"the percept {placed.name} has {arguments(arities)}, not {placed.arity}: this plan never runs"
@@ -67,7 +67,7 @@ def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhe
 
 
 def _held(survey: Survey, beliefs: Iterable[tuple[str, int]]) -> set[tuple[str, int]]:
-    """What may come to be believed, as far as the program shows; a plan +b means that b is expected from somewhere."""
+    """What can be believed as far as the program shows; a plan +b means that b is expected from elsewhere."""
     held = {mention.indicator for mention in survey.added} | set(beliefs)
     for placed in survey.plans:
         if placed.event in ("+", "+?") and placed.name is not None:
@@ -159,7 +159,7 @@ def unused_plans(survey: Survey, elsewhere: Elsewhere) -> Iterator[Finding]:
                 yield _unused(placed, f"there is no plan +!{placed.name}/{placed.arity}", planned)
             elif placed.event == "+!" and not open_goals and placed.indicator not in goals:
                 if placed.name in lost or near(placed.name, lost):
-                    continue  # told where the goal stands, with this plan's name
+                    continue  # reported at the goal, with this plan's name
                 yield _unused(placed, f"nothing sets the goal !{placed.name}/{placed.arity}", goals)
 
 
@@ -188,12 +188,12 @@ def _unused(placed: PlacedPlan, why: str, known: set[tuple[str | None, int]] | s
         hint = f"; there is {placed.name} with {arguments(others)}"
     else:
         hint = near(placed.name or "", {name for name, _ in known if name is not None})
-    text = f"this plan is never used, unless by what others send: {why}{hint}"
+    text = f"this plan is never used unless others send its event: {why}{hint}"
     return warning(Kind.PLAN_NEVER_USED, placed.plan.trigger.position, text)
 
 
 def duplicate_labels(survey: Survey) -> Iterator[Finding]:
-    """Labels that stand before two plans: whoever asks for the plan of this label gets one of them."""
+    """Labels that two plans have: an internal action that takes a label finds only one of them."""
     first: dict[tuple[str, int], Plan] = {}
     for family in survey.families:
         for placed in family:
@@ -203,5 +203,5 @@ def duplicate_labels(survey: Survey) -> Iterator[Finding]:
             before = first.setdefault((f"{label.namespace}::{label.functor}", len(label.args)), placed.plan)
             same_file = before.position.file == placed.plan.position.file
             if before is not placed.plan and same_file and before.position != placed.plan.position:
-                text = f"the label {label.functor} stands before the plan of line {before.position.line} too"
+                text = f"the plan of line {before.position.line} has the label {label.functor} too"
                 yield warning(Kind.DUPLICATE_LABEL, label.position, text)

@@ -1,4 +1,4 @@
-"""Variables that stand only once, most often a misspelt name, and variables that never get a value."""
+"""Variables that occur only once, most often a misspelt name, and variables that never get a value."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _IN_STRING = re.compile(r"#\{([A-Z]\w*)\}")
 
 
 def singletons(survey: Survey) -> Iterator[Finding]:
-    """A warning for each named variable that stands once in its plan (with its sub-plans), rule or belief."""
+    """A warning for each named variable that occurs once in its plan (with its sub-plans), rule or belief."""
     for scope in _scopes(survey):
         yield from _in_scope(scope)
 
@@ -77,12 +77,12 @@ def _in_scope(scope: _Node) -> Iterator[Finding]:
 
 def _only_once(variable: Variable) -> Finding:
     name = variable.name
-    message = f"the variable {name} stands only once; is it misspelt? if not, write _ or _{name}"
+    message = f"the variable {name} occurs only once; is it misspelt? if not, write _ or _{name}"
     return warning(Kind.SINGLETON_VARIABLE, variable.position, message)
 
 
 def named_variables(survey: Survey, actions: Collection[str]) -> frozenset[Finding]:
-    """The warnings of `singletons` about variables whose name an action is meant to tell: ``arm_motors(True)``."""
+    """The warnings of `singletons` about variables whose name an action sends as text: ``arm_motors(True)``."""
     return frozenset(
         _only_once(term)
         for mention in survey.actions
@@ -92,9 +92,9 @@ def named_variables(survey: Survey, actions: Collection[str]) -> frozenset[Findi
 
 
 class _Use(NamedTuple):
-    """A node, the innermost ``not`` that it stands in, and whether a variable in it is only compared.
+    """A node, the innermost ``not`` around it, and whether a variable in it is only compared.
 
-    ``place`` counts the formulas in the order in which they are come to; 0 where several stand side by side.
+    ``place`` counts the formulas in the order of execution; 0 for a node that holds several.
     """
 
     node: _Node
@@ -104,14 +104,14 @@ class _Use(NamedTuple):
 
 
 _SEVERAL = (Plan, Trigger, Body, Step, And, Or, Not, If, While, For)
-"""What holds formulas that are come to in turn; not rules, whose bodies may give what their heads compute with."""
+"""Nodes whose formulas are executed in turn; not rules, whose bodies may bind the variables of their heads."""
 
 
 def unbound_variables(survey: Survey) -> Iterator[Finding]:
-    """Variables that stand twice or more, and where a value is needed before any can be given.
+    """Variables that occur twice or more, at a place where a value is needed before any can be given.
 
     ``X > 3`` compares; ``b(X)``, ``X = 3``, ``.member(X, L)`` and ``!g(X)`` may give X its value: there and in what
-    follows. What stands in a ``not`` gives none outside of it.
+    follows. A formula in a ``not`` gives none outside of it.
     """
     for scope in _scopes(survey):
         yield from _unbound_in(scope)

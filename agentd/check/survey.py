@@ -58,7 +58,7 @@ _QUERIES = {
 """The internal actions with a logical formula among their arguments, and which argument it is."""
 
 _RUNNERS = frozenset((".foreach", ".loop", ".if_then_else", ".fork", ".add_plan", ".send", ".broadcast"))
-"""The internal actions that run, keep or send the code that stands in their arguments."""
+"""The internal actions that run, keep or send the code in their arguments."""
 
 _ASSERTIONS = frozenset((".asserta", ".assertz"))
 _FILE_READERS = frozenset((".include", ".create_agent"))
@@ -114,7 +114,7 @@ class _Walk:
         return self.found
 
     def _read(self, items: Iterable[Item], namespace: str) -> None:
-        """Take in the items of a file; what stands inside them is left to be visited."""
+        """Take in the items of a file; their contents are left to be visited."""
         blocks: list[tuple[Iterator[Item], str]] = [(iter(items), namespace)]
         while blocks:
             block, namespace = blocks[-1]
@@ -153,7 +153,7 @@ class _Walk:
 
     def _pattern(self, name: str, args: tuple[Term, ...], item: Directive, namespace: str) -> None:
         """Count the plans as there that a pattern adds to those in its block."""
-        with suppress(WrongPattern):  # told as a wrong directive
+        with suppress(WrongPattern):  # reported as a wrong directive
             for plan in PATTERNS[name](item.position, args, item.items or ()):
                 if isinstance(plan, Plan) and plan not in (item.items or ()):
                     self._place(plan, namespace)

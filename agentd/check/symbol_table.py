@@ -30,7 +30,7 @@ ANY_ARITY = -1
 
 @dataclass(frozen=True, slots=True)
 class Mention:
-    """A literal where it stands. ``name`` is qualified (``ns::b``) outside the default namespace.
+    """A literal in its place. ``name`` is qualified (``ns::b``) outside the default namespace.
 
     ``inverted``: under an odd number of ``not``. ``from_others``: asks for a source that is neither self nor percept.
     """
@@ -55,7 +55,7 @@ class Mention:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """An internal action or function where it stands; ``as_term``: as a value and not as a step or condition."""
+    """An internal action or function in its place; ``as_term``: as a value and not as a step or condition."""
 
     action: InternalAction
     as_term: bool
@@ -91,7 +91,7 @@ class PlacedPlan:
 
     @property
     def names_source(self) -> bool:
-        """Whether the trigger says where its event comes from: ``+!g[source(S)]``."""
+        """Whether the trigger names the source of its event: ``+!g[source(S)]``."""
         annotations = self.plan.trigger.literal.annotations
         items = annotations.items if annotations is not None else ()
         return any(isinstance(item, Structure) and item.functor == "source" for item in items)
@@ -106,7 +106,7 @@ class Survey:
     """Everything that a program mentions, in no particular order.
 
     ``families`` are plans that are tried together: those of a program, those nested in one plan. ``open_beliefs``,
-    ``open_plans`` and ``open_goals`` say that the program makes some at run time which no survey can see.
+    ``open_plans`` and ``open_goals``: the program makes some at run time which no survey can see.
     """
 
     achieved: list[Mention] = field(default_factory=list)
@@ -116,7 +116,7 @@ class Survey:
     """Tests by ``?``, for which a plan may answer."""
     added: list[Mention] = field(default_factory=list)
     raised: list[Mention] = field(default_factory=list)
-    """What stands in triggers as terms: ``.at("now +1 s", {+!g})`` raises such an event."""
+    """The literals of triggers that are terms: ``.at("now +1 s", {+!g})`` raises such an event."""
     told: list[Mention] = field(default_factory=list)
     """Beliefs that are sent to agents."""
     wanted: list[Mention] = field(default_factory=list)

@@ -1,6 +1,6 @@
 """Lexers for Pygments: `pygmentize -l asl FILE.asl`, and blocks ```` ```asl ```` in documents.
 
-The AgentSpeak lexer reads by the very expressions that the parser's lexer reads by; the text comes out as it went in.
+The AgentSpeak lexer uses the expressions of the parser's lexer; its tokens joined are the text again.
 """
 
 from __future__ import annotations

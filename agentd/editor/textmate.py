@@ -1,4 +1,4 @@
-"""The TextMate grammar of AgentSpeak, for VS Code and others: ``python -m agentd.editor.textmate`` writes it anew.
+"""The TextMate grammar of AgentSpeak, for VS Code and others: ``python -m agentd.editor.textmate`` rewrites it.
 
 Its expressions are those of the language's own lexer. They keep to what Python, Oniguruma and JavaScript share, and
 each matches within a line; comments of several lines have a begin and an end.
@@ -66,7 +66,7 @@ def _match(pattern: str, of: Class) -> dict[str, Any]:
 
 
 def _one_line(pattern: str) -> str:
-    """A pattern with line feeds written as `\\n`, as they stand in the grammar."""
+    """A pattern with line feeds written as `\\n`, as the grammar has them."""
     return pattern.replace("\n", r"\n")
 
 

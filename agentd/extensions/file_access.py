@@ -18,7 +18,7 @@ MOST_SAVED = 16 * 2**20
 
 
 class NotAllowed(ValueError):
-    """A path that leads out of the folders of the mission; says which they are."""
+    """A path outside of the folders of the mission; the message lists them."""
 
 
 def allowed(path: str | Path, folders: Iterable[Path]) -> Path:
@@ -37,7 +37,7 @@ class AgentFiles:
         self._state = state
 
     def readable(self, path: str, beside: str) -> Path:
-        """The file that a program which stands in the file ``beside`` names.
+        """The file that the program ``beside`` names.
 
         It is looked for beside that program, in the mission's folders, then among what was saved. Raises NotAllowed,
         and FileNotFoundError.

@@ -25,11 +25,11 @@ GROUP = "argosy.internal_actions"
 
 
 class PluginError(RuntimeError):
-    """What another package provides went wrong; the text says which, how and where."""
+    """An error in another package's code; the text gives its name, the error and the place."""
 
 
 def discover() -> None:
-    """Have the names that programs use looked for in other packages from now on."""
+    """From now on, look for the names that programs use in other packages."""
     if load_plugin not in SOURCES:
         SOURCES.append(load_plugin)
 
@@ -57,7 +57,7 @@ def load_plugin(package: str) -> str | None:
 
 
 def _named(name: str, function: Callable[..., Any], backtracks: bool) -> Callable[..., Any]:
-    """A function whose unforeseen errors are told with its name and place."""
+    """The function, with unexpected errors reported by its name and place."""
 
     def failed(error: BaseException) -> PluginError:
         return PluginError(f"{name}: {describe_error(error)}")

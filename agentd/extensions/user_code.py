@@ -1,4 +1,4 @@
-"""Python that users bring: found by ``module:Class``, and its mistakes told without a traceback of ours."""
+"""Load users' Python by ``module:Class``, and describe its errors without our own traceback."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _LIBRARY = str(Path(os.__file__).parent)
 
 
 MISTAKES = (Exception, SystemExit)
-"""What users' code may raise that is its own mistake: whether the process ends is not for it to say."""
+"""Exceptions of users' code that are its own mistakes: it may not end the process."""
 
 
 class UserCodeError(Exception):
-    """Code that the user brought cannot be used; the text says what, where and why."""
+    """Users' code that cannot be used; the text gives the reason and the place."""
 
 
 def load_class(name: str, base: type) -> type[Any]:
@@ -29,7 +29,7 @@ def load_class(name: str, base: type) -> type[Any]:
     """
     place, colon, attribute = name.rpartition(":")
     if not colon or not place or not attribute:
-        raise UserCodeError(f"`{name}` names no class; write module:Class or file.py:Class")
+        raise UserCodeError(f"`{name}` does not name a class; write module:Class or file.py:Class")
     module = _module(place)
     found = getattr(module, attribute, None)
     if found is None:
@@ -42,7 +42,7 @@ def load_class(name: str, base: type) -> type[Any]:
         raise UserCodeError(f"{place} has no class {attribute}{there}")
     if not (isinstance(found, type) and issubclass(found, base)):
         raise UserCodeError(
-            f"{place}:{attribute} is no {base.__name__}; derive it from {base.__module__}.{base.__name__}"
+            f"{place}:{attribute} is not a subclass of {base.__name__}; derive it from {base.__module__}.{base.__name__}"
         )
     return found
 
@@ -59,9 +59,7 @@ def _module(place: str) -> ModuleType:
         raise
     except ModuleNotFoundError as error:
         if error.name is not None and (place == error.name or place.startswith(f"{error.name}.")):
-            raise UserCodeError(
-                f"there is no Python module {place} (looked in {here} and where Python looks)"
-            ) from error
+            raise UserCodeError(f"there is no Python module {place} (looked in {here} and on Python's path)") from error
         raise UserCodeError(f"{place} cannot be imported: {describe_error(error)}") from error
     except MISTAKES as error:
         raise UserCodeError(f"{place} cannot be imported: {describe_error(error)}") from error

@@ -1,4 +1,4 @@
-"""From a project file to agents: their programs found, read and completed, and what of Java cannot be had told."""
+"""Make agents of a project file: find, read and complete their programs, and report its Java features."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def read_project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
     try:
         source = read_source(file)
     except UnicodeDecodeError as error:
-        raise Findings([Finding(file, 0, 0, f"is no UTF-8 text (byte {error.start}); save it as UTF-8")]) from None
+        raise Findings([Finding(file, 0, 0, f"is not UTF-8 text (byte {error.start}); save it as UTF-8")]) from None
     project = parse_project(source.text, file)
     setup = Setup()
     setup.warnings += _of_java(project, has_environment)
@@ -89,7 +89,7 @@ def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:
                 goals += [nodes.Goal(literal, "!", option.position) for literal in _literals(option)]
             case "verbose":
                 if option.value not in ("0", "1", "2"):
-                    raise Findings([_finding(option.position, f"verbose is 0, 1 or 2, not {option.value}")])
+                    raise Findings([_finding(option.position, f"verbose must be 0, 1 or 2, not {option.value}")])
                 level = int(option.value)
             case name if _USUAL_OPTIONS.get(name) == option.value:
                 pass
@@ -150,7 +150,7 @@ def _same_names(project: Project) -> Iterator[Finding]:
         for name in _names(entry):
             other = taken.setdefault(name, entry)
             if other is not entry:
-                text = f"there is an agent {name} already, of line {other.position.line}"
+                text = f"there is already an agent {name}, in line {other.position.line}"
                 yield _finding(entry.position, text)
                 break
 
@@ -176,7 +176,7 @@ def _source_folders(project: Project, paths: SourcePaths, home: Path, warnings: 
 
 
 def _of_java(project: Project, has_environment: bool) -> Iterator[Finding]:
-    """What of a project cannot be had here although its agents can run without."""
+    """The Java features of a project that are not supported; its agents can run without them."""
     infrastructure = project.infrastructure
     if infrastructure is not None and infrastructure.name not in _ONE_PROCESS:
         yield _without(infrastructure, "the infrastructure", "all agents run in this process")
@@ -226,7 +226,7 @@ def _java_actions(program: CompiledProgram) -> Iterator[Finding]:
             continue
         told.add((name, arity))
         if find_action(name, arity) is None:
-            text = f"nothing provides the internal action {name}/{arity}: a Java class is written anew in Python here"
+            text = f"nothing provides the internal action {name}/{arity}: write its Java class in Python"
             yield _finding(call.position, text, warning=True)
 
 

@@ -1,4 +1,4 @@
-"""Project files to trees. The sections may stand in any order; several errors are told in one run.
+"""Parser of project files. The sections may be in any order; several errors are reported in one run.
 
 MAS name {
     infrastructure: Centralised
@@ -26,7 +26,7 @@ from agentd.language.syntax_tree.source import Source
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A name, path or text, and where it stands."""
+    """A name, path or text, and its place."""
 
     text: str
     position: Position
@@ -34,7 +34,7 @@ class Named:
 
 @dataclass(frozen=True, slots=True)
 class ClassSpec:
-    """A Java class, maybe with arguments: ``env.Field(10, "fast")``; the arguments are texts without quotes."""
+    """A Java class, optionally with arguments: ``env.Field(10, "fast")``; the arguments are texts without quotes."""
 
     name: str
     arguments: tuple[str, ...]
@@ -134,7 +134,7 @@ def _complaint(text: str, at: int) -> str:
         return "this text has no closing quote on its line"
     if text.startswith("/*", at):
         return "this comment is never closed by */"
-    return f"'{text[at]}' means nothing in a project file"
+    return f"'{text[at]}' is not allowed in a project file"
 
 
 MOST_AGENTS = 10_000
@@ -149,7 +149,7 @@ def parse_project(text: str, file: str) -> Project:
 
 
 class _Wrong(Exception):
-    """What stands here cannot; parsing goes on behind the next semicolon."""
+    """A token is not allowed; parsing continues after the next semicolon."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(str(problem))
@@ -204,7 +204,7 @@ class _Parser:
         if read is None or self.tokens[self.at + 1].text != ":":
             raise self.wrong(self._no_section(keyword))
         if keyword.text in seen:
-            raise self.wrong(f"there is a section {keyword.text} already")
+            raise self.wrong(f"there is already a section {keyword.text}")
         seen.add(keyword.text)
         self.at += 2
         return replace(project, **read(self))
@@ -273,7 +273,7 @@ class _Parser:
     def _agent(self) -> AgentEntry:
         name = self.word("the name of an agent")
         if not name.text.isidentifier():
-            raise _Wrong(self._problem(name, f"'{name.text}' is no name for an agent: letters, digits and _"))
+            raise _Wrong(self._problem(name, f"'{name.text}' is not a name for an agent: use letters, digits and _"))
         entry = AgentEntry(name.text, name.position)
         if self.token.kind == "string" or (self.token.kind == "word" and self.token.text not in _OF_AN_AGENT):
             entry = replace(entry, file=Named(self.token.text, self.position))
@@ -329,7 +329,7 @@ class _Parser:
     def _count(self) -> int:
         text = self.token.text
         if self.token.kind != "number" or not text.isdigit() or not 1 <= int(text) <= MOST_AGENTS:
-            raise self.wrong(f"# wants how many agents there are, 1 to {MOST_AGENTS}; found {self.token}")
+            raise self.wrong(f"# must be followed by a number of agents, 1 to {MOST_AGENTS}; found {self.token}")
         self.at += 1
         return int(text)
 
@@ -338,7 +338,7 @@ class _Parser:
             return None
         self.at += 1
         if self.token.kind not in ("string", "word"):
-            raise self.wrong(f"at wants a host; found {self.token}")
+            raise self.wrong(f"at must be followed by a host; found {self.token}")
         found = Named(self.token.text, self.position)
         self.at += 1
         return found
@@ -379,7 +379,7 @@ class _Parser:
         return found
 
     def class_spec(self, what: str) -> ClassSpec:
-        """A class name, maybe with arguments; a list as argument is a text of its members."""
+        """A class name, optionally with arguments; a list as argument is the text of its members."""
         name = self.word(what)
         arguments: list[str] = []
         if self.is_mark("("):
@@ -403,7 +403,7 @@ class _Parser:
         return _Wrong(problem_at(self.source, self.token.at, message))
 
     def missing(self, message: str) -> _Wrong:
-        """Something that should stand behind the token before this one."""
+        """An error behind the token before this one."""
         before = self.tokens[self.at - 1]
         width = len(before.text) + (2 if before.kind == "string" else 0)
         return _Wrong(problem_at(self.source, min(before.at + width, len(self.source.text)), message))
@@ -413,7 +413,7 @@ class _Parser:
         return problem_at(self.source, token.at, message)
 
     def _skip(self, begun: int) -> None:
-        """Go on behind the next semicolon, or at the next section."""
+        """Continue after the next semicolon, or at the next section."""
         self.at = max(self.at, begun + 1)
         while not self.at_section_end():
             self.at += 1

@@ -72,7 +72,7 @@ def parse_formula(text: str, file: str = "<formula>") -> Formula:
 
 
 def parse_literal(text: str, file: str = "<literal>") -> Structure:
-    """A literal: an atom or structure, maybe negated, annotated, in a namespace. No internal action."""
+    """A literal: an atom or structure, optionally negated, annotated or in a namespace. No internal action."""
     literal: Structure = _parse(Source(text, file), "lone_literal")
     return literal
 
@@ -94,7 +94,7 @@ def _program(source: Source) -> Program:
         return _whole(source, recognise_facts=False)
     try:
         return _whole(source, recognise_facts=True)
-    except SyntaxErrors:  # what is wrong is told by the tokens around it
+    except SyntaxErrors:  # the messages need the tokens around an error
         return _whole(source, recognise_facts=False)
 
 
@@ -149,7 +149,7 @@ def _one_per_line(problems: list[Problem]) -> list[Problem]:
 
 
 class _Recovery:
-    """Reports what stands where it cannot, and finds the next place where a plan may begin."""
+    """Reports a token that is not allowed, and finds the next place where a plan may begin."""
 
     def __init__(self, source: Source, tokens: Tokens, whole: bool) -> None:
         self.problems: list[Problem] = []
@@ -182,7 +182,7 @@ class _Recovery:
         return skipped.count("{") > skipped.count("}") and read.count("{") == read.count("}")
 
     def _next_item(self, index: int, at_item: bool) -> int | None:
-        """The index of the next token that looks like the beginning of an item; None when there is none."""
+        """The index of the next token that probably begins an item; None if there is none."""
         types, texts, first = self._tokens.types, self._tokens.texts, self._tokens.first_in_line
         for i in range(index + 1 if at_item else index, len(types) - 1):
             if i not in first:

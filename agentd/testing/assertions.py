@@ -27,7 +27,7 @@ FAILED = "assertion_failed"
 
 
 def _assert(mind: MindState, held: bool, message: str) -> bool:
-    """Tell an assertion; one that does not hold fails the plan that made it."""
+    """Report an assertion; one that does not hold fails its plan."""
     asserted = _asserted(mind.own_intention, "" if held else message)
     _report(mind, asserted)
     if not held:
@@ -36,7 +36,7 @@ def _assert(mind: MindState, held: bool, message: str) -> bool:
 
 
 def _report(mind: MindState, effect: Asserted | TestEnded) -> None:
-    """Hand out an effect that only the runner of tests knows."""
+    """Emit an effect that only the runner of tests handles."""
     effects: list[Any] = mind.effects
     effects.append(effect)
 
@@ -124,7 +124,7 @@ def _compare(mind: MindState, shown: str, terms: tuple[Any, ...], in_order: Call
 
 @internal_action("agentd.test.clock", 1)
 def clock(mind: MindState, trail: Trail, nanoseconds: Any) -> bool:
-    """Real time: that of the mind stands still while a test computes."""
+    """Real time: the mind's clock does not advance while a test computes."""
     return unify(nanoseconds, float(time.perf_counter_ns()), trail)
 
 

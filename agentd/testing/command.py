@@ -46,7 +46,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Find the tests, run them, tell what came of them."""
+    """Find the tests, run them and report the results."""
     sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
     begun = time.monotonic()
     try:
@@ -72,10 +72,10 @@ def run(args: Namespace) -> int:
     except UserCodeError as error:
         print(f"agentd test: error: {error}", file=sys.stderr)
         return 2
-    except (KeyboardInterrupt, Terminated) as signalled:  # what is known by now is told and written all the same
+    except (KeyboardInterrupt, Terminated) as signalled:  # the results so far are still reported and written
         broken_off = signalled
         if running is not None:
-            message = "the run was broken off while this test ran"
+            message = "the run was interrupted while this test ran"
             line = running.plan.position.line
             outcomes.append(Outcome(running.name, running.file, line, Verdict.ERROR, message=message))
             _tell(outcomes[-1], args.verbose)

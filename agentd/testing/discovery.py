@@ -24,7 +24,7 @@ _THE_GOAL = nodes.Structure("agentd_the_goal")
 OF_JASON = Path(__file__).parent / "of_jason.asl"
 """What programs get that include Jason's own harness."""
 _HARNESS = frozenset({"tester_agent.asl", "test_assert.asl", "test_manager.asl"})
-"""The files of Jason's own harness, which `agentd test` takes the place of; they stand in one folder."""
+"""The files of Jason's own harness, which `agentd test` replaces; they are in one folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Case:
 
     name: str
     file: str
-    """The file that was asked for; the plan may stand in one that it includes."""
+    """The file that was named; the plan may be in one that it includes."""
     plan: nodes.Plan
     program: CompiledProgram
     own_assertions: bool
@@ -46,7 +46,7 @@ class TestPaths(SourcePaths):
 
     @classmethod
     def of(cls, paths: SourcePaths) -> TestPaths:
-        """Look where other paths do."""
+        """The same folders as other paths."""
         found = cls(paths.names, paths.folders, paths.project)
         found.advice = paths.advice
         return found
@@ -91,7 +91,7 @@ def _has_marks(file: Path) -> bool:
     try:
         text = read_bounded(file)
     except OSError:
-        return True  # what cannot be read is told when it is read
+        return True  # reported when it is read
     return b"@" in text and b"test" in text
 
 
@@ -110,7 +110,7 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
             continue
         standing = str(Path(plan.position.file).resolve())
         if standing != here and standing in several:
-            continue  # it is run with the file that it stands in
+            continue  # it is run with its own file
         case = _case(file, plan, program)
         if isinstance(case, Unread) or wanted is None or _fits(case, wanted):
             yield case

@@ -1,4 +1,4 @@
-"""What comes of tests: of one assertion, of one test plan, of a whole run."""
+"""Results: of an assertion, of a test plan, of a file that cannot be read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Asserted:
     """The assertion with the values of its variables."""
     file: str
     line: int
-    """Where the assertion stands in the program; 0 if that is not known."""
+    """The place of the assertion in the program; 0 if it is not known."""
     goals: tuple[str, ...] = ()
     """The goals that led to it, innermost first."""
 
@@ -34,7 +34,7 @@ class TestEnded:
 
 
 class Verdict(enum.Enum):
-    """What is said of a test plan."""
+    """The result of a test plan."""
 
     PASSED = "ok"
     FAILED = "FAIL"
@@ -44,7 +44,7 @@ class Verdict(enum.Enum):
 
 @dataclass(slots=True)
 class Outcome:
-    """What came of one test plan."""
+    """The outcome of one test plan."""
 
     name: str
     file: str

@@ -1,4 +1,4 @@
-"""Running one test plan: a fresh mind in a team of its own, on virtual time, until its goal has come to an end."""
+"""Run one test plan: a fresh mind in a team of its own, on virtual time, until its goal has ended."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ RING_AGAIN = 0.5
 """Real seconds after which a test that has used up its time is ended again: the user's code may have swallowed it."""
 
 MOST_RINGS = 6
-"""So often a test is ended; code that goes on all the same cannot be ended but with the process."""
+"""Interrupts of a test; code that still goes on is ended with the process."""
 
 DECISIONS = 200
-"""The last decisions of each agent, among which those are told of a failed test in which no plan applied."""
+"""The last decisions of each agent; of a failed test those in which no plan applied are reported."""
 
 MOST_LINES = 1000
 """Lines of a test's output that are kept."""
@@ -97,7 +97,7 @@ def run_case(case: Case, settings: Settings) -> Outcome:
 
 
 def _unapplied(mind: Mind) -> Iterator[str]:
-    """Tell the events that an agent had plans for of which none applied, each plan with the reason."""
+    """Report the events for which none of an agent's plans applied, each plan with the reason."""
     for decision in mind.decision_views():
         if isinstance(decision, DecisionView) and decision.chosen is None and decision.rejected:
             by_us = decision.asked_at.startswith(str(LIBRARY)) or not decision.asked_at
@@ -107,7 +107,7 @@ def _unapplied(mind: Mind) -> Iterator[str]:
 
 
 def _close(team: _TestTeam, seconds: float, outcome: Outcome) -> None:
-    """Let the environment end, which has as long as the test had."""
+    """Stop the environment, with the same time limit as the test."""
     try:
         with _alarm(seconds):
             team.close()
@@ -120,7 +120,7 @@ def _close(team: _TestTeam, seconds: float, outcome: Outcome) -> None:
 
 
 class _TestTeam(Team):
-    """The agent that runs the test, and those it creates; what they say is kept, not shown."""
+    """The agent that runs the test, and those it creates; their output is kept, not shown."""
 
     def __init__(self, case: Case, settings: Settings, outcome: Outcome) -> None:
         self._outcome = outcome
@@ -140,7 +140,7 @@ class _TestTeam(Team):
         self._mind = self.minds[name]
 
     def run_test(self, seconds: float) -> None:
-        """Bring the agent to rest, pursue the goal of the test, and judge what has come of it."""
+        """Run until the agent is idle, pursue the goal of the test, and judge the outcome."""
         self._settle()
         self._mind.feed(GoalAdded(Literal(_RUN)))
         late = self.clock.now() + seconds
@@ -195,9 +195,9 @@ class _TestTeam(Team):
             outcome.verdict, outcome.message = Verdict.ERROR, f".stopMAS ended the team with exit code {self._stopped}"
 
     def _at_rest(self) -> None:
-        """Nothing can happen any more, and the goal of the test has not come to an end."""
+        """Nothing can happen any more, and the goal of the test has not ended."""
         if any(frame for intention in self._mind.all_intentions() for frame in intention.stack):
-            self.give_up("it waits for what cannot come any more")
+            self.give_up("it waits for something that can no longer happen")
             return
         self._judge(TestEnded("dropped", "the intention of the test was dropped before it ended"))
 
@@ -216,7 +216,7 @@ class _TestTeam(Team):
                 outcome.place = f"{position.file}:{position.line}"
 
     def close(self) -> None:
-        """Let the environment end."""
+        """Stop the environment."""
         if self._world is not None:
             self._world.stop()
 
@@ -281,7 +281,7 @@ def _alarm(seconds: float) -> Iterator[None]:
 
 def _end_process(frame: FrameType | None) -> None:
     place = "" if frame is None else f" ({frame.f_code.co_filename}:{frame.f_lineno})"
-    print(f"agentd test: error: code{place} goes on after its time, whatever ends it; ending", file=sys.stderr)
+    print(f"agentd test: error: code{place} ignores the end of its time; the process ends", file=sys.stderr)
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(2)

@@ -150,7 +150,7 @@ def test_tests_that_are_broken_off_leave_their_report(tmp_path: Path) -> None:
     assert "1 passed" in out
     assert '<testcase name="a"' in (tmp_path / "out.xml").read_text()
     if "2 tests" in out:  # the signal may come before the second one begins
-        assert "ERROR   t.asl:2 b: the run was broken off while this test ran" in out
+        assert "ERROR   t.asl:2 b: the run was interrupted while this test ran" in out
 
 
 def test_an_agent_without_a_name_is_refused(folder: Path) -> None:

@@ -250,7 +250,7 @@ def test_a_test_that_waits_for_ever_is_told_at_once_and_one_that_takes_too_long_
     )
     assert told.code == 1
     assert [line.partition(": ")[2] for line in told.lines] == [
-        "it waits for what cannot come any more",
+        "it waits for something that can no longer happen",
         "not done after 0.5 s of its own time",
         "not done after 0.5 s of its own time",
         "not done after 0.5 s of real time",
@@ -312,7 +312,7 @@ def test_an_environment_that_nothing_ends_ends_the_command(tmp_path: Path) -> No
     command = [sys.executable, "-m", "agentd", "test", "t.asl", "--timeout", "0.3", "--env", "hangs.py:Never"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
-    assert re.fullmatch(r"agentd test: error: code \(.*hangs\.py:\d+\) goes on after its time, .*\n", done.stderr)
+    assert re.fullmatch(r"agentd test: error: code \(.*hangs\.py:\d+\) ignores the end of its time; .*\n", done.stderr)
 
 
 def test_other_agents_of_a_test_live_and_end_with_it(run, tmp_path: Path) -> None:

@@ -235,7 +235,7 @@ def _jump_where(writer: StepWriter, condition: nodes.Formula) -> list[Line]:
 
 
 def _opened(writer: StepWriter, local: str) -> str:
-    """A local that says whether a variable from before the loop has no value, or one with free variables inside."""
+    """A local that is true if a variable from before the loop has no value, or one with free variables inside."""
     return writer.function.assign(f"type({local}) is not float and type({local}) is not str and not is_ground({local})")
 
 

@@ -82,7 +82,7 @@ class Function:
         self.indent = 1
         self._locals = 0
         self.loops = 0
-        """How many loops are open at this point: Python nests no more than 20."""
+        """The number of loops that are open at this point: Python nests no more than 20."""
 
     def local(self, prefix: str = "v") -> str:
         self._locals += 1
@@ -143,7 +143,7 @@ def targets_of(names: list[str]) -> str:
 
 
 FRAME_HEADER = 6
-"""So many places of a frame come before its variables; see `agentd.mind.data.intention`."""
+"""The places of a frame before its variables; see `agentd.mind.data.intention`."""
 
 
 @dataclass
@@ -165,7 +165,7 @@ class PlanCode:
     steps: list[StepCode] = field(default_factory=list)
     first: int | None = None
     size: int = FRAME_HEADER
-    """How many places a frame has."""
+    """The number of places of a frame."""
     bound: dict[str, bool] = field(default_factory=dict)
     tried: list[tuple[Any, tuple[str, ...]]] = field(default_factory=list)
     """The literals of the context in order, with their variables that have a value when they are tried; empty for

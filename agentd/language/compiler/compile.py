@@ -17,7 +17,7 @@ Load = Callable[[str], nodes.Program]
 """Reads and parses an included file, given its path as `Find` has found it."""
 
 Find = Callable[[str, str], str]
-"""The path of an included file, given what the directive says and the file that it stands in. Raises OSError."""
+"""The path of an included file, given the path in the directive and the directive's file. Raises OSError."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class DirectiveError(ValueError):
 
 
 def beside(path: str, file: str) -> str:
-    """`Find` for files that stand beside the one that includes them."""
+    """`Find` for files in the folder of the one that includes them."""
     return path if PurePosixPath(path).is_absolute() else str(PurePosixPath(file).parent / path)
 
 
@@ -173,7 +173,7 @@ class _Expansion:
             ):
                 self.functions.append((name, int(arity), rule))
             case nodes.Structure(functor="namespace", args=(_, nodes.Structure(functor="local" | "global"))):
-                pass  # says of what kind a namespace is before it is used; `local_names` has seen it
+                pass  # declares the kind of a namespace; read by `local_names`
             case nodes.Structure(functor="namespace", args=(nodes.Structure(), *_)):
                 self.warnings.append(f"{directive.position}: warning: a namespace without block has no effect")
             case _:
@@ -300,7 +300,7 @@ class Qualifier:
         return self.code(node)
 
     def code(self, node: Any) -> Any:
-        """Code in braces, which belongs to the block wherever it stands; any other term as it is."""
+        """Code in braces, which always belongs to the block; any other term unchanged."""
         match node:
             case nodes.PlanTerm(plan=plan):
                 return replace(node, plan=self.plan(plan))

@@ -62,7 +62,7 @@ class Library(Protocol):
 
 
 class _Written(NamedTuple):
-    """A part of a term: the node that stands for it, its local if it has been written, whether it is a constant."""
+    """A part of a term: its node, its local if it has been written, whether it is a constant."""
 
     node: Any
     local: str

@@ -159,17 +159,17 @@ class FormulaCompiler(MatchCompiler):
         if self.rows is not None:
             self.rows.append(f"({predicate}, {tuple_of(rows)})")
         with self.function.block(head):
-            # Of each answer anew: what a rule has bound to find it stays bound for the next one.
+            # Taken for each answer: bindings that a rule has made to find it remain for the next one.
             mark = self.function.assign("len(trail)", "t") if rows or annotated else ""
             self._match_row(list(zip(node.args, given, rows, strict=True)), scope, found)
             if rows or annotated:
                 self.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
 
     def _patterns(self, args: tuple[Any, ...], given: list[str | None], scope: Scope) -> list[Any]:
-        """For each argument that is known in part what a rule must be told of it, None for the others.
+        """For each argument that is known in part the pattern that a rule is asked with, None for the others.
 
         A rule may compare, negate or compute what it is asked with, so it has to see all that is known: ``box(5,_)``
-        and ``[a|T]`` as much as ``p(X,X)``. A variable that stands alone is left for the rule to find.
+        and ``[a|T]`` as much as ``p(X,X)``. A variable that occurs alone is left for the rule to find.
         """
         often = Counter(name for arg in args for name in variables(arg))
         patterns = []
@@ -180,7 +180,7 @@ class FormulaCompiler(MatchCompiler):
         return patterns
 
     def _known_part(self, node: Any, scope: Scope, depth: int = 0) -> Any:
-        """A term with a variable in place of each part that cannot be told before the answer is compared with it."""
+        """A term with a variable in place of each part that is not known before the answer is compared with it."""
         if is_constant(node) or is_plain_variable(node):
             return node
         if depth <= MAX_INDENT:

@@ -12,7 +12,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.traversal import is_plain_variable, variables
 
 Next: TypeAlias = Callable[[Scope], None]
-"""Writes what comes after a success, with the variables known there."""
+"""Writes the code after a success, with the variables known there."""
 
 
 _CODE = nodes.TriggerTerm | nodes.PlanTerm | nodes.BodyTerm | nodes.RuleTerm

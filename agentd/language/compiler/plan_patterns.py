@@ -33,7 +33,7 @@ Block = tuple[Any, ...]
 """The beliefs and plans of a block, in order."""
 
 Pattern = Callable[[Position, tuple[Any, ...], Block], Block]
-"""Called with the place of the directive, its arguments and what stands in its block. Raises `WrongPattern`."""
+"""Called with the place of the directive, its arguments and its block. Raises `WrongPattern`."""
 
 
 class WrongPattern(ValueError):

@@ -40,7 +40,7 @@ from agentd.language.terms.terms import Term
 Form = Literal["select", "trace", "options"]
 
 _MOST_TRACED: Final = 8
-"""So many literals of a context are nested in one function; those that follow go into a generator of their own."""
+"""Literals of a context that are nested in one function; those that follow go into a generator of their own."""
 
 _EVENT: Final = "m, trail, relevant, args, annots"
 
@@ -95,7 +95,7 @@ def compile_fragment(
     code = PlanCode(Unit(f"body at {body.position}"), dict(slots), size=max(size, FRAME_HEADER))
     for name in variables(body):
         code.slot(name)
-    code.steps.append(StepCode("", None))  # stands for the step that follows in the frame
+    code.steps.append(StepCode("", None))  # a placeholder for the step that follows in the frame
     code.first = BodyCompiler(code, library, values).body(body, dict.fromkeys(code.slots, False), 0)
     return code
 

@@ -46,7 +46,7 @@ BEGIN_TERM: Final = frozenset(
 
 @dataclass(frozen=True)
 class ErrorContext:
-    """The token that cannot stand where it does, and what is around it.
+    """The token that is not allowed, and the tokens around it.
 
     ``states`` and ``offsets`` are those of the parser: what it has read and not yet reduced, and where that begins.
     ``expected`` are the types of the tokens that it would go on with.
@@ -81,7 +81,7 @@ class ErrorContext:
         return sign_at(self.source.text, self.tokens.starts[self.index]) if self.text[:1] in SIGN_CHARACTERS else ""
 
     def adjoins(self, index: int) -> bool:
-        """Whether no blank stands between a token and the one before it."""
+        """Whether there is no blank between a token and the one before it."""
         starts = self.tokens.starts
         return index > 0 and starts[index] == starts[index - 1] + len(self.tokens.texts[index - 1])
 
@@ -89,7 +89,7 @@ class ErrorContext:
         return index in self.tokens.first_in_line
 
     def _begins_plan(self, index: int) -> bool:
-        """Whether a label, or the sign of a goal's trigger, stands there."""
+        """Whether the token is a label, or the sign of a goal's trigger."""
         text, after = self.tokens.texts[index], "".join(self.tokens.texts[index + 1 : index + 2])
         return text == "@" or (text in SIGNS and after in ("!", "?"))
 
@@ -183,7 +183,7 @@ class ErrorContext:
         return index
 
     def opened_at(self) -> str:
-        """``'(' of line 1, column 9``: the innermost open bracket, and where it stands."""
+        """``'(' of line 1, column 9``: the innermost open bracket and its place."""
         assert self.opened is not None
         line, column = self.source.place(self.tokens.starts[self.opened])
         return f"'{self.tokens.texts[self.opened]}' of line {line}, column {column}"

@@ -41,7 +41,7 @@ _GAPS = ("..", "...")
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """A token of a pattern: by its type, its text or an expression; in ``gap`` the tokens that may stand behind it."""
+    """A token of a pattern: by its type, its text or an expression; ``gap`` is set if other tokens may follow it."""
 
     types: frozenset[str]
     texts: frozenset[str]

@@ -17,7 +17,7 @@ from agentd.language.syntax_tree.source import Source
 from schemas.files.findings import Finding
 
 _ESCAPES: Final = "ntbrf01234567\"'\\"
-"""The characters that may stand behind a backslash in a string."""
+"""The characters that may follow a backslash in a string."""
 
 _COMPARISONS: Final = {
     "less or equal is written <=": ("=<", "<=="),
@@ -107,7 +107,7 @@ def _bad_string(source: Source, at: int) -> Broken:
 
 
 def _end_in_later_line(text: str, line_end: int) -> int | None:
-    """Where a string that was written over several lines ends; None when it does not look like one."""
+    """The end of a string that was written over several lines; None if it is probably not one."""
     begin = text.rfind("\n", 0, line_end) + 1
     for _ in range(20):
         if text[begin:line_end].rstrip()[-1:] in ("", ".", ";", ")", "}"):

@@ -79,7 +79,8 @@ _ItemPart: TypeAlias = Item | FactRun | _Subplans | _Begin | _End
 class Builder(TermBuilder):
     """Builds the syntax tree of one text.
 
-    ``end_of_text`` is the offset where its last token ends, ``runs`` are the runs of facts for which beliefs stand.
+    ``end_of_text`` is the offset where its last token ends; ``runs`` are the runs of facts, each represented by one
+    belief.
     """
 
     def __init__(self, source: Source, end_of_text: int, runs: Mapping[int, FactRun]) -> None:
@@ -263,7 +264,7 @@ class Builder(TermBuilder):
         return Step(Operator.ACTION, term, position)
 
     def _refuse_changes_in_a_row(self, term: Arithmetic) -> bool:
-        """Refuse ``+a +b``, read as a sum: between changes of beliefs stands a semicolon."""
+        """Refuse ``+a +b``, read as a sum: changes of beliefs are separated by semicolons."""
         while len(term.operands) == 2:
             left, right = term.operands
             if not isinstance(left, Arithmetic):
@@ -347,7 +348,7 @@ class Builder(TermBuilder):
 
 
 class _BlockDepths:
-    """The depths of the bodies and plans of one text; ``refuse`` is told the offset of what is nested too deep."""
+    """The depths of the bodies and plans of one text; ``refuse`` gets the offset of one that is nested too deep."""
 
     def __init__(self, refuse: Callable[[int, str], None]) -> None:
         self._refuse = refuse

@@ -227,7 +227,7 @@ class TermBuilder:
         return formula
 
     def unfinished(self, values: Sequence[object]) -> None:
-        """Forget the signs of expressions in which the text has gone wrong: they may have been of belief changes."""
+        """Drop the signs of expressions that contain an error: they may belong to belief changes."""
         for value in values:
             self.bad_signs.pop(id(value), None)
 

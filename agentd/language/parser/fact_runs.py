@@ -1,8 +1,8 @@
 """Runs of ground facts in a large program: recognised by one regular expression each, read when they are needed.
 
 A program of data is thousands of lines such as ``pos(17, 3.5, "text", [a,b]).`` The parser takes 80 µs for each and a
-mind 50 µs; recognising one takes 4 µs, and its run-time term is read from the text. Whoever asks a fact for its syntax
-gets what the parser makes of it, together with the rest of its run.
+mind 50 µs; recognising one takes 4 µs, and its run-time term is read from the text. The syntax
+of a fact is parsed on demand, together with the rest of its run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from agentd.language.terms.order import sorted_annots
 from agentd.language.terms.terms import EMPTY, Literal, atom, make_list
 
 LONGEST_RUN: Final = 1000
-"""Facts of a run at most: so many are parsed together when the syntax of one is asked for."""
+"""Facts of a run at most: all of a run are parsed together when the syntax of one is needed."""
 DEEPEST: Final = 3
 """Brackets inside the brackets of a fact that is recognised; the parser reads those with more."""
 

@@ -34,7 +34,7 @@ class Recovery(Protocol):
     """What to do where no rule goes on: reports the problem and gives the index to go on at, or None to stop.
 
     ``states`` is the stack of the machine, the state that does not go on last, ``offsets`` where what led to each
-    begins; ``at_item`` says that nothing of an item of the program has been read yet.
+    begins; ``at_item`` is true if no token of an item has been read yet.
     """
 
     def __call__(self, index: int, states: list[int], offsets: list[int], at_item: bool) -> int | None: ...
@@ -64,7 +64,7 @@ class Machine:
         self._chains: dict[tuple[int, int, str], int] = {}
 
     def run(self, tokens: Tokens, start: str, builder: Unfinished, recover: Recovery) -> Any:
-        """The value of a text that is a ``start``. Raises `Stopped` when ``recover`` says to."""
+        """The value of a text that is a ``start``. Raises `Stopped` if ``recover`` returns None."""
         rows, reductions, chains = self.tables.states, self.reductions, self._chains
         builds = [getattr(builder, r.name) if r.kind == _BUILD else None for r in reductions]
         types, texts, starts = tokens.types, tokens.texts, tokens.starts
@@ -122,7 +122,7 @@ class Machine:
                 offsets.append(at)
 
     def accepted(self, states: Sequence[int]) -> frozenset[str]:
-        """The types of the tokens that can come next; the last state alone has actions for some more."""
+        """The types of the tokens that can follow; the last state alone has actions for some more."""
         return frozenset(kind for kind in self.tables.states[states[-1]] if self._goes_on(states, kind))
 
     def _goes_on(self, states: Sequence[int], kind: str) -> bool:
@@ -211,7 +211,7 @@ def _picker(children: list[int], spliced: list[int], size: int) -> Callable[[lis
     choose = itemgetter(*children)
 
     def pick(values: list[Any]) -> Sequence[Any]:
-        values.append(None)  # what index -1 stands for: an optional part that is absent
+        values.append(None)  # index -1: an optional part that is absent
         chosen: Sequence[Any] = choose(values)
         return chosen
 

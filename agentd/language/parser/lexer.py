@@ -35,7 +35,8 @@ class Broken(NamedTuple):
 class Tokens:
     """Parallel lists, the last token is ``$END`` at the end of the last real one.
 
-    ``runs`` holds the runs of facts that were recognised, by their offsets; two tokens, of a belief, stand for each.
+    ``runs`` holds the runs of facts that were recognised, by their offsets; each is represented by the two tokens of
+    a belief.
     """
 
     types: list[str] = field(default_factory=list)
@@ -103,8 +104,8 @@ def tokenize(
 ) -> Tokens:
     """All tokens of a text, or between two offsets of it.
 
-    ``broken`` says what is wrong at an offset where no token begins, and how reading goes on. ``find_run`` is asked
-    for a run of facts wherever an item of a program may begin.
+    ``broken`` says what is wrong at an offset where no token begins, and how reading goes on. ``find_run`` gives
+    the run of facts at an offset where an item of a program may begin.
     """
     tokens = Tokens()
     types, texts, starts = tokens.types, tokens.texts, tokens.starts

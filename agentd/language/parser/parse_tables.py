@@ -24,7 +24,7 @@ TABLES = "grammar.json"
 
 @dataclass(frozen=True, slots=True)
 class RuleTable:
-    """One alternative of a rule: how many symbols it takes off the stack, and which of them are said to the builder.
+    """One alternative of a rule: how many symbols it takes off the stack, and which of them the builder gets.
 
     ``children`` holds an index into these symbols, or -1 for an optional part that is absent here. ``name`` is the
     rule's alias or its name; ``transparent`` rules hand their only child on unchanged; ``listing`` rules (lark's
@@ -66,7 +66,7 @@ def _resource(name: str) -> str:
 
 @lru_cache(maxsize=1)
 def load() -> Tables:
-    """The tables of the grammar as it stands; made anew with lark only when the shipped ones are of another grammar."""
+    """The tables of the present grammar; built with lark only if the shipped ones are of another grammar."""
     grammar = _resource(GRAMMAR)
     try:
         data = json.loads(_resource(TABLES))
@@ -169,7 +169,7 @@ def _kept(rule: dict[str, Any]) -> list[int]:
 
 
 def _scalars(rules: list[dict[str, Any]]) -> set[str]:
-    """The ``_rules`` that always stand for exactly one child (``_target: literal | variable``)."""
+    """The ``_rules`` that always have exactly one child (``_target: literal | variable``)."""
     scalars = {rule["origin"]["name"] for rule in rules if rule["origin"]["name"].startswith("_")}
     while True:
         refuted = {
@@ -211,7 +211,7 @@ def _rule_table(rule: dict[str, Any], scalars: set[str]) -> RuleTable:
 
 
 def _absent_before(empty_indices: tuple[bool, ...], size: int) -> list[int]:
-    """How many absent optional parts stand before each symbol, and after the last one."""
+    """The number of absent optional parts before each symbol, and after the last one."""
     if not empty_indices:
         return [0] * (size + 1)
     counts = [0]

@@ -1,4 +1,4 @@
-"""What the parser refuses, told so that the author of the program can mend it."""
+"""Syntax errors: each with its place, its line and a caret."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class Position:
 
 
 NOWHERE = Position("", 0, 0)
-"""The position of nodes that no source text stands behind."""
+"""The position of nodes that are made without source text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +202,7 @@ Term: TypeAlias = (
 )
 
 Formula: TypeAlias = Structure | Variable | InternalAction | Relation | Not | And | Or
-"""What can stand in a context, a rule body, a test: a subset of the terms."""
+"""A term that can be a context, a rule body or a test."""
 
 
 class Operator(enum.Enum):
@@ -348,7 +348,7 @@ Item: TypeAlias = Belief | Rule | Goal | Plan | Directive
 class Program:
     """A source file: its items in file order, and the warnings of the parser (deviation D1 and the like).
 
-    ``scoped`` says that a namespace may be named in it, ``this_ns`` that the atom of that name may.
+    ``scoped``: it may name a namespace; ``this_ns``: it may contain the atom of that name.
     """
 
     file: str

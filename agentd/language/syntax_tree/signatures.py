@@ -9,7 +9,7 @@ from weakref import WeakValueDictionary
 DEFAULT: Final = "default"
 """The name of the default namespace."""
 THIS_NS: Final = "this_ns"
-"""What a program calls the namespace of the place where it stands."""
+"""How a program refers to the namespace that it is in."""
 
 
 class Signature:

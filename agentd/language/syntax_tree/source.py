@@ -1,4 +1,4 @@
-"""A source text and where in it things stand."""
+"""A source text, with conversion of offsets to lines and columns."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def _flat_texts(terms: tuple[Any, ...], depth: int) -> str | None:
 
 
 def printed(term: Any) -> str:
-    """The text of an argument of ``.print``: a string loses its quotes, a free variable says that it has no value."""
+    """The text of an argument of ``.print``: a string without its quotes, a free variable marked ``<no-value>``."""
     term = deref(term)
     if type(term) is str:
         return term

@@ -29,7 +29,7 @@ Functions = Mapping[tuple[str, int], Callable[..., Any]]
 
 
 def instantiate(node: nodes.Term, values: dict[str, Any] | None = None, functions: Functions | None = None) -> Any:
-    """The run-time term that a syntax node stands for.
+    """The run-time term of a syntax node.
 
     ``values`` gives variables their terms; a named variable without one is added to it as a free `Var`. Arithmetic
     over numbers is computed, and so are calls of ``functions``.
@@ -100,7 +100,7 @@ class Instantiation:
         return Expression("not", made)
 
     def annots(self, node: nodes.ListTerm | None) -> tuple[Any, ...]:
-        """The annotations that a list of syntax stands for: a bound tail adds its own, a free one takes the rest."""
+        """The annotations of a list of syntax: a bound tail adds its own, a free one takes the rest."""
         if node is None:
             return ()
         tail = None if node.tail is None else self.term(node.tail)

@@ -18,7 +18,7 @@ _RANK = {float: 0, str: 1, List: 2, Literal: 3, Var: 5, Rest: 6}
 
 
 def compare(a: Any, b: Any) -> int:
-    """Negative, zero or positive as ``a`` comes before, with or after ``b``."""
+    """Negative, zero or positive as ``a`` is before, equal to or after ``b``."""
     pending = [(a, b)]
     while pending:
         a, b = pending.pop()
@@ -110,7 +110,7 @@ def distinct(terms: Iterable[Any]) -> list[Any]:
 
 
 def place_in(members: list[Any], term: Any) -> int:
-    """Where in terms of standard order a term stands, or would have to."""
+    """The index of a term in terms of standard order, or the index to insert it at."""
     return bisect_left(members, key(term), key=key)
 
 

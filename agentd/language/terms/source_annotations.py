@@ -1,4 +1,4 @@
-"""Sources: the annotations ``source(S)`` that say who told a belief or raised an event."""
+"""Sources: the annotations ``source(S)``, the origin of a belief or an event."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def source(who: Any) -> Literal:
 SOURCE_SELF: Final = source(atom("self"))
 SOURCE_SELF.ground = True
 SELF: Final = (SOURCE_SELF,)
-"""The annotations of what a mind tells itself: ``[source(self)]``. Compare with ``is`` first."""
+"""The annotations of a mind's own beliefs and events: ``[source(self)]``. Compare with ``is`` first."""
 SOURCE_PERCEPT: Final = source(atom("percept"))
 SOURCE_PERCEPT.ground = True
 PERCEPT: Final = (SOURCE_PERCEPT,)

@@ -21,7 +21,7 @@ Term: TypeAlias = Union[float, str, "Literal", "List", "Var", "Expression", "Cod
 MOST_NODES: Final = 5_000_000
 """Walking a term with more parts than this ends with RecursionError."""
 FIRST_NODES: Final = 100_000
-"""After so many parts whoever walks a term asks `further` whether it is cyclic (``X = f(X)``)."""
+"""After this many parts a walk of a term calls `further`, which refuses a cyclic one (``X = f(X)``)."""
 
 
 class Shown:
@@ -172,7 +172,7 @@ ARITHMETIC: Final = frozenset({"+", "-", "*", "/", "**", "div", "mod"})
 class Open(Shown):
     """A variable with decorations, ``~X``, ``ns::X``, ``X[a]``, or a literal in a variable namespace, ``N::p(1)``.
 
-    It means something only to unification: ``variable`` stands for what is left when the decorations are taken off.
+    It means something only to unification: ``variable`` unifies with the term without the decorations.
     ``namespace`` is a name, a `Var`, or None when none is written. For a literal, ``literal`` is it (else None).
     """
 
@@ -251,7 +251,7 @@ FALSE: Final = atom("false")
 
 
 class LargeLists:
-    """How many lists of more than `LARGE_LIST` elements this process has made: who keeps terms looks at it."""
+    """The number of lists of more than `LARGE_LIST` elements that this process has made; checkpoints look at it."""
 
     made = 0
 
@@ -346,7 +346,7 @@ def equal(left: Any, right: Any) -> bool:
 
 
 def further(rest: int, pending: Iterable[Any], what: str) -> tuple[int, int]:
-    """How many more parts of a term may be walked, and how many after those.
+    """The number of parts of a term that may be walked next, and the number after those.
 
     ``pending`` is what is still to be walked (terms, or tuples with terms in them), ``rest`` how many parts were left
     to the walk and ``what`` was to be done with the term. Raises RecursionError for a cyclic or too large one.

@@ -12,7 +12,7 @@ from agentd.language.terms.terms import Code, Expression, List, Literal, Open, R
 
 
 class NoSyntax(ValueError):
-    """A term that cannot be written as source text; says why."""
+    """A term that cannot be written as source text; the message gives the reason."""
 
 
 class VariableNames:
@@ -48,7 +48,7 @@ class ToSyntax:
         self.names = VariableNames()
 
     def term(self, term: Any, depth: int = 0) -> Any:
-        """The syntax that stands for a term."""
+        """The syntax of a term."""
         if depth > self._deepest:
             raise NoSyntax(f"nested deeper than {self._deepest}")
         term = deref(term)

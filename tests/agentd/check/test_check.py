@@ -132,7 +132,7 @@ def test_all_findings_come_in_one_run_in_the_order_of_the_file() -> None:
         "a.asl:3:7: error: there is no action take_off/1; did you mean takeoff?",
         "a.asl:4:7: error: there is no internal action .pint/1: it fails where it is reached; did you mean .print?",
         "a.asl:5:8: error: there is no plan for the goal !h/1",
-        "a.asl:5:10: warning: the variable X stands only once; is it misspelt? if not, write _ or _X",
+        "a.asl:5:10: warning: the variable X occurs only once; is it misspelt? if not, write _ or _X",
     ]
 
 
@@ -304,8 +304,8 @@ def test_what_the_checked_files_send_to_one_another_is_known(
     )
     assert check(str(tmp_path / "a.asl"), str(tmp_path / "b.asl")) == 0
     assert [line.split("warning: ")[1] for line in capsys.readouterr().err.splitlines()] == [
-        "this plan is never used, unless by what others send: nothing sets the goal !print/1; did you mean paint?",
-        "nothing adds the belief colour/1: unless it is a percept or told, colour(_) is always false; "
+        "this plan is never used unless others send its event: nothing sets the goal !print/1; did you mean paint?",
+        "nothing adds the belief colour/1: unless it is a percept or sent by an agent, colour(_) is always false; "
         "did you mean color?",
     ]
 
@@ -367,10 +367,10 @@ def test_arguments_that_go_as_texts_may_be_variables_and_only_numbers_have_range
     assert "True" not in told
     assert '"5"' not in told
     assert "takeoff takes altitude: float 1..120 m, not 500" in told
-    assert "the variable Alone stands only once" in told
+    assert "the variable Alone occurs only once" in told
     assert check(str(program), "--manifest", "arducopter") == 1
     told = capsys.readouterr().err
-    assert "the variable True stands only once" in told
+    assert "the variable True occurs only once" in told
     assert 'takeoff takes altitude: float 1..120 m, not "5"' in told
 
 

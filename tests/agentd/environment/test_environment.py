@@ -348,12 +348,12 @@ def test_the_command_finds_the_class_from_the_working_directory(folder: Path, na
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("world", "`world` names no class; write module:Class or file.py:Class"),
+        ("world", "`world` does not name a class; write module:Class or file.py:Class"),
         ("nowhere:X", "there is no Python module nowhere (looked in "),
         ("nowhere.py:X", "there is no file nowhere.py"),
         ("world:Contre", "world has no class Contre; there are Broken, Counter, TooEarly"),
         ("world:TooEarly", "world:TooEarly cannot be made: RuntimeError: the run has not begun in __init__: "),
-        ("world:Other", "world:Other is no Environment; derive it from agentd.environment.Environment"),
+        ("world:Other", "world:Other is not a subclass of Environment; derive it from agentd.environment.Environment"),
         ("world:Broken", "the environment's init failed: IndexError: list index out of range ("),
         ("typo:X", "typo cannot be imported: SyntaxError: "),
     ],

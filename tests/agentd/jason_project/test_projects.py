@@ -119,9 +119,9 @@ BAD = [
     ("MAS x { agents: bob\n}", 1, 20, "a ';' is missing after the agent bob"),
     ("MAS x { agents: bob bob.asl\n  aslSourcePath: a; }", 1, 28, "a ';' is missing after the agent bob"),
     ("MAS x { agents: 3; }", 1, 17, "the name of an agent is missing; found '3'"),
-    ("MAS x { agents: b-b; }", 1, 17, "'b-b' is no name for an agent: letters, digits and _"),
-    ("MAS x { agents: bob #; }", 1, 22, "# wants how many agents there are, 1 to 10000; found ';'"),
-    ("MAS x { agents: bob #0; }", 1, 22, "# wants how many agents there are, 1 to 10000; found '0'"),
+    ("MAS x { agents: b-b; }", 1, 17, "'b-b' is not a name for an agent: use letters, digits and _"),
+    ("MAS x { agents: bob #; }", 1, 22, "# must be followed by a number of agents, 1 to 10000; found ';'"),
+    ("MAS x { agents: bob #0; }", 1, 22, "# must be followed by a number of agents, 1 to 10000; found '0'"),
     ("MAS x { agents: bob [beliefs]; }", 1, 29, "expected '=' after the name of an option; found ']'"),
     ("MAS x { agents: bob [beliefs=]; }", 1, 30, "the value of the option beliefs is missing; found ']'"),
     ("MAS x { agents: bob [a=1 b=2]; }", 1, 26, "expected ',' or ']' after an option; found 'b'"),
@@ -136,8 +136,8 @@ BAD = [
     ('MAS x { aslSourcePath: "a" agents: bob; }', 1, 27, "a ';' is missing after each path"),
     ('MAS x { agents: bob "b.asl; }', 1, 21, "this text has no closing quote on its line"),
     ("MAS x { /* agents: bob; }", 1, 9, "this comment is never closed by */"),
-    ("MAS x { agents: bob; ? }", 1, 22, "'?' means nothing in a project file"),
-    ("MAS x { agents: a; agents: b; }", 1, 20, "there is a section agents already"),
+    ("MAS x { agents: bob; ? }", 1, 22, "'?' is not allowed in a project file"),
+    ("MAS x { agents: a; agents: b; }", 1, 20, "there is already a section agents"),
     ("MAS x { agents: a; directives: d my.D; }", 1, 34, "expected '=' after the name of a directive; found 'my.D'"),
 ]
 
@@ -263,8 +263,7 @@ def test_what_is_java_is_named_and_the_agents_run_without(run) -> None:
     told = run({"team.mas2j": JAVA, "bob.asl": HELLO + " +!later <- my.pkg.act(1); my.pkg.act(2)."})
     assert (told.code, told.lines) == (0, ["[bob] hi"])
     assert [line.partition("/home/")[2] for line in told.err.splitlines()] == [
-        "bob.asl:1:51: warning: nothing provides the internal action my.pkg.act/1: "
-        "a Java class is written anew in Python here",
+        "bob.asl:1:51: warning: nothing provides the internal action my.pkg.act/1: write its Java class in Python",
         "team.mas2j:2:21: warning: the infrastructure Jade is not supported: all agents run in this process",
         "team.mas2j:3:18: warning: the Java environment my.World is not supported: "
         "actions will fail, and nothing is perceived; write it in Python and give --env module:Class",
@@ -314,9 +313,9 @@ def test_a_python_environment_takes_the_place_of_the_java_one_with_its_arguments
         ('MAS t { agents: bob [beliefs="a(1"]; }', ":1:22: error: beliefs: "),
         ('MAS t { agents: bob [beliefs="3"]; }', 'beliefs="3": expected literals with commas between them'),
         ('MAS t { agents: bob [goals="X > 1"]; }', ":1:22: error: goals: a comparison as an element"),
-        ("MAS t { agents: bob [verbose=7]; }", ":1:22: error: verbose is 0, 1 or 2, not 7"),
-        ("MAS t { agents: bob; bob; }", ":1:22: error: there is an agent bob already, of line 1"),
-        ("MAS t { agents: bob #2; bob2 bob.asl; }", ":1:25: error: there is an agent bob2 already, of line 1"),
+        ("MAS t { agents: bob [verbose=7]; }", ":1:22: error: verbose must be 0, 1 or 2, not 7"),
+        ("MAS t { agents: bob; bob; }", ":1:22: error: there is already an agent bob, in line 1"),
+        ("MAS t { agents: bob #2; bob2 bob.asl; }", ":1:25: error: there is already an agent bob2, in line 1"),
         ("MAS t { agents: bob $jasonJar/bob.asl; }", "nothing says which folder $jasonJar is; give --map"),
         ("MAS t { agents bob; }", "team.mas2j:1:9: error: a ':' is missing after agents\n"),
         ("MAS t { agents: bad; }", "bad.asl:1:12: error:"),
