@@ -66,7 +66,7 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("looking", "benchmarks.looking.part", 5.5),
     Part("page", "benchmarks.looking.webpage", 1.5),
     Part("viewers", "benchmarks.looking.viewers", 1.2),
-    Part("earlier", "benchmarks.earlier.part", 5),
+    Part("earlier", "benchmarks.earlier.part", 16),
 )
 """In the order in which they run."""
 

@@ -1,1 +1,1 @@
-"""What was slow in an earlier revision and is not now: both, by the same probes, in turn, in one run."""
+"""An earlier revision beside this one: both trees run the same probes in turn, and the ratios are compared."""

@@ -1,39 +1,51 @@
-"""Part "earlier": the slowest things that were found, as they were before this was measured and as they are now.
+"""Part `earlier`: what reasoner, loop, footprint, bridge and mail cost beside an earlier revision, in one run.
 
-Product and benchmarks of today, and the product of `REVISION` under the benchmarks of today, run the same probes
-(`benchmarks.earlier.probes`) in turn, in changing order.
+The tree of that revision is taken from git; it and this tree run the same probes (`benchmarks.earlier.probes`) in turn,
+in changing order. A ratio is the median over neighbouring runs.
+
+    python -m benchmarks.earlier.part loop mail --pairs 6 --revision HEAD~3       some probes; nothing is written
 """
 
 from __future__ import annotations
 
-import statistics
+import argparse
+import shutil
+import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
-from benchmarks.earlier.page import blocks
-from benchmarks.earlier.trees import tree
+from benchmarks.paired import Interval, interval
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, lines, started
-from benchmarks.results import ROOT
+from benchmarks.results import ROOT, Origin
 
-__all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
-
-REVISION: Final = "534f320"
-"""The last one before anything of `make bench` was measured."""
-PAIRS: Final = {"fleet": 2, "loop": 2, "percepts": 2, "crowd": 1}
+REVISION: Final = "c20d8cb"
+"""The last revision before modules and folders were renamed."""
+PAIRS: Final = {"reasoner": 3, "loop": 3, "footprint": 2, "bridge": 3, "mail": 3}
 """How often each probe runs in both trees."""
+LIMIT: Final = 1.05
+"""Times the earlier cost that a cost may have."""
+_PROBES: Final = "benchmarks/earlier"
+"""The folder that is taken as it is now."""
 
 
 @dataclass
-class Both:
-    """What a probe found, the mean of its runs."""
+class Costs:
+    """One figure of a probe, by run: less is better."""
 
-    then: dict[str, float]
-    now: dict[str, float]
+    then: list[float] = field(default_factory=list)
+    now: list[float] = field(default_factory=list)
+
+    def ratio(self) -> Interval:
+        """Return now / then of neighbouring runs."""
+        return interval([now / then for then, now in zip(self.then, self.now, strict=True)])
 
 
 @dataclass
@@ -41,27 +53,66 @@ class Figures:
     """What the part measures."""
 
     revision: str = REVISION
-    pairs: dict[str, int] = field(default_factory=lambda: dict(PAIRS))
-    probes: dict[str, Both] = field(default_factory=dict)
+    probes: dict[str, dict[str, Costs]] = field(default_factory=dict)
+    """Of each probe its figures by title; the unit of a figure is in brackets at the end of its title."""
 
 
 def measure(quick: bool) -> Figures:
     """Run each probe in both trees. Raises BenchmarkFailed."""
-    figures = Figures(pairs=dict.fromkeys(PAIRS, 1) if quick else dict(PAIRS))
-    with tree(REVISION) as earlier:
-        for name, pairs in figures.pairs.items():
-            found: dict[Path, list[dict[str, float]]] = {earlier: [], ROOT: []}
-            for number in range(pairs):
-                for where in (earlier, ROOT) if number % 2 == 0 else (ROOT, earlier):
-                    found[where].append(_probed(where, name, quick))
-            figures.probes[name] = Both(_mean(found[earlier]), _mean(found[ROOT]))
-            tell(f"{name}: {_told(figures.probes[name].then)}; now {_told(figures.probes[name].now)}")
+    return compared(REVISION, dict.fromkeys(PAIRS, 1) if quick else PAIRS, quick)
+
+
+def compared(revision: str, pairs: Mapping[str, int], quick: bool) -> Figures:
+    """Run some probes so often in the tree of a revision and in this one. Raises BenchmarkFailed."""
+    figures = Figures(revision, {name: {} for name in pairs})
+    with trees(revision) as (earlier, today):
+        for number in range(max(pairs.values())):
+            for name in (name for name, count in pairs.items() if number < count):
+                tell(f"{name}, pair {number + 1} of {pairs[name]}")
+                order = (earlier, today) if number % 2 == 0 else (today, earlier)
+                found = {where: probed(where, name, quick) for where in order}
+                for title, then in found[earlier].items():
+                    costs = figures.probes[name].setdefault(title, Costs())
+                    costs.then.append(then)
+                    costs.now.append(found[today][title])
     return figures
 
 
-def _probed(where: Path, name: str, quick: bool) -> dict[str, float]:
-    """Run a probe with the product that is in that folder."""
-    # as a module of that folder: it finds that folder's packages first, and so does what it starts
+@contextmanager
+def trees(revision: str) -> Iterator[tuple[Path, Path]]:
+    """Yield two folders: the files of a revision with today's probes, and today's files. Raises BenchmarkFailed.
+
+    Today's files are copied too, so that both trees are alike in place and byte code, and work can go on meanwhile.
+    """
+    with tempfile.TemporaryDirectory(prefix="argosy-earlier-") as made:
+        then, now = Path(made) / "then", Path(made) / "now"
+        archive = Path(made) / "then.tar"
+        try:
+            _git("archive", "--output", str(archive), revision)
+        except (OSError, subprocess.SubprocessError) as error:
+            raise BenchmarkFailed(
+                f"revision {revision} is not in this clone ({getattr(error, 'stderr', '').strip() or error}); "
+                "a clone has its whole history after `git fetch --unshallow`, a copy without .git has none"
+            ) from None
+        shutil.unpack_archive(archive, then, filter="data")
+        for file in _git("ls-files", "--cached", "--others", "--exclude-standard").splitlines():
+            if (ROOT / file).is_file():
+                (now / file).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(ROOT / file, now / file)
+        shutil.rmtree(then / _PROBES, ignore_errors=True)
+        shutil.copytree(now / _PROBES, then / _PROBES)
+        # otherwise each process that is started there would compile everything
+        subprocess.run([sys.executable, "-m", "compileall", "-q", "-x", "/tests/", str(then), str(now)], check=False)
+        yield then, now
+
+
+def _git(*arguments: str) -> str:
+    return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True).stdout
+
+
+def probed(where: Path, name: str, quick: bool) -> dict[str, float]:
+    """Run a probe with the product and the benchmarks of a folder. Raises BenchmarkFailed."""
+    # as a module of that folder: it finds the packages of that folder first, and so does what it starts
     module = (sys.executable, "-m", "benchmarks.earlier.probes", name, *(["--quick"] if quick else []))
     with started(["env", "-C", str(where), *module]) as process:
         said = list(lines(process))
@@ -71,12 +122,52 @@ def _probed(where: Path, name: str, quick: bool) -> dict[str, float]:
     raise BenchmarkFailed(f"probe {name} in {where.name}: " + "\n".join(said[-3:]))
 
 
-def _mean(runs: list[dict[str, float]]) -> dict[str, float]:
-    return {name: statistics.fmean(one[name] for one in runs) for name in runs[0]}
+def goals(figures: Figures) -> list[Goal]:
+    """Return one goal for each probe: none of its figures may be more than 5 % worse."""
+    return [_goal(name, figures.revision, found) for name, found in figures.probes.items()]
 
 
-def _told(found: dict[str, float]) -> str:
-    return ", ".join(f"{name} {value:,.1f}" for name, value in found.items())
+def _goal(name: str, revision: str, found: Mapping[str, Costs]) -> Goal:
+    ratios = {title: costs.ratio() for title, costs in found.items()}
+    worst = max(ratios, key=lambda title: ratios[title].median)
+    worse = [title for title, ratio in ratios.items() if ratio.median > LIMIT]
+    certain = [title for title in worse if ratios[title].low > LIMIT]
+    return Goal(
+        f"{name}: each cost beside {revision}",
+        f"at most {LIMIT:g} times",
+        f"{ratios[worst].median:.3f} ({worst})",
+        not worse,
+        f"more than that: {', '.join(certain or worse)}; reason not known"
+        + ("" if certain else "; other pairs of runs were within it; tried: pairs in changing order"),
+        bool(certain) or not worse,
+    )
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the block of docs/measurements/benchmarks.md."""
+    return {"earlier": "\n".join([origin.line(), "", *table(figures)])}
+
+
+def table(figures: Figures) -> list[str]:
+    """Return the rows of a table: each cost then and now, and their ratio."""
+    rows = [
+        f"| | {figures.revision} | now | now / then: median (least to greatest) | |",
+        "|---|---|---|---|---|",
+    ]
+    for name, found in figures.probes.items():
+        for title, costs in found.items():
+            ratio = costs.ratio()
+            verdict = "" if ratio.median <= LIMIT else "**worse**" if ratio.low > LIMIT else "not decided"
+            rows.append(
+                f"| {name}: {title} | {_figure(costs.then)} | {_figure(costs.now)} "
+                f"| {ratio.median:.3f} ({ratio.low:.3f} to {ratio.high:.3f}) | {verdict} |"
+            )
+    return rows
+
+
+def _figure(runs: list[float]) -> str:
+    median = interval(runs).median
+    return f"{median:,.0f}" if median >= 1000 else f"{median:.3g}"
 
 
 def pictures(figures: Figures) -> dict[str, str]:
@@ -84,6 +175,22 @@ def pictures(figures: Figures) -> dict[str, str]:
     return {}
 
 
-def goals(figures: Figures) -> list[Goal]:
-    """Nothing is asked."""
-    return []
+def main() -> int:
+    """Compare some probes, and print the table. Returns the exit code: 1 when a probe failed."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.earlier.part")
+    parser.add_argument("probes", nargs="*", choices=[*PAIRS, []], help="all of them if none is named")
+    parser.add_argument("--revision", default=REVISION, help="default: %(default)s")
+    parser.add_argument("--pairs", type=int, help="runs in each tree; default: 2 or 3")
+    parser.add_argument("--quick", action="store_true", help="only try it")
+    args = parser.parse_args()
+    pairs = {name: args.pairs or count for name, count in PAIRS.items() if name in (args.probes or PAIRS)}
+    try:
+        print("\n".join(table(compared(args.revision, pairs, args.quick))))
+    except BenchmarkFailed as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,115 +1,195 @@
-"""What is probed in a revision, by means that the earlier one has, too: medians or means, no spreads.
+"""Costs of one revision: reasoner, loop, footprint, bridge and mail, each as figures of which less is better.
 
 python -m benchmarks.earlier.probes NAME [--quick]     in the folder of that revision; prints `FOUND {...}`
+
+The file is copied into the tree of the earlier revision and drives the benchmarks of that tree, so it imports only
+names that both revisions have. Processor time is preferred to elapsed time: other load on the machine disturbs it less.
 """
 
 from __future__ import annotations
 
-import asyncio
+import re
+import resource
+import statistics
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
-from benchmarks.crowd.run import BOARD, SERVES, STARTING, mission_of
+from benchmarks.bridge import part as bridge_part
 from benchmarks.loop import flood, latency
-from benchmarks.processes import BenchmarkFailed
-from benchmarks.routers.load import ROUTER
-from benchmarks.spread import percentile
-from benchmarks.watched import watched
-from commd.bus.bus import open_bus
-from schemas.wire import keys
-from schemas.wire.records import Action, Health
-from tests.support.ports import free_port
+from benchmarks.loop.board import board
+from benchmarks.mail import agents, boards
+from benchmarks.mail import part as mail_part
+from benchmarks.mail.page import BATCH, FLYING
+from benchmarks.processes import BenchmarkFailed, lines, started
+from benchmarks.reasoner.footprint import FOOTPRINTS
+from benchmarks.reasoner.instructions import counted
+from benchmarks.reasoner.rows import ROWS
+from benchmarks.reasoner.subjects import Agentd
+from benchmarks.results import ROOT
+from benchmarks.startup import footprints
+from benchmarks.watched import Watched
 
-FLEET: Final = "bench"
-TOGETHER, PUTS = 20, 1000.0
-"""Records that a session puts in one go, and in a second."""
 Found = dict[str, float]
+"""By title, with the unit in brackets."""
+
+_ROUND: Final = re.compile(r"BENCH (\S+) round +\d+ +ops +(\d+) +ns +(\d+)")
+_BY_PROCESSOR_TIME: Final = """
+import runpy, sys, time
+time.monotonic, time.perf_counter_ns = time.process_time, time.process_time_ns
+module, sys.argv = sys.argv[1], sys.argv[1:]
+runpy.run_module(module, run_name="__main__", alter_sys=True)
+"""
+"""Runs a module whose clocks show the processor time of its process."""
+COUNTED: Final = ("f", "f2", "h")
+TURNS: Final = 300
+PAUSE: Final = 0.008
+"""Seconds between two turns of the loop."""
+PERCEPTS: Final = 500.0
+"""Hz."""
+LETTERS, MESSAGES, TALKS, QUEUED = 200, 24_000, 3_000, 50_000
 
 
-def loop(quick: bool) -> Found:
-    """From the robot's sample to its agent's next action at the robot, microseconds, beside bare exchanges.
-
-    Of an agent that is kept on disk, and of one that is not.
-    """
+def reasoner(quick: bool) -> Found:
+    """Processor time per operation of each row, instructions per cycle, start and memory."""
     found: Found = {}
-    for name, kept in (("kept", True), ("fresh", False)):
-        turns = latency.measure(10 if quick else 200, kept=kept)
-        bare = [1.5 * (put + ask) for put, ask in zip(turns.put, turns.ask, strict=True)]
-        found |= {name: percentile(turns.seen, 0.5), f"{name}_bare": percentile(bare, 0.5)}
+    for programs, environment in dict.fromkeys((row.agents, row.environment) for row in ROWS):
+        rows = [row for row in ROWS if (row.agents, row.environment) == (programs, environment)]
+        if quick and rows[0].key != "g":
+            continue
+        spent = _rounds(rows[0].paths(), environment)
+        found |= {f"{row.operation} (ns)": min(spent[row.bench]) for row in rows}
+    for row in ROWS:
+        if row.key in COUNTED and not quick:
+            found[f"{row.operation}, a cycle (instructions)"] = counted(row).whole
+    for one in FOOTPRINTS:
+        found[f"{one.title} ({one.unit})"] = one.measure(Agentd(), 1 if quick else 5)
     return found
 
 
-def crowd(quick: bool) -> Found:
-    """A thousand agents of one agentd: seconds until it serves, and its processor time for that."""
-    agents = 5 if quick else 1000
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        router, state = f"tcp/127.0.0.1:{free_port()}", str(folder / "state")
-        where = ("serve", str(mission_of(folder, agents)), "--router", router, "--board", BOARD, "--state", state)
-        commd = stack.enter_context(watched("commd", "-m", "commd", *where))
-        commd.says("router board=")
-        used, begun = commd.cpu(), time.monotonic()
-        agentd = stack.enter_context(watched("agentd", "-m", "agentd", *where))
-        agentd.says(SERVES, STARTING)
-        taken = time.monotonic() - begun
-        return {"agents": agents, "start": taken, "agentd": agentd.cpu(), "commd": commd.cpu() - used}
+def _rounds(programs: list[tuple[str, Path]], environment: str) -> dict[str, list[float]]:
+    """Run programs. Returns ns of processor time per operation of each round, by the name of the benchmark."""
+    found: dict[str, list[float]] = {}
+    with Agentd().prepared(programs, environment) as command:
+        by_processor_time = [command[0], "-c", _BY_PROCESSOR_TIME, *command[2:]]
+        with started(by_processor_time) as process:
+            for line in lines(process):
+                if match := _ROUND.search(line):
+                    found.setdefault(match[1], []).append(int(match[3]) / int(match[2]))
+    return found
 
 
-def fleet(quick: bool) -> Found:
-    """Records of a session that serves what agents serve: processor time of it and of its router, microseconds each."""
-    return asyncio.run(_fleet(20, 200, 0.2) if quick else _fleet(1000, 4000, 5.0))
+def loop(quick: bool) -> Found:
+    """From the robot's sample to the next action of the plan at the robot, and percepts at a steady rate."""
+    found: Found = {}
+    for title, kept in (("agent kept on disk", True), ("agent not kept", False)):
+        with board(kept=kept) as ours:
+            count, warm_up = (10, 5) if quick else (TURNS, 50)
+            spent = []
+            for number in range(1, warm_up + count + 1):
+                if number == warm_up + 1:
+                    used = {one.name: one.cpu() for one in (ours.bridge, ours.agent)}
+                begun, _, seen = latency._loop(ours, number)
+                spent.append((seen - begun) / 1000)
+                time.sleep(PAUSE)
+            found[f"sample to next action, {title}, p50 (µs)"] = statistics.median(spent[warm_up:])
+            for one in (ours.bridge, ours.agent):
+                by_turn = 1e6 * (one.cpu() - used[one.name]) / count
+                found[f"a turn, {title}, processor time of {one.name} (µs)"] = by_turn
+    for source, title in (("tick", "replaced"), ("mark", "added")):
+        (run,) = flood.measure([100.0 if quick else PERCEPTS], source, 0.5 if quick else 6.0)
+        if not run.complete:
+            raise BenchmarkFailed(f"of {run.changes} percepts {run.heard} came")
+        for name in ("agentd", "bridged"):
+            found[f"percept {title}, processor time of {name} (µs)"] = 1e4 * run.cpu[name] / run.made
+    return found
 
 
-async def _fleet(agents: int, records: int, settle: float) -> Found:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with watched("router", "-c", ROUTER, endpoint) as router:
-        router.says("ready")
-        async with open_bus(endpoint, fleet=FLEET, name="b1", daemon="agentd", stamp=time.time_ns, patience=20) as bus:
-            for number in range(agents):
-                mind = keys.mind(FLEET, f"a{number}")
-                for served in ("", "/two", "/three", "/four"):
-                    bus.serve(mind + served, Action, _nothing)
-            told = Health(header=bus.header("health"), daemon="agentd", pid=4711, uptime=12.3)
-            names = [keys.health(FLEET, f"a{number}", "agentd") for number in range(agents)]
-            for name in (*names, *names):  # of a key that is used again
-                bus.put(name, told)
-            await asyncio.sleep(settle)
-            own, of_router = time.process_time(), router.cpu()
-            for number in range(records):
-                bus.put(names[number % agents], told)
-                if number % TOGETHER == TOGETHER - 1:
-                    await asyncio.sleep(TOGETHER / PUTS)
-            own = time.process_time() - own
-            await asyncio.sleep(1.0)
-            return {"agents": agents, "put": 1e6 * own / records, "router": 1e6 * (router.cpu() - of_router) / records}
+def footprint(quick: bool) -> Found:
+    """Resident memory of each daemon at rest."""
+    figures = footprints.Figures()
+    with tempfile.TemporaryDirectory() as folder:
+        for names in (footprints.TOGETHER, footprints.ALONE):
+            footprints.look(figures, names, Path(folder) / names[0], ROOT, 1.0 if quick else footprints.SETTLED)
+    return {f"{name} (MB)": statistics.median(one.rss) for name, one in figures.held.items() if name != "bare"}
 
 
-async def _nothing(query: object) -> None:
-    """Nobody asks."""
+def bridge(quick: bool) -> Found:
+    """Three vehicles on one link in one bridge."""
+    bridge_part.SECONDS = 15.0  # type: ignore[misc]
+    figures = bridge_part.measure(quick)
+    return {
+        "processor time a message (µs)": 1e4 * figures.cpu / figures.messages,
+        "memory (MB)": figures.rss,
+        "byte in to belief event, p50 (ms)": figures.latency.p50,
+    }
 
 
-def percepts(quick: bool) -> Found:
-    """Percepts that change, through bridge and agent: the processor time of each for one, microseconds."""
-    rate = 100.0 if quick else 500.0
-    (found,) = flood.measure([rate], "tick", 0.5 if quick else 8.0)
-    if not found.complete:
-        raise BenchmarkFailed(f"of {found.changes} percepts {found.heard} came")
-    used = {name: 1e4 * share / found.made for name, share in found.cpu.items()}
-    return {"rate": rate, "agentd": used["agentd"], "bridged": used["bridged"]}
+def mail(quick: bool) -> Found:
+    """Mail from board to board, between agents, and the memory of commd."""
+    letters, messages, talks, queued = (20, 480, 100, 2_400) if quick else (LETTERS, MESSAGES, TALKS, QUEUED)
+    found = mail_part.in_folder(lambda folder: _between_boards(folder, letters, messages))
+    before = _processor_of_children()
+    rate = mail_part.in_folder(lambda folder: agents.talk(folder, talks)).rate
+    used = _processor_of_children() - before
+    held = mail_part.in_folder(lambda folder: mail_part.resident(folder, queued))
+    return found | {
+        "message between agents (µs)": 1e6 / rate,
+        "message between agents, processor time of all daemons (µs)": 1e6 * used / (6 * talks),
+        "commd, empty (MB)": held.empty,
+        f"commd, {queued:,} queued messages (MB)": held.queued,
+    }
 
 
-PROBES: Final[dict[str, Callable[[bool], Found]]] = {one.__name__: one for one in (fleet, loop, percepts, crowd)}
+async def _between_boards(folder: Path, letters: int, messages: int) -> Found:
+    with boards.boards(folder, {"ann": "b1", "bob": "b2"}, "full") as made:
+        ends = made.endpoints
+        async with boards.member(ends["b1"], "ann") as ann, boards.member(ends["b2"], "bob") as bob:
+            bob.open()
+            await mail_part._letters(ann, bob, 10)
+            alone = await mail_part._letters(ann, bob, letters)
+            before, begun = sum(one.cpu() for one in made.daemons.values()), bob.came["ann"]
+
+            def under_way(posted: int) -> bool:
+                return posted - (bob.came["ann"] - begun) <= FLYING
+
+            for posted in range(BATCH, messages + 1, BATCH):
+                await ann.post(["bob"] * BATCH)
+                await boards.until(partial(under_way, posted), "mail flows", 60)
+            whole = begun + messages // BATCH * BATCH
+            await boards.until(lambda: bob.came["ann"] == whole, "all have arrived", 60)
+            used = sum(one.cpu() for one in made.daemons.values()) - before
+    return {
+        "message between boards, p50 (ms)": alone.p50,
+        "many messages between boards, processor time of commd for one (µs)": 1e6 * used / messages,
+    }
+
+
+def _processor_of_children() -> float:
+    """Return the processor time in seconds of all processes of this one that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+PROBES: Final[dict[str, Callable[[bool], Found]]] = {
+    one.__name__: one for one in (reasoner, loop, footprint, bridge, mail)
+}
+
+
+def _exact_cpu(one: Watched) -> float:
+    """Return the processor time of a process in seconds, by its clock (`clock_getcpuclockid`) and not in ticks."""
+    return time.clock_gettime(~one.process.pid << 3 | 2)
 
 
 def main() -> None:
     """Run one probe."""
+    Watched.cpu = _exact_cpu  # type: ignore[method-assign, assignment]
     found = PROBES[sys.argv[1]]("--quick" in sys.argv)
     print("FOUND", msgspec.json.encode(found).decode(), flush=True)
 

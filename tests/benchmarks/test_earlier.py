@@ -1,32 +1,49 @@
-"""An earlier revision beside this one: its product under today's benchmarks, or a word that it is not there."""
+"""An earlier revision beside this one: its tree with today's probes, and how costs are judged."""
 
 from __future__ import annotations
 
 import pytest
 
-from benchmarks.earlier.part import PAIRS, REVISION
+from benchmarks.earlier.part import PAIRS, REVISION, Costs, Figures, goals, table, trees
 from benchmarks.earlier.probes import PROBES
-from benchmarks.earlier.trees import tree
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT
 
 
-def test_a_revision_that_the_clone_does_not_have_is_told() -> None:
-    with pytest.raises(BenchmarkFailed, match="revision 0000000 is not in this clone"), tree("0000000"):
+def test_a_revision_that_the_clone_does_not_have_is_reported() -> None:
+    with pytest.raises(BenchmarkFailed, match="revision 0000000 is not in this clone"), trees("0000000"):
         pass
 
 
-def test_a_tree_has_the_product_of_then_and_the_benchmarks_of_now() -> None:
+def test_both_trees_have_the_probes_of_now() -> None:
     try:
-        with tree(REVISION) as made:
-            assert (made / "commd/bus.py").read_text() != (ROOT / "commd/bus/bus.py").read_text()
-            assert not (made / "commd/known_keys.py").exists()
+        with trees(REVISION) as (then, now):
+            assert (then / "commd/bus.py").is_file()
+            assert (now / "commd/bus/bus.py").is_file()
             probes = "benchmarks/earlier/probes.py"
-            assert (made / probes).read_text() == (ROOT / probes).read_text()
-        assert not made.exists()
+            assert (then / probes).read_text() == (now / probes).read_text() == (ROOT / probes).read_text()
+        assert not then.exists()
     except BenchmarkFailed as error:
         pytest.skip(str(error))
 
 
 def test_every_probe_is_run() -> None:
     assert PAIRS.keys() == PROBES.keys()
+
+
+@pytest.mark.parametrize(
+    ("now", "met", "decided", "verdict"),
+    [
+        ([104.0, 90.0, 104.9], True, True, ""),
+        ([106.0, 107.0, 120.0], False, True, "**worse**"),
+        ([100.0, 106.0, 120.0], False, False, "not decided"),
+    ],
+)
+def test_a_cost_may_be_five_per_cent_more_than_then(now: list[float], met: bool, decided: bool, verdict: str) -> None:
+    figures = Figures(probes={"mail": {"a (ms)": Costs([100.0] * 3, now), "b (MB)": Costs([10.0] * 3, [9.0] * 3)}})
+    (goal,) = goals(figures)
+    assert (goal.met, goal.decided) == (met, decided)
+    assert goal.found.endswith("(a (ms))")
+    _, _, a, b = table(figures)
+    assert a.endswith(f"| {verdict} |")
+    assert b == "| mail: b (MB) | 10 | 9 | 0.900 (0.900 to 0.900) | |".replace("| |", "|  |")
