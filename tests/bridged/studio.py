@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bridged.daemon import serve
-from bridged.simulation.turtle.process import simulate
+from bridged.simulation.turtle.command import simulate
 from bridged.simulation.turtle.turtle import Turtle
 from commd.bus.bus import Bus, open_bus
 from schemas.mission.model import Mission, load_mission

@@ -1,23 +1,33 @@
 """The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
 
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
 from bridged.simulation.copter.battery import CHARGE_S, Battery
 from bridged.simulation.copter.boot import FIRST_HEARTBEAT_S, Boot, BootKind, Milestone
 from bridged.simulation.copter.dynamics import Axis, Motion, Vector
-from bridged.simulation.copter.failsafe_conditions import Fence, StationWatch
-from bridged.simulation.copter.failsafes import watch_over
-from bridged.simulation.copter.flight_control import TOUCHDOWN_TO_DISARM_S, Flight
+from bridged.simulation.copter.failsafes import Fence, StationWatch, watch_over
+from bridged.simulation.copter.flight_control import (
+    TOUCHDOWN_TO_DISARM_S,
+    Drift,
+    Flight,
+    GoTo,
+    Land,
+    Landed,
+    Return,
+    Stop,
+    TakeOff,
+    Task,
+)
 from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.flight_tasks import Drift, GoTo, Land, Landed, Return, Stop, TakeOff, Task
 from bridged.simulation.copter.geodesy import FlatMap, Place
-from bridged.simulation.copter.mission import CONDITION_DELAY, DEEDS, NAMES, Item, Mission, task_of
-from bridged.simulation.copter.protocol.command_results import Result
-from bridged.simulation.copter.protocol.do_commands import do
+from bridged.simulation.copter.mission import DO_COMMANDS, NAV_COMMANDS, Item, Mission, do, task_of
 from bridged.simulation.copter.protocol.notifications import (
     Event,
     HomeChanged,
     ItemReached,
     ModeChanged,
     ParameterChanged,
+    Result,
     Severity,
     Text,
 )
@@ -65,8 +75,8 @@ class Copter:
         self.events: list[Event] = []
         self._next_guard = 0.0
         self._compass_checked = False
-        self._deeds: list[Item] = []  # mission items to be done on the way
-        self._deeds_wait_until = 0.0
+        self._actions: list[Item] = []  # mission items to be done on the way
+        self._actions_wait_until = 0.0
 
     @property
     def armed(self) -> bool:
@@ -295,14 +305,14 @@ class Copter:
 
     def _fly_from(self, seq: int) -> None:
         """Goes to the next place of the mission; what is to be done before is done on the way there."""
-        self._deeds, item = self.mission.next_place(seq)
-        self._deeds_wait_until = self.now
+        self._actions, item = self.mission.next_place(seq)
+        self._actions_wait_until = self.now
         if item is None:
             self.mission.complete = True
             self.flight.begin(Stop())  # AUTO hovers where the mission ends (ArduCopter)
             return
         self.mission.start(item, self.now)
-        self.say(f"Mission: {item.seq} {NAMES[item.command]}")
+        self.say(f"Mission: {item.seq} {NAV_COMMANDS[item.command]}")
         if self.flight.airborne:
             self._begin_item(item)
         else:
@@ -315,21 +325,21 @@ class Copter:
         self.flight.begin(task)
 
     def _follow_mission(self) -> None:
-        if self._deeds and self.now >= self._deeds_wait_until:
-            self._do(self._deeds.pop(0))
+        if self._actions and self.now >= self._actions_wait_until:
+            self._do(self._actions.pop(0))
         item = self.mission.item(self.mission.current)
         if item is None or self.mission.complete or not self.flight.airborne:
             return
         if self.mission.done(item, self.flight, self.now):
             self.events.append(ItemReached(item.seq))
-            if NAMES[item.command] == "WP":
+            if NAV_COMMANDS[item.command] == "WP":
                 self.say(f"Reached command #{item.seq}")
             self._fly_from(item.seq + 1)
 
     def _do(self, item: Item) -> None:
-        self.say(f"Mission: {item.seq} {DEEDS[item.command]}")
-        if item.command == CONDITION_DELAY:
-            self._deeds_wait_until = self.now + item.params[0]
+        self.say(f"Mission: {item.seq} {DO_COMMANDS[item.command]}")
+        if item.command == dialect.MAV_CMD_CONDITION_DELAY:
+            self._actions_wait_until = self.now + item.params[0]
         else:
             do(self, item.command, item.params)
         self.events.append(ItemReached(item.seq))

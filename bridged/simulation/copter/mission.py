@@ -2,39 +2,42 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.copter.dynamics import Vector
-from bridged.simulation.copter.flight_control import Flight
-from bridged.simulation.copter.flight_tasks import GoTo, Land, Return, Stage, Stop, TakeOff, Task
+from bridged.simulation.copter.flight_control import Flight, GoTo, Land, Return, Stage, Stop, TakeOff, Task
+from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.geodesy import FlatMap, Place
+from bridged.simulation.copter.protocol.notifications import Result
+from bridged.simulation.copter.servo_outputs import Grip
 
-WAYPOINT, LOITER_UNLIMITED, LOITER_TIME, RETURN_TO_LAUNCH, LAND, TAKEOFF = 16, 17, 19, 20, 21, 22
-SPLINE, DELAY = 82, 93
-CONDITION_DELAY, CONDITION_YAW, JUMP, CHANGE_SPEED, SET_HOME = 112, 115, 177, 178, 179
-SET_SERVO, REPEAT_SERVO, FENCE_ENABLE, GRIPPER = 183, 184, 207, 211
-"""Mission commands (MAV_CMD)."""
+if TYPE_CHECKING:
+    from bridged.simulation.copter.copter import Copter
 
-NAMES = {
-    WAYPOINT: "WP",
-    LOITER_UNLIMITED: "LoitUnlim",
-    LOITER_TIME: "LoitTime",
-    RETURN_TO_LAUNCH: "RTL",
-    LAND: "Land",
-    TAKEOFF: "Takeoff",
-    SPLINE: "SplineWP",
-    DELAY: "Delay",
+
+NAV_COMMANDS = {
+    dialect.MAV_CMD_NAV_WAYPOINT: "WP",
+    dialect.MAV_CMD_NAV_LOITER_UNLIM: "LoitUnlim",
+    dialect.MAV_CMD_NAV_LOITER_TIME: "LoitTime",
+    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
+    dialect.MAV_CMD_NAV_LAND: "Land",
+    dialect.MAV_CMD_NAV_TAKEOFF: "Takeoff",
+    dialect.MAV_CMD_NAV_SPLINE_WAYPOINT: "SplineWP",
+    dialect.MAV_CMD_NAV_DELAY: "Delay",
 }
 """What AUTO flies, and how the vehicle calls it in its texts."""
 
-DEEDS = {
-    CONDITION_DELAY: "CondDelay",
-    CONDITION_YAW: "CondYaw",
-    CHANGE_SPEED: "ChangeSpeed",
-    SET_HOME: "SetHome",
-    SET_SERVO: "SetServo",
-    REPEAT_SERVO: "RepeatServo",
-    FENCE_ENABLE: "FenceEnable",
-    GRIPPER: "Gripper",
+DO_COMMANDS = {
+    dialect.MAV_CMD_CONDITION_DELAY: "CondDelay",
+    dialect.MAV_CMD_CONDITION_YAW: "CondYaw",
+    dialect.MAV_CMD_DO_CHANGE_SPEED: "ChangeSpeed",
+    dialect.MAV_CMD_DO_SET_HOME: "SetHome",
+    dialect.MAV_CMD_DO_SET_SERVO: "SetServo",
+    dialect.MAV_CMD_DO_REPEAT_SERVO: "RepeatServo",
+    dialect.MAV_CMD_DO_FENCE_ENABLE: "FenceEnable",
+    dialect.MAV_CMD_DO_GRIPPER: "Gripper",
 }
 """What AUTO does on the way to the next place."""
 
@@ -43,8 +46,16 @@ PASSED_OVER = frozenset(
 )
 """Commands that a real one would obey (cameras, relays, circles, ...): they are stored, and do nothing."""
 
-KNOWN = frozenset((JUMP, *NAMES, *DEEDS)) | PASSED_OVER
+KNOWN = frozenset((dialect.MAV_CMD_DO_JUMP, *NAV_COMMANDS, *DO_COMMANDS)) | PASSED_OVER
 """A mission with other commands is refused."""
+
+_ENDLESS = frozenset((dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_NAV_LOITER_UNLIM))
+"""The first two end with the motors, the last one never."""
+
+_STAYING = frozenset(
+    (dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_NAV_LOITER_TIME, dialect.MAV_CMD_NAV_SPLINE_WAYPOINT)
+)
+"""Parameter 1 of these is the time in seconds to stay at the place."""
 
 MOST_STEPS = 255
 """Items without a place that are looked at for the next one with a place; a mission of jumps alone ends."""
@@ -102,22 +113,22 @@ class Mission:
     @property
     def flyable(self) -> bool:
         """Whether there is anything that AUTO can fly."""
-        return any(item.command in NAMES for item in self.items)
+        return any(item.command in NAV_COMMANDS for item in self.items)
 
     def next_place(self, seq: int) -> tuple[list[Item], Item | None]:
         """What is to be done from item `seq` on, and then the next item to fly; None at the end of the mission."""
-        deeds: list[Item] = []
+        actions: list[Item] = []
         for _ in range(MOST_STEPS):
             item = self.item(seq)
-            if item is None or item.command in NAMES:
-                return deeds, item
-            if item.command == JUMP:
+            if item is None or item.command in NAV_COMMANDS:
+                return actions, item
+            if item.command == dialect.MAV_CMD_DO_JUMP:
                 seq = self._jump(item)
                 continue
-            if item.command in DEEDS:
-                deeds.append(item)
+            if item.command in DO_COMMANDS:
+                actions.append(item)
             seq += 1
-        return deeds, None
+        return actions, None
 
     def _jump(self, item: Item) -> int:
         """Where a DO_JUMP leads: to its item so many times (for ever if negative), then past it."""
@@ -133,27 +144,36 @@ class Mission:
 
     def done(self, item: Item, flight: Flight, now: float) -> bool:
         """Whether the item that is flown is over."""
-        if item.command in (RETURN_TO_LAUNCH, LAND, LOITER_UNLIMITED):
+        if item.command in (
+            dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+            dialect.MAV_CMD_NAV_LAND,
+            dialect.MAV_CMD_NAV_LOITER_UNLIM,
+        ):
             return False  # the first two end with the motors, the last one never
-        if item.command == DELAY:
+        if item.command == dialect.MAV_CMD_NAV_DELAY:
             return now - self._entered_at >= item.params[0]
         if not flight.reached:
             self._entered_at = now
-        stay = item.params[0] if item.command in (WAYPOINT, LOITER_TIME, SPLINE) else 0.0
+        stay = (
+            item.params[0]
+            if item.command
+            in (dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_NAV_LOITER_TIME, dialect.MAV_CMD_NAV_SPLINE_WAYPOINT)
+            else 0.0
+        )
         return flight.reached and now - self._entered_at >= stay
 
 
 def task_of(item: Item, flight: Flight, chart: FlatMap, home: Place) -> Task:
     """What the copter does for an item."""
     here = flight.motion.position
-    if item.command == TAKEOFF:
+    if item.command == dialect.MAV_CMD_NAV_TAKEOFF:
         return TakeOff(_height(item, chart, home))
-    if item.command == RETURN_TO_LAUNCH:
+    if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
         return Return(chart.vector(home))
-    if item.command == DELAY:
+    if item.command == dialect.MAV_CMD_NAV_DELAY:
         return Stop()
     goal = goal_of(item, chart, home)
-    if item.command == LAND:
+    if item.command == dialect.MAV_CMD_NAV_LAND:
         if goal is None:
             return Land()
         away = math.hypot(goal.north - here.north, goal.east - here.east)
@@ -179,3 +199,67 @@ def _height(item: Item, chart: FlatMap, home: Place) -> float:
         return chart.vector(home).up
     above_sea = item.z if item.frame in GLOBAL_FRAMES else home.alt + item.z
     return above_sea - chart.origin.alt
+
+
+def do(copter: "Copter", command: int, params: tuple[float, float, float, float]) -> Result:
+    """Carries out one command (MAV_CMD) of `DO_COMMANDS`."""
+    first, second, third, fourth = params
+    match command:
+        case dialect.MAV_CMD_DO_CHANGE_SPEED:
+            return _change_speed(copter, first, second)
+        case dialect.MAV_CMD_CONDITION_YAW:
+            return _turn(copter, first, third, relative=fourth == 1.0)
+        case dialect.MAV_CMD_DO_SET_HOME:
+            copter.set_home(copter.place)
+        case dialect.MAV_CMD_DO_FENCE_ENABLE:
+            if first not in (0.0, 1.0):
+                return Result.FAILED
+            copter.parameters.set("FENCE_ENABLE", first)
+        case dialect.MAV_CMD_DO_SET_SERVO:
+            return _unless(copter, copter.outputs.set(whole(first), whole(second)))
+        case dialect.MAV_CMD_DO_REPEAT_SERVO:
+            problem = copter.outputs.repeat(whole(first), whole(second), whole(third), fourth, copter.now)
+            return _unless(copter, problem)
+        case dialect.MAV_CMD_DO_GRIPPER:
+            return _grip(copter, second)
+    return Result.ACCEPTED
+
+
+def whole(value: float) -> int:
+    """A whole number from a field that any sender can fill with anything; -1 for what is none."""
+    return int(value) if math.isfinite(value) and abs(value) < 2**31 else -1
+
+
+def _change_speed(copter: "Copter", kind: float, speed: float) -> Result:
+    """m/s over the ground, until another mode."""
+    if kind not in (0.0, 1.0) or not 0.2 <= speed <= 50:
+        return Result.FAILED
+    copter.flight.cruise_speed = speed
+    return Result.ACCEPTED
+
+
+def _turn(copter: "Copter", angle: float, direction: float, *, relative: bool) -> Result:
+    """Degrees from north, or from where the nose points."""
+    if copter.mode not in (Mode.GUIDED, Mode.AUTO) or not 0 <= angle <= 360:
+        return Result.FAILED
+    heading = math.radians(angle)
+    if relative:
+        heading = copter.motion.heading + (heading if direction >= 0 else -heading)
+    copter.flight.heading_wish = heading % (2 * math.pi)
+    return Result.ACCEPTED
+
+
+def _grip(copter: "Copter", action: float) -> Result:
+    if copter.parameters["GRIP_ENABLE"] < 1:
+        return Result.FAILED
+    if action not in (0.0, 1.0):
+        return Result.DENIED
+    copter.say(copter.outputs.grip(Grip(int(action)), copter.now))
+    return Result.ACCEPTED
+
+
+def _unless(copter: "Copter", problem: str | None) -> Result:
+    if problem is None:
+        return Result.ACCEPTED
+    copter.say(problem)
+    return Result.FAILED

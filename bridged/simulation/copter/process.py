@@ -1,20 +1,63 @@
 """A simulated vehicle as a process: its links, its clock, its end."""
 
+from __future__ import annotations
+
 import asyncio
+import math
 import signal
 import sys
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.link import Ids, LinkAddress, Peer
-from bridged.simulation.copter.fault_injection import Faults
-from bridged.simulation.copter.protocol.faulty_link import FaultyLink
+from bridged.simulation.copter.fault_injection import Faults, FaultyLink
 from bridged.simulation.copter.protocol.mavlink_interface import COMPONENT, Vehicle
-from bridged.simulation.copter.realtime_monitor import RealtimeMonitor
+
+LATE_S = 0.1
+"""Wall seconds by which a round of the simulation may come too late: five of its steps at speed 1."""
+
+TELL_EVERY_S = 5.0
+"""Wall seconds between two reports."""
+
+
+@dataclass
+class RealtimeMonitor:
+    """Counts the rounds that came late, and the time that never happened. It says so now and then, if it has grown."""
+
+    tell: Callable[[str], None]
+    rounds: int = 0
+    late: int = 0
+    worst: float = 0.0
+    """Wall seconds by which a round was late at most."""
+    lost: float = 0.0
+    """Wall seconds that never happened: the vehicle stood still for too long to make up for them."""
+    _told: tuple[int, float] = (0, 0.0)
+    _told_at: float = -math.inf
+
+    def round(self, late: float, now: float) -> None:
+        """A round begins `late` wall seconds after it was due."""
+        self.rounds += 1
+        if late > LATE_S:
+            self.late += 1
+            self.worst = max(self.worst, late)
+        if now >= self._told_at + TELL_EVERY_S:
+            self._told_at = now
+            self.report()
+
+    def report(self) -> None:
+        """Say what has not been said yet."""
+        if (self.late, self.lost) != self._told:
+            self._told = self.late, self.lost
+            self.tell(
+                f"late: {self.late} of {self.rounds} rounds by more than {LATE_S:g} s, at worst by {self.worst:.1f} s; "
+                f"{self.lost:.1f} s never happened"
+            )
+
 
 TICK_S = 0.02
 """Shortest pause between two rounds, in wall seconds: at most 50 rounds a second at any speed."""
@@ -73,7 +116,7 @@ class Simulation:
                 address,
                 partial(self._receive, channel),
                 Ids(self.vehicle.system, COMPONENT),
-                lambda _, channel=channel: self.vehicle.seal.gate(channel),  # type: ignore[misc]
+                lambda _, channel=channel: self.vehicle.signing_state.gate(channel),  # type: ignore[misc]
                 self.faults,
                 lambda: self.vehicle.age,
             )
@@ -125,7 +168,7 @@ class Simulation:
     def _send(self, channel: int, messages: list[dialect.MAVLink_message]) -> None:
         if channel < len(self._links):
             for message in messages:
-                self._links[channel].send(message, signing=self.vehicle.seal.signing)
+                self._links[channel].send(message, signing=self.vehicle.signing_state.signing)
 
 
 async def simulate(

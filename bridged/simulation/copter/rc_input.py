@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.copter.dynamics import Vector
-from bridged.simulation.copter.flight_tasks import Drift
+from bridged.simulation.copter.flight_control import Drift
 from bridged.simulation.copter.protocol.parameters import Parameters
 
 CHANNELS = 16

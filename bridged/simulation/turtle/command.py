@@ -4,11 +4,150 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import logging
 import sys
+import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Annotated, Any
 
+import msgspec
+from msgspec import Meta
+
+from bridged.simulation.turtle.turtle import STEP, Pen, Turtle
+from commd.bus.bus import open_bus
+from commd.bus.raw import RawBus, Sample
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, add_router_argument, run_daemon
 from schemas.mission.model import DEFAULT_ROUTER
+
+CATCH_UP = 1.0
+"""Wall seconds that are made up for at once after a stop of the process; the rest never happened."""
+JSON = "application/json"
+Colour = Annotated[int, Meta(ge=0, le=255)]
+Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
+log = logging.getLogger("turtle")
+
+
+class Vector(msgspec.Struct):
+    """Of geometry_msgs."""
+
+    x: Number = 0.0
+    y: Number = 0.0
+    z: Number = 0.0
+
+
+class Twist(msgspec.Struct):
+    """Of geometry_msgs: what `cmd_vel` takes."""
+
+    linear: Vector = msgspec.field(default_factory=Vector)
+    angular: Vector = msgspec.field(default_factory=Vector)
+
+
+class SetPen(msgspec.Struct):
+    """What `set_pen` takes. As in ROS, a field that is not given is zero, here and in the other messages."""
+
+    r: Colour = 0
+    g: Colour = 0
+    b: Colour = 0
+    width: Annotated[int, Meta(ge=0, le=255)] = 0
+    off: bool = False
+
+
+class TeleportAbsolute(msgspec.Struct):
+    """What `teleport_absolute` takes: metres, radians."""
+
+    x: Number = 0.0
+    y: Number = 0.0
+    theta: Number = 0.0
+
+
+class TeleportRelative(msgspec.Struct):
+    """What `teleport_relative` takes: metres ahead, after a turn by radians to the left."""
+
+    linear: Number = 0.0
+    angular: Number = 0.0
+
+
+class Nothing(msgspec.Struct):
+    """What `clear` and `reset` take."""
+
+
+class TurtleKeys:
+    """A turtle on the bus: `pose` is published, `cmd_vel` is heard, the rest is served."""
+
+    def __init__(self, turtle: Turtle, raw: RawBus, prefix: str) -> None:
+        """`prefix` stands before each key, such as `turtle1/`."""
+        self.turtle = turtle
+        self.unreadable = 0
+        """Commands of velocity that were none."""
+        self._pose = raw.publisher(f"{prefix}pose")
+        raw.subscribe(f"{prefix}cmd_vel", self._drive)
+        services: dict[str, tuple[type[msgspec.Struct], Callable[[Any], None]]] = {
+            "set_pen": (SetPen, self._set_pen),
+            "teleport_absolute": (TeleportAbsolute, lambda to: turtle.teleport(to.x, to.y, to.theta)),
+            "teleport_relative": (TeleportRelative, lambda to: turtle.teleport_by(to.linear, to.angular)),
+            "clear": (Nothing, lambda _: turtle.clear()),
+            "reset": (Nothing, lambda _: turtle.reset()),
+        }
+        for name, (request, work) in services.items():
+            raw.serve(f"{prefix}{name}", partial(_serve, request, work))
+
+    def publish(self) -> None:
+        """Say where the turtle is."""
+        self._pose.put(msgspec.json.encode(self.turtle.pose()), JSON)
+
+    def _drive(self, sample: Sample) -> None:
+        try:
+            twist = msgspec.json.decode(sample.payload, type=Twist, strict=False)
+        except (msgspec.DecodeError, RecursionError) as error:
+            self.unreadable += 1
+            if self.unreadable <= 10:
+                log.warning("%s: %s", sample.key, error)
+            return
+        self.turtle.command(twist.linear.x, twist.linear.y, twist.angular.z)
+
+    def _set_pen(self, pen: SetPen) -> None:
+        self.turtle.pen = Pen(pen.r, pen.g, pen.b, pen.width, pen.off)
+
+
+def _serve(request: type[msgspec.Struct], work: Callable[[Any], None], query: Sample) -> Sample:
+    answer: dict[str, object] = {"success": True}
+    try:
+        work(msgspec.json.decode(query.payload or b"{}", type=request, strict=False))
+    except (ValueError, RecursionError) as error:  # msgspec's are ValueErrors too
+        answer = {"success": False, "message": str(error)}
+    return Sample(query.key, msgspec.json.encode(answer), JSON)
+
+
+async def simulate(
+    turtle: Turtle,
+    endpoint: str,
+    prefix: str,
+    speed: float,
+    stop: asyncio.Event,
+    started: Callable[[], None] = lambda: None,
+) -> None:
+    """Be a turtle until `stop` is set, at `speed` times real time; poses come at 62.5 Hz at most.
+
+    `started` is called when its keys are there. Raises BusClosed if the router does not come before the stop.
+    """
+    async with open_bus(
+        endpoint, fleet="simulation", name=prefix.strip("/"), daemon="turtle", stamp=time.time_ns, stop=stop
+    ) as bus:
+        keys = TurtleKeys(turtle, bus.raw, prefix)
+        started()
+        loop = asyncio.get_running_loop()
+        seen, owed = loop.time(), 0.0
+        while not stop.is_set():
+            now = loop.time()
+            owed += min(now - seen, CATCH_UP) * speed
+            seen = now
+            while owed >= STEP:
+                turtle.step()
+                owed -= STEP
+            keys.publish()
+            await asyncio.sleep(max(0.0, STEP - (loop.time() - now)))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +162,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or SIGINT. Returns the exit code: 2 for names that are no keys."""
     from bridged.drivers.zenoh.manifest_validation import key_problem
-    from bridged.simulation.turtle.process import simulate
+    from bridged.simulation.turtle.command import simulate
     from bridged.simulation.turtle.turtle import Turtle, svg
 
     prefix = "/".join(part for part in (args.prefix, args.name) if part)

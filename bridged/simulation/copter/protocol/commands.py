@@ -11,15 +11,14 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.copter.copter import Copter
+from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_control import Drift, GoTo
 from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.flight_tasks import GoTo
 from bridged.simulation.copter.geodesy import Place
-from bridged.simulation.copter.mission import GLOBAL_FRAMES, RELATIVE_FRAMES
+from bridged.simulation.copter.mission import GLOBAL_FRAMES, RELATIVE_FRAMES, do, whole
 from bridged.simulation.copter.protocol import telemetry
-from bridged.simulation.copter.protocol.command_results import Result
-from bridged.simulation.copter.protocol.do_commands import do, whole
-from bridged.simulation.copter.protocol.notifications import Severity
-from bridged.simulation.copter.protocol.streams import Streams
+from bridged.simulation.copter.protocol.notifications import Result, Severity
+from bridged.simulation.copter.protocol.telemetry import Streams
 
 FORCE = 21196.0
 """Parameter 2 of COMPONENT_ARM_DISARM: without checks."""
@@ -56,7 +55,7 @@ class Command:
 
 
 @dataclass(slots=True)
-class Desk:
+class CommandContext:
     """What commands act on, and the messages that they answer with besides the acknowledgement."""
 
     copter: Copter
@@ -81,43 +80,43 @@ def altitude(copter: Copter, frame: int, z: float) -> float | None:
     return home.alt + z if frame in RELATIVE_FRAMES else None
 
 
-def _set_mode(desk: Desk, command: Command) -> Result:
+def _set_mode(context: CommandContext, command: Command) -> Result:
     if not whole(command.params[0]) & 1:
         return Result.DENIED
-    return desk.copter.set_mode(whole(command.params[1]))
+    return context.copter.set_mode(whole(command.params[1]))
 
 
 def _enter(mode: Mode) -> "Action":
-    return lambda desk, _: desk.copter.set_mode(mode)
+    return lambda context, _: context.copter.set_mode(mode)
 
 
-def _arm(desk: Desk, command: Command) -> Result:
+def _arm(context: CommandContext, command: Command) -> Result:
     force = command.params[1] == FORCE
     match command.params[0]:
         case 1.0:
-            return desk.copter.arm(force=force)
+            return context.copter.arm(force=force)
         case 0.0:
-            return desk.copter.disarm(force=force)
+            return context.copter.disarm(force=force)
     return Result.UNSUPPORTED
 
 
-def _run_prearm_checks(desk: Desk, command: Command) -> Result:
+def _run_prearm_checks(context: CommandContext, command: Command) -> Result:
     del command
-    if desk.copter.armed:
+    if context.copter.armed:
         return Result.TEMPORARILY_REJECTED
-    for problem in desk.copter.arming_problems():
-        desk.copter.say(f"PreArm: {problem}", Severity.CRITICAL)
+    for problem in context.copter.arming_problems():
+        context.copter.say(f"PreArm: {problem}", Severity.CRITICAL)
     return Result.ACCEPTED
 
 
-def _take_off(desk: Desk, command: Command) -> Result:
+def _take_off(context: CommandContext, command: Command) -> Result:
     if command.frame not in RELATIVE_FRAMES:
         return Result.DENIED
-    return desk.copter.take_off(command.z)
+    return context.copter.take_off(command.z)
 
 
-def _reposition(desk: Desk, command: Command) -> Result:
-    copter = desk.copter
+def _reposition(context: CommandContext, command: Command) -> Result:
+    copter = context.copter
     if not command.by_int:
         return Result.UNSUPPORTED
     above_sea = altitude(copter, command.frame, command.z)
@@ -137,19 +136,19 @@ def _reposition(desk: Desk, command: Command) -> Result:
     return Result.ACCEPTED if copter.guide(GoTo(goal, heading)) else Result.FAILED
 
 
-def _do(desk: Desk, command: Command) -> Result:
-    return do(desk.copter, command.number, command.params)
+def _do(context: CommandContext, command: Command) -> Result:
+    return do(context.copter, command.number, command.params)
 
 
-def _set_mission_item(desk: Desk, command: Command) -> Result:
-    if not desk.copter.jump_to(whole(command.params[0])):
+def _set_mission_item(context: CommandContext, command: Command) -> Result:
+    if not context.copter.jump_to(whole(command.params[0])):
         return Result.FAILED
-    desk.after.append(telemetry.mission_current(desk.copter))
+    context.after.append(telemetry.mission_current(context.copter))
     return Result.ACCEPTED
 
 
-def _set_home(desk: Desk, command: Command) -> Result:
-    copter = desk.copter
+def _set_home(context: CommandContext, command: Command) -> Result:
+    copter = context.copter
     if command.params[0] == 1.0:
         copter.set_home(copter.place)
         return Result.ACCEPTED
@@ -163,56 +162,56 @@ def _set_home(desk: Desk, command: Command) -> Result:
     return Result.ACCEPTED
 
 
-def _reboot(desk: Desk, command: Command) -> Result:
+def _reboot(context: CommandContext, command: Command) -> Result:
     if command.params[0] not in (1.0, 3.0):
         return Result.UNSUPPORTED
-    if desk.copter.armed:
+    if context.copter.armed:
         return Result.FAILED
-    desk.reboot_wanted = True
+    context.reboot_wanted = True
     return Result.ACCEPTED
 
 
-def _start_mission(desk: Desk, command: Command) -> Result:
+def _start_mission(context: CommandContext, command: Command) -> Result:
     del command
-    return desk.copter.start_mission()
+    return context.copter.start_mission()
 
 
 def _send(message: int) -> "Action":
-    def action(desk: Desk, command: Command) -> Result:
+    def action(context: CommandContext, command: Command) -> Result:
         del command
-        built = telemetry.BUILDERS[message](desk.copter)
+        built = telemetry.BUILDERS[message](context.copter)
         if built is None:
             return Result.FAILED
-        desk.after.append(built)
+        context.after.append(built)
         return Result.ACCEPTED
 
     return action
 
 
-def _request_message(desk: Desk, command: Command) -> Result:
+def _request_message(context: CommandContext, command: Command) -> Result:
     wanted = whole(command.params[0])
-    return _send(wanted)(desk, command) if wanted in telemetry.BUILDERS else Result.FAILED
+    return _send(wanted)(context, command) if wanted in telemetry.BUILDERS else Result.FAILED
 
 
-def _set_interval(desk: Desk, command: Command) -> Result:
+def _set_interval(context: CommandContext, command: Command) -> Result:
     wanted, interval_us = whole(command.params[0]), command.params[1]
     if not math.isfinite(interval_us):
         return Result.DENIED
-    if desk.streams.set(wanted, interval_us, desk.copter.now):
+    if context.streams.set(wanted, interval_us, context.copter.now):
         return Result.ACCEPTED
-    desk.copter.say(f"No ap_message for mavlink id ({wanted})")
+    context.copter.say(f"No ap_message for mavlink id ({wanted})")
     return Result.DENIED
 
 
-def _get_interval(desk: Desk, command: Command) -> Result:
+def _get_interval(context: CommandContext, command: Command) -> Result:
     wanted = whole(command.params[0])
     if not 0 <= wanted <= 65535:
         return Result.FAILED
-    desk.ahead.append(dialect.MAVLink_message_interval_message(wanted, desk.streams.interval_us(wanted)))
-    return Result.ACCEPTED if desk.streams.knows(wanted) else Result.FAILED
+    context.ahead.append(dialect.MAVLink_message_interval_message(wanted, context.streams.interval_us(wanted)))
+    return Result.ACCEPTED if context.streams.knows(wanted) else Result.FAILED
 
 
-Action = Callable[[Desk, Command], Result]
+Action = Callable[[CommandContext, Command], Result]
 
 _ACTIONS: dict[int, Action] = {
     dialect.MAV_CMD_NAV_LOITER_UNLIM: _enter(Mode.LOITER),
@@ -239,3 +238,77 @@ _ACTIONS: dict[int, Action] = {
     dialect.MAV_CMD_REQUEST_MESSAGE: _request_message,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: _send(148),
 }
+
+
+_IGNORE_POSITION, _IGNORE_VELOCITY = 0b111, 0b111000
+_IGNORE_YAW, _IGNORE_YAW_RATE = 1 << 10, 1 << 11
+"""Bits of type_mask (POSITION_TARGET_TYPEMASK)."""
+
+_LOCAL, _LOCAL_OFFSET, _BODY, _BODY_OFFSET = 1, 7, 8, 9
+"""Coordinate frames of SET_POSITION_TARGET_LOCAL_NED (MAV_FRAME)."""
+
+FASTEST = 100.0
+"""m/s; a velocity beyond is nonsense."""
+
+
+def global_setpoint(copter: Copter, message: dialect.MAVLink_message) -> None:
+    """SET_POSITION_TARGET_GLOBAL_INT: one goal, or a velocity."""
+    frame, mask = message.coordinate_frame, message.type_mask
+    if frame not in GLOBAL_FRAMES + RELATIVE_FRAMES:
+        copter.say(f"Unknown mavlink coordinate frame {frame}")
+        return
+    if mask & _IGNORE_POSITION:
+        _drift(copter, message, (message.vx, message.vy, message.vz))
+        return
+    above_sea = altitude(copter, frame, message.alt)
+    if above_sea is None:
+        return
+    try:
+        goal = copter.chart.vector(Place(message.lat_int / 1e7, message.lon_int / 1e7, above_sea))
+    except ValueError:
+        return
+    copter.guide(GoTo(goal, _heading(message)))
+
+
+def local_setpoint(copter: Copter, message: dialect.MAVLink_message) -> None:
+    """SET_POSITION_TARGET_LOCAL_NED: metres from the origin, or from here; or a velocity."""
+    frame, mask = message.coordinate_frame, message.type_mask
+    if frame not in (_LOCAL, _LOCAL_OFFSET, _BODY, _BODY_OFFSET):
+        return
+    north, east, down = message.x, message.y, message.z
+    velocity = (message.vx, message.vy, message.vz)
+    if frame in (_BODY, _BODY_OFFSET):
+        north, east = _turned(copter, north, east)
+        velocity = (*_turned(copter, message.vx, message.vy), message.vz)
+    if mask & _IGNORE_POSITION:
+        _drift(copter, message, velocity)
+        return
+    if not all(math.isfinite(metres) and abs(metres) < 1e5 for metres in (north, east, down)):
+        return
+    goal = Vector(north, east, -down)
+    if frame != _LOCAL:
+        here = copter.motion.position
+        goal = Vector(here.north + north, here.east + east, here.up - down)
+    copter.guide(GoTo(goal, _heading(message)))
+
+
+def _drift(copter: Copter, message: dialect.MAVLink_message, velocity: tuple[float, float, float]) -> None:
+    if message.type_mask & _IGNORE_VELOCITY:
+        return
+    if not all(math.isfinite(speed) and abs(speed) <= FASTEST for speed in velocity):
+        return
+    expires = copter.now + max(0.1, copter.parameters["GUID_TIMEOUT"])
+    rate = None if message.type_mask & _IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate) else message.yaw_rate
+    north, east, down = velocity
+    copter.guide(Drift(Vector(north, east, -down), expires, _heading(message), rate))
+
+
+def _heading(message: dialect.MAVLink_message) -> float | None:
+    if message.type_mask & _IGNORE_YAW or not math.isfinite(message.yaw):
+        return None
+    return float(message.yaw) % (2 * math.pi)
+
+
+def _turned(copter: Copter, forward: float, right: float) -> tuple[float, float]:
+    cos, sin = math.cos(copter.motion.heading), math.sin(copter.motion.heading)
+    return forward * cos - right * sin, forward * sin + right * cos

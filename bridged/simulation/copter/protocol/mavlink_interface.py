@@ -10,6 +10,9 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bridged.drivers.mavlink.transport.framing import Gate
+from bridged.drivers.mavlink.transport.signed_streams import LATEST
+from bridged.drivers.mavlink.transport.signing import Signing
 from bridged.simulation.copter.battery import CHARGE_S
 from bridged.simulation.copter.boot import BootKind, Milestone
 from bridged.simulation.copter.copter import Copter
@@ -17,8 +20,8 @@ from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.fault_injection import Character, Faults
 from bridged.simulation.copter.geodesy import Place
 from bridged.simulation.copter.mission import Mission
-from bridged.simulation.copter.protocol import setpoints, telemetry
-from bridged.simulation.copter.protocol.commands import Command, Desk
+from bridged.simulation.copter.protocol import telemetry
+from bridged.simulation.copter.protocol.commands import Command, CommandContext, global_setpoint, local_setpoint
 from bridged.simulation.copter.protocol.mission_protocol import MissionProtocol
 from bridged.simulation.copter.protocol.notifications import (
     Event,
@@ -26,11 +29,63 @@ from bridged.simulation.copter.protocol.notifications import (
     ItemReached,
     ModeChanged,
     ParameterChanged,
+    Severity,
     Text,
 )
 from bridged.simulation.copter.protocol.parameters import Parameter, Parameters
-from bridged.simulation.copter.protocol.signing import Seal
-from bridged.simulation.copter.protocol.streams import Streams
+from bridged.simulation.copter.protocol.telemetry import Streams
+
+UNSIGNED_TAKEN = frozenset((dialect.MAVLINK_MSG_ID_RADIO_STATUS, dialect.MAVLINK_MSG_ID_RADIO))
+"""What telemetry radios put on a link by themselves; they have no key (ArduPilot takes it everywhere)."""
+
+OPEN_CHANNEL = 0
+"""The first link of an autopilot, its USB plug: whoever has hands on it needs no signature (ArduPilot), unless the
+vehicle was started with a key."""
+
+
+class SigningState:
+    """The key of one vehicle, if it has one. It survives a reboot."""
+
+    def __init__(self, key: bytes | None = None) -> None:
+        self.everywhere = key is not None
+        """Whether signatures are asked for on the first link too."""
+        self.signing = Signing(key) if key is not None else None
+
+    def set_up(self, message: dialect.MAVLink_message, copter: Copter) -> None:
+        """SETUP_SIGNING: from now on the vehicle signs; a key of zeros ends it. Refused with motors on (ArduPilot)."""
+        if copter.armed:
+            copter.say("ERROR: Won't setup signing when armed", Severity.CRITICAL)
+            return
+        key = bytes(message.secret_key)
+        if not any(key) and message.initial_timestamp == 0:
+            self.signing = None
+            return
+        if message.initial_timestamp > LATEST:
+            copter.say("ERROR: signing timestamp beyond 48 bits", Severity.CRITICAL)
+            return
+        self.signing = Signing(key)
+        self.signing.timestamps.heard(message.initial_timestamp)
+
+    def gate(self, channel: int) -> Gate:
+        """What a link asks about the packets that come in."""
+        return _SigningGate(self, channel)
+
+
+class _SigningGate(Gate):
+    def __init__(self, state: SigningState, channel: int) -> None:
+        self._state = state
+        self._open = channel == OPEN_CHANNEL
+        self._message = 0
+
+    def wants(self, system: int, message_id: int) -> bool:
+        self._message = message_id  # of the packet about which `signing` is asked next
+        return True
+
+    def signing(self, system: int) -> Signing | None:
+        if self._message in UNSIGNED_TAKEN or (self._open and not self._state.everywhere):
+            return None
+        return self._state.signing
+
 
 COMPONENT = 1
 """Component id of the autopilot (MAV_COMP_ID_AUTOPILOT1)."""
@@ -105,7 +160,7 @@ class Vehicle:
         if not 1 <= system <= 255:
             raise ValueError(f"a system id lies between 1 and 255, got {system}")
         self.system = system
-        self.seal = Seal(key)
+        self.signing_state = SigningState(key)
         self.age = 0.0
         """Vehicle seconds since it was switched on the first time."""
         self.reboots = 0
@@ -284,9 +339,9 @@ class Vehicle:
                 if message.base_mode & 1:  # never acknowledged (recorded)
                     self.copter.set_mode(message.custom_mode)
             case "SET_POSITION_TARGET_GLOBAL_INT":
-                setpoints.global_setpoint(self.copter, message)
+                global_setpoint(self.copter, message)
             case "SET_POSITION_TARGET_LOCAL_NED":
-                setpoints.local_setpoint(self.copter, message)
+                local_setpoint(self.copter, message)
             case "RC_CHANNELS_OVERRIDE":
                 self.copter.transmitter.override(message, self.copter.now)
             case "REQUEST_DATA_STREAM":
@@ -298,19 +353,19 @@ class Vehicle:
             case "PARAM_REQUEST_READ" | "PARAM_REQUEST_LIST" | "PARAM_SET":
                 return self._parameter(message, kind, channel)
             case "SETUP_SIGNING":
-                self.seal.set_up(message, self.copter)
+                self.signing_state.set_up(message, self.copter)
             case _ if kind in _MISSION_MESSAGES:
                 return self._mission.receive(message)
         return []
 
     def _command(self, message: dialect.MAVLink_message, command: Command, channel: Channel) -> Messages:
-        desk = Desk(self.copter, channel.streams)
-        result = desk.carry_out(command)
+        context = CommandContext(self.copter, channel.streams)
+        result = context.carry_out(command)
         sender = (message.get_srcSystem(), message.get_srcComponent())
         ack = dialect.MAVLink_command_ack_message(command.number, int(result), 0, 0, *sender)
-        if desk.reboot_wanted:
+        if context.reboot_wanted:
             self._reboot_in = REBOOT_SILENCE_S
-        return [*desk.ahead, ack, *desk.after]
+        return [*context.ahead, ack, *context.after]
 
     def _parameter(self, message: dialect.MAVLink_message, kind: str, channel: Channel) -> Messages:
         parameters = self.copter.parameters

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.copter.copter import Copter
+from bridged.simulation.copter.flight_control import GoTo
 from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.flight_tasks import GoTo
-from bridged.simulation.copter.mission import KNOWN, RETURN_TO_LAUNCH, Item, goal_of
+from bridged.simulation.copter.mission import KNOWN, Item, goal_of
 from bridged.simulation.copter.protocol import telemetry
 from bridged.simulation.copter.protocol.notifications import Severity
 
@@ -192,6 +192,6 @@ def _item_of(message: dialect.MAVLink_message) -> Item | None:
         value if math.isfinite(value) else 0.0 for value in (message.param1, message.param2, message.param3)
     )
     params = (first, second, third, 0.0)
-    if message.command == RETURN_TO_LAUNCH:  # stored without a place (recorded)
+    if message.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:  # stored without a place (recorded)
         return Item(message.seq, 0, message.command, params, 0, 0, 0.0)
     return Item(message.seq, message.frame, message.command, params, x, y, message.z, int(bool(message.autocontinue)))

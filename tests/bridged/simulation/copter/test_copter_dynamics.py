@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_control import Landed
 from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.flight_tasks import Landed
 from tests.bridged.virtual_copter import Station
 
 RECORDED: dict[str, Any] = json.loads((Path(__file__).parents[3] / "data" / "dynamics.json").read_text())

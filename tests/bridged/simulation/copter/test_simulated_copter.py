@@ -8,8 +8,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.simulation.copter.dynamics import Vector
+from bridged.simulation.copter.flight_control import Landed
 from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.flight_tasks import Landed
 from bridged.simulation.copter.geodesy import FlatMap
 from tests.bridged.virtual_copter import FIELD, Station
 

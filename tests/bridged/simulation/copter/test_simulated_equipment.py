@@ -13,8 +13,8 @@ from bridged.drivers.mavlink.transport.signing import Signing, key_of, now_10us
 from bridged.simulation.copter.battery import ChargeState
 from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.fault_injection import Faults
+from bridged.simulation.copter.flight_control import Landed
 from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.flight_tasks import Landed
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from bridged.simulation.copter.protocol.parameters import Parameters
 from tests.bridged.virtual_copter import FIELD, Station
@@ -251,7 +251,7 @@ def packet(signing: Signing | None, message: dialect.MAVLink_message) -> bytes:
 def taken(vehicle: Vehicle, channel: int, data: bytes) -> tuple[int, int]:
     """How many packets the vehicle takes on a channel, and how many it refuses."""
     counters = WireCounters()
-    messages = Framer(counters, gate=vehicle.seal.gate(channel)).feed_datagram(data)
+    messages = Framer(counters, gate=vehicle.signing_state.gate(channel)).feed_datagram(data)
     return len(messages), counters.refused
 
 
@@ -273,19 +273,19 @@ def setup_signing(station: Station, key: bytes, timestamp: int) -> None:
 def test_a_vehicle_that_gets_a_key_signs_and_keeps_its_first_link_open() -> None:
     station = Station()
     vehicle = station.vehicle
-    assert vehicle.seal.signing is None
+    assert vehicle.signing_state.signing is None
     ahead = now_10us() + 10 * MINUTE
     setup_signing(station, KEY, ahead)
-    assert vehicle.seal.signing is not None
-    assert vehicle.seal.signing.timestamps.next() > ahead
+    assert vehicle.signing_state.signing is not None
+    assert vehicle.signing_state.signing.timestamps.next() > ahead
     unsigned = packet(None, dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
     assert taken(vehicle, 0, unsigned) == (1, 0)
     assert taken(vehicle, 1, unsigned) == (0, 1)
     assert station.command(246, 1) == ACCEPTED
     station.wait(5.0)
-    assert vehicle.seal.signing is not None
+    assert vehicle.signing_state.signing is not None
     setup_signing(station, bytes(32), 0)
-    assert station.vehicle.seal.signing is None
+    assert station.vehicle.signing_state.signing is None
 
 
 def test_a_key_is_refused_with_motors_on() -> None:
@@ -293,7 +293,7 @@ def test_a_key_is_refused_with_motors_on() -> None:
     station.guided()
     station.command(400, 1)
     setup_signing(station, KEY, 1)
-    assert station.vehicle.seal.signing is None
+    assert station.vehicle.signing_state.signing is None
     assert "ERROR: Won't setup signing when armed" in station.texts()
 
 

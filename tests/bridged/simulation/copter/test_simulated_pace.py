@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bridged.simulation.copter.realtime_monitor import LATE_S, RealtimeMonitor
+from bridged.simulation.copter.process import LATE_S, RealtimeMonitor
 
 
 def test_a_vehicle_that_keeps_up_says_nothing() -> None:

@@ -8,10 +8,10 @@ import pytest
 
 from bridged.simulation.copter.camera import LOOK_S, MEMORY, Camera
 from bridged.simulation.copter.dynamics import Vector
-from bridged.simulation.copter.flight_tasks import Landed
+from bridged.simulation.copter.flight_control import Landed
 from bridged.simulation.copter.geodesy import Place
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
-from bridged.simulation.copter.servo_log import ServoLog, read_moves
+from bridged.simulation.copter.servo_outputs import ServoLog, read_moves
 from bridged.simulation.copter.world import APART, Area, Victim, victims_of
 from schemas.geo import distance
 from tests.bridged.virtual_copter import FIELD, Station
