@@ -110,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
     from bridged.simulation.copter.fault_injection import Faults
     from bridged.simulation.copter.process import simulate
     from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
-    from bridged.simulation.copter.servo_outputs import ServoLog
+    from bridged.simulation.copter.world import ServoLog
 
     if (args.camera is None) != (args.victims is None):
         print("bridged simulate: error: a camera needs --victims, and victims need a --camera", file=sys.stderr)

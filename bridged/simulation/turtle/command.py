@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from bridged.simulation.turtle.turtle import STEP, Pen, Turtle
+from bridged.simulation.turtle.turtle import STEP, Pen, Turtle, svg
 from commd.bus.bus import open_bus
 from commd.bus.raw import RawBus, Sample
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, add_router_argument, run_daemon
@@ -162,8 +162,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or SIGINT. Returns the exit code: 2 for names that are no keys."""
     from bridged.drivers.zenoh.manifest_validation import key_problem
-    from bridged.simulation.turtle.command import simulate
-    from bridged.simulation.turtle.turtle import Turtle, svg
 
     prefix = "/".join(part for part in (args.prefix, args.name) if part)
     if problem := key_problem(prefix):

@@ -11,8 +11,7 @@ from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.flight_control import Landed
 from bridged.simulation.copter.geodesy import Place
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
-from bridged.simulation.copter.servo_outputs import ServoLog, read_moves
-from bridged.simulation.copter.world import APART, Area, Victim, victims_of
+from bridged.simulation.copter.world import APART, Area, ServoLog, Victim, read_moves, victims_of
 from schemas.geo import distance
 from tests.bridged.virtual_copter import FIELD, Station
 
