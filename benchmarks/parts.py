@@ -54,7 +54,6 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("usage", "benchmarks.paper.usage", 30),
     Part("scale", "benchmarks.scale.part", 9),
     Part("crowd", "benchmarks.crowd.part", 5),
-    Part("routers", "benchmarks.routers.part", 3),
     Part("loop", "benchmarks.loop.part", 4),
     Part("startup", "benchmarks.startup.part", 2),
     Part("footprint", "benchmarks.startup.footprints", 1.5),

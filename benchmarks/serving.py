@@ -6,6 +6,9 @@ for the bridge's word. What is measured is what they hold and do before anything
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +20,7 @@ from benchmarks.results import ROOT
 from benchmarks.watched import Watched, watched_command
 from tests.support.ports import free_port
 
+CODE: Final = ("schemas", "commd", "bridged", "agentd", "argosy", "missions", "manifests")
 FIRST: Final = "the first plan runs"
 """What the first plan prints."""
 HEARD: Final = "the bridge is there"
@@ -146,3 +150,23 @@ def serving(site: Site, name: str, before: tuple[str, ...] = ()) -> Iterator[Wat
     with watched_command(name, [*before, *site.command(name)]) as found:
         found.says(kind(name).says)
         yield found
+
+
+def copied(folder: Path, *, compiled: bool) -> Path:
+    """Copy the code into a folder, with its byte code or without any. Returns where it is.
+
+    What byte code there is already is copied with the times of its files, by which Python knows whether it is right.
+    """
+    left = ("*.pyc.*",) if compiled else ("__pycache__",)  # another process may be writing the former
+    for name in CODE:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns(*left))
+    if compiled:
+        subprocess.run([sys.executable, "-m", "compileall", "-q", str(folder)], check=True)
+    return folder
+
+
+def environment(code: Path) -> tuple[str, ...]:
+    """Return what stands before a command so that it runs the code of a folder, and leaves that as it is."""
+    return ("env", f"PYTHONPATH={code}", "PYTHONDONTWRITEBYTECODE=1")

@@ -11,9 +11,8 @@ import pytest
 
 from benchmarks import results
 from benchmarks.processes import lines, memory, started
-from benchmarks.serving import NAMES
+from benchmarks.serving import NAMES, copied
 from benchmarks.startup import footprints
-from benchmarks.startup.cold import copied
 
 BARE = 3.3
 """Times a Python that does nothing: what a session with a router takes."""

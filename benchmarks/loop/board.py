@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import json
 import queue
-import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -34,7 +33,6 @@ agents:
 robots:
   bot: {{manifest: loop.toml, prefix: robot}}
 router: {{endpoint: {endpoint}}}
-wire: {wire}
 """
 _MANIFEST: Final = """\
 [robot]
@@ -90,8 +88,8 @@ def payload(number: int, of: int = 0) -> bytes:
     return json.dumps({"n": number, "of": of} if of else {"n": number}).encode()
 
 
-class Ears:
-    """What comes to a key of the robot: numbers, each with the moment (ns, monotonic) at which it was there."""
+class Receiver:
+    """The numbers that arrive on a key of the robot, each with its monotonic time in ns."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self._came: queue.SimpleQueue[tuple[int, int]] = queue.SimpleQueue()
@@ -123,14 +121,13 @@ class Ears:
 class Board:
     """What runs, and the robot's session."""
 
-    endpoint: str
     session: zenoh.Session
+    endpoint: str
     router: Watched
     bridge: Watched
     agent: Watched
-    folder: Path
-    pong: Ears
-    seen: Ears
+    pong: Receiver
+    seen: Receiver
 
     def put(self, source: str, number: int, of: int = 0) -> None:
         """Let the robot say something."""
@@ -142,29 +139,21 @@ class Board:
 
 
 @contextmanager
-def board(
-    *, kept: bool = True, wire: str = "json", stamped: Mapping[str, Path] | None = None, program: str = PROGRAM
-) -> Iterator[Board]:
+def board(*, kept: bool = True) -> Iterator[Board]:
     """Run router, bridge and agent while the block lasts. Raises BenchmarkFailed.
 
-    `kept`: the agent is kept on disk, as agents are if nobody says otherwise. `stamped` names the files into which the
-    daemons of a name write when they passed where (`benchmarks.loop.stamps`).
+    `kept`: the agent is kept on disk, which is the default of a mission.
     """
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         mission = folder / "loop.yaml"
-        restart = "" if kept else ", on_restart: fresh"
-        mission.write_text(_MISSION.format(endpoint=endpoint, wire=wire, restart=restart))
+        mission.write_text(_MISSION.format(endpoint=endpoint, restart="" if kept else ", on_restart: fresh"))
         (folder / "loop.toml").write_text(_MANIFEST)
-        (folder / "loop.asl").write_text(program)
+        (folder / "loop.asl").write_text(PROGRAM)
 
         def daemon(name: str, words: str, *more: str) -> Watched:
-            began: Sequence[str] = ("-m", name)
-            if stamped is not None and name in stamped:
-                began = ("-m", "benchmarks.loop.stamps", str(stamped[name]), name)
-            one = stack.enter_context(watched(name, *began, "serve", str(mission), *more))
-            stack.callback(_ended, one)
+            one = stack.enter_context(watched(name, "-m", name, "serve", str(mission), *more))
             one.says(words)
             return one
 
@@ -173,10 +162,10 @@ def board(
         bridge = daemon("bridged", "serving bot", *state)
         agent = daemon("agentd", "bridge_up", *state)
         session = stack.enter_context(zenoh.open(session_config("client", endpoint, "robot")))
-        pong, seen = Ears(session, "robot/pong"), Ears(session, "robot/seen")
+        pong, seen = Receiver(session, "robot/pong"), Receiver(session, "robot/seen")
         stack.callback(pong.close)
         stack.callback(seen.close)
-        made = Board(endpoint, session, router, bridge, agent, folder, pong, seen)
+        made = Board(session, endpoint, router, bridge, agent, pong, seen)
         _until_it_answers(made)
         yield made
 
@@ -187,10 +176,3 @@ def _until_it_answers(board: Board) -> None:
         if board.seen.when(number, 1.0) is not None:
             return
     raise BenchmarkFailed(f"the agent does not answer; last:\n{board.last_words()}")
-
-
-def _ended(one: Watched) -> None:
-    """Let a daemon end by itself: what was stamped is written then. One that does not is killed with its block."""
-    one.process.terminate()
-    with suppress(subprocess.TimeoutExpired):
-        one.process.wait(PATIENCE)

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 import msgspec
 
-from benchmarks.loop import stages
 from benchmarks.loop.board import Board, board, payload
-from benchmarks.loop.raw import Raw, Sizes, raw
+from benchmarks.loop.raw import Sizes, raw
 from benchmarks.processes import BenchmarkFailed
 from schemas.wire.records import Action, ActionStatus, Header, Perception
 
 PAUSE: Final = 0.008
 """Seconds between two exchanges: what one leaves to be done (an id synced to the disk) must not slow the next."""
 WARM_UP: Final = 50
-UNSTAMPED: Final = 0.02
-"""Of the loops so many may lack a stamp (and one in any case): they are left out, and the page tells how many."""
 
 
 @dataclass
@@ -35,13 +30,6 @@ class Turns:
     """From the robot's sample to the action of its agent at the robot."""
     seen: list[float] = field(default_factory=list)
     """From the robot's sample to the next action of the plan at the robot."""
-    stages: list[list[float]] = field(default_factory=list)
-    """Of each stage of `benchmarks.loop.stages`; with stamps only."""
-
-    @property
-    def loop(self) -> list[float]:
-        """From the robot's sample to where the plan goes on after the action's status; with stamps only."""
-        return [sum(one) for one in zip(*self.stages, strict=True)]
 
 
 def sizes() -> Sizes:
@@ -58,42 +46,28 @@ def sizes() -> Sizes:
     return Sizes(len(payload(1000)), *(len(msgspec.json.encode(record)) for record in records))
 
 
-def measure(turns: int, *, kept: bool = True, stamped: bool = False, pause: float = PAUSE) -> Turns:
+def measure(turns: int, *, kept: bool = True, pause: float = PAUSE) -> Turns:
     """Run the loop and the bare exchanges so often, one after the other. Raises BenchmarkFailed."""
-    with TemporaryDirectory() as folder:
-        files = {name: Path(folder) / f"{name}.json" for name in ("bridged", "agentd")}
-        found, windows = Turns(), list[tuple[int, int]]()
-        with (
-            board(kept=kept, stamped=files if stamped else None) as ours,
-            raw(ours.endpoint, ours.session, sizes()) as bare,
-        ):
-            for _ in range(WARM_UP):
-                bare.put_and_back()
-                bare.ask()
-            for number in range(1, WARM_UP + 1):
-                _loop(ours, number)
-            for number in range(WARM_UP + 1, WARM_UP + turns + 1):
-                windows.append(_turn(ours, bare, number, found, pause))
-        if stamped:
-            found.stages = stages.split(stages.read(files.values()), windows)
-            if turns - len(found.stages[0]) > max(2, UNSTAMPED * turns):
-                raise BenchmarkFailed(f"only {len(found.stages[0])} of {turns} loops have all stamps")
+    found = Turns()
+    with board(kept=kept) as ours, raw(ours.endpoint, ours.session, sizes()) as bare:
+        for number in range(1, WARM_UP + 1):
+            bare.put_and_back()
+            bare.ask()
+            _loop(ours, number)
+        for number in range(WARM_UP + 1, WARM_UP + turns + 1):
+            found.put.append(bare.put_and_back() / 1000)
+            time.sleep(pause)
+            found.ask.append(bare.ask() / 1000)
+            time.sleep(pause)
+            begun, pong, seen = _loop(ours, number)
+            found.pong.append((pong - begun) / 1000)
+            found.seen.append((seen - begun) / 1000)
+            time.sleep(pause)
     return found
 
 
-def _turn(ours: Board, bare: Raw, number: int, found: Turns, pause: float) -> tuple[int, int]:
-    found.put.append(bare.put_and_back() / 1000)
-    time.sleep(pause)
-    found.ask.append(bare.ask() / 1000)
-    time.sleep(pause)
-    begun, pong, seen = _loop(ours, number)
-    found.pong.append((pong - begun) / 1000)
-    found.seen.append((seen - begun) / 1000)
-    time.sleep(pause)
-    return begun, seen
-
-
 def _loop(ours: Board, number: int) -> tuple[int, int, int]:
+    """Run the loop once. Returns the monotonic time in ns of the sample and of both actions. Raises BenchmarkFailed."""
     begun = time.monotonic_ns()
     ours.put("ping", number)
     pong, seen = ours.pong.when(number), ours.seen.when(number)

@@ -18,8 +18,7 @@ from benchmarks.held import alone, pss
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, memory
 from benchmarks.results import Origin
-from benchmarks.serving import NAMES, Site, serving
-from benchmarks.startup.cold import copied, environment
+from benchmarks.serving import NAMES, Site, copied, environment, serving
 from benchmarks.watched import Watched
 
 REPEATS: Final = 3

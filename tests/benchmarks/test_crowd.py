@@ -1,4 +1,4 @@
-"""Parts "crowd" and "routers": small ones are measured for real, and pages say what the figures say."""
+"""Part "crowd": a small one is measured for real, and pages say what the figures say."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ from pathlib import Path
 from benchmarks.crowd import part as crowds
 from benchmarks.crowd.run import Crowd, Loaded, crowd
 from benchmarks.results import Origin
-from benchmarks.routers import part as routers
-from benchmarks.routers.load import Load, payload
-from benchmarks.routers.part import Stretch
 from benchmarks.spread import Spread
 
 ORIGIN = Origin("2026-01-01", "a machine", 2, 8.0, "Linux", "3.11", {}, "abc", 0.0, 0.0, "make bench")
@@ -68,35 +65,3 @@ def test_questions_that_were_not_answered_are_told_and_miss_the_goal() -> None:
     assert "| 1,000 | 2,000 | 987 |" in text
     assert "questions asked at once were still not answered" in text
     assert crowds.pictures(figures)
-
-
-def _routers(silent: float) -> routers.Figures:
-    sizes = {"a percept, nobody listens there": silent, "a percept, somebody listens there": 200.0}
-    links = {"n2-n1": 30.0, "n1-s1": 2000.0, "s1-s2": 10.0}
-    starting = {"n2-n1": 5000, "n1-s1": 6000, "s1-s2": 7000}
-    loads = [Load(1000, 1000, 1000, 2, 1, 1), Load(0, 500_000, 100_000, 100, 100, 100)]
-    return routers.Figures(2, 1.0, sizes, [Stretch("flying", 10, links)], starting, len(payload()), loads, 25.0)
-
-
-def test_percepts_that_cross_without_a_listener_miss_the_goal() -> None:
-    assert [goal.met for goal in routers.goals(_routers(1.0))] == [True]
-    for silent in (150.0, -150.0):
-        (missed,) = routers.goals(_routers(silent))
-        assert not missed.met
-        assert "Tried: " in missed.why
-
-
-def test_a_count_that_saw_no_percept_does_not_meet_the_goal() -> None:
-    figures = _routers(0.0)
-    figures.sizes["a percept, somebody listens there"] = 0.0
-    (goal,) = routers.goals(figures)
-    assert not goal.met
-    assert goal.found.startswith("not counted")
-
-
-def test_the_page_of_the_routers_tells_what_crosses_and_when_one_is_full() -> None:
-    text = routers.blocks(ORIGIN, _routers(1.0))["routers"]
-    assert "| flying | 30 | 2,000 | 10 |" in text
-    assert "50,000 percepts a second" in text  # 1,000 a second take 2 % of a core
-    assert "**about 2,000 UAVs**" in text, "of 25 percepts a second each"
-    assert routers.pictures(_routers(1.0)).keys() == {"routers-links"}

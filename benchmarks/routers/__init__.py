@@ -1,1 +1,0 @@
-"""What crosses the links of a fleet of several routers, and what one router takes on."""
