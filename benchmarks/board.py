@@ -18,9 +18,8 @@ from typing import Final
 from argosy.processes.process_table import Process, plan
 from benchmarks import plots
 from benchmarks.flights import setup_in, start_all, with_one_process
-from benchmarks.held import alone, pss
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed
+from benchmarks.processes import BenchmarkFailed, alone, pss
 from benchmarks.results import Origin
 from benchmarks.watched import Watched
 

@@ -20,11 +20,13 @@ from typing import Final, Literal
 
 from argosy.processes.process_table import Kind, Process, Setup, places, plan, python_command
 from argosy.simulate.referee import judge_run
-from benchmarks.minds import done
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.watched import Watched, watched_command
-from commd.bus.bus import open_bus
+from commd.bus.bus import Bus, open_bus
+from commd.bus.errors import QueryFailed
 from schemas.mission.model import Mission, load_mission
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
 from tests.support.ports import free_port
 
 MISSIONS: Final = Path(__file__).parent.parent / "missions"
@@ -245,3 +247,17 @@ def start_all(
         started.append((process, watched))
         if process.kind.name == "commd":
             watched.says(READY["commd"])
+
+
+ANSWER: Final = 2.0
+"""Wall seconds for an answer of a mind."""
+
+
+async def done(bus: Bus, agent: str) -> bool:
+    """Return whether the `done` formulas of an agent hold; a look that shows next to nothing else, to cost little."""
+    key = f"{keys.mind(bus.fleet, agent)}?last=0;beliefs=0;about=nothing"
+    try:
+        view = await bus.ask_one(key, None, MindView, ANSWER)
+    except QueryFailed:
+        return False
+    return bool(view.done) and all(view.done.values())

@@ -51,7 +51,7 @@ class Part:
 
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.paper.sizes", 0.1),
-    Part("usage", "benchmarks.paper.usage", 30),
+    Part("usage", "benchmarks.paper.usage_page", 30),
     Part("scale", "benchmarks.scale.part", 9),
     Part("crowd", "benchmarks.crowd.part", 5),
     Part("loop", "benchmarks.loop.part", 4),

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from benchmarks.held import MEGABYTE
+from benchmarks.processes import MEGABYTE
 
 PAPER: Final = "Embedded Architecture Composed of Cognitive Agents and ROS for Programming Intelligent Robots"
 PI_MEMORY: Final = 975.7

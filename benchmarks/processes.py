@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import array
 import os
 import re
 import select
@@ -9,13 +10,11 @@ import signal
 import statistics
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
-
-from benchmarks.held import MEGABYTE
 
 PATIENCE: Final = 600.0
 """Seconds after which a process that has not ended is killed and the run is called failed."""
@@ -147,3 +146,47 @@ def until_line(command: list[str], word: str, settle: float = 0.0) -> tuple[floa
                     time.sleep(settle)
                 return spent, memory(process.pid, "VmRSS")
     raise BenchmarkFailed(f"{' '.join(command)}: ended without printing {word}")
+
+
+MEGABYTE: Final = 1_000_000
+"""Bytes: MB is 10^6 of them in all results and on all pages."""
+_PAGE: Final = 4096
+_PRESENT: Final = 1 << 63
+_FRAME: Final = (1 << 55) - 1
+
+
+def pss(pids: Iterable[int]) -> float:
+    """Return the proportional set size of processes in MB: what they share with others is counted in parts."""
+    return sum(_pss(pid) for pid in pids) * 1024 / MEGABYTE
+
+
+def _pss(pid: int) -> int:
+    for line in Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines():
+        if line.startswith("Pss:"):
+            return int(line.split()[1])
+    raise OSError(f"no Pss of process {pid}")
+
+
+def alone(pids: Iterable[int]) -> float | None:
+    """Return what processes hold in MB if nobody else shares anything with them: each page frame is counted once.
+
+    None where the kernel does not tell the frames (it tells root).
+    """
+    frames: set[int] = set()
+    for pid in pids:
+        frames |= _frames(pid)
+    return None if frames <= {0} else len(frames) * _PAGE / MEGABYTE
+
+
+def _frames(pid: int) -> set[int]:
+    found: set[int] = set()
+    with open(f"/proc/{pid}/maps", encoding="utf-8") as maps, open(f"/proc/{pid}/pagemap", "rb", 0) as pages:
+        for line in maps:
+            if "[v" in line:  # the kernel's own pages
+                continue
+            begin, end = (int(address, 16) for address in line.split()[0].split("-"))
+            pages.seek(begin // _PAGE * 8)
+            entries = array.array("Q")
+            entries.frombytes(pages.read((end - begin) // _PAGE * 8))
+            found.update(entry & _FRAME for entry in entries if entry & _PRESENT)
+    return found

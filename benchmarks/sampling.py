@@ -11,7 +11,7 @@ from typing import Final
 
 import psutil
 
-from benchmarks import held
+from benchmarks import processes
 from benchmarks.flights import Flight
 from benchmarks.processes import BenchmarkFailed
 
@@ -107,11 +107,11 @@ class Sampler:
     def _sample(self, at: float) -> Sample:
         spent = {key: _spent(process) - self._first[key] for key, process in self._processes.items()}
         cpu = {key: process.cpu_percent(None) for key, process in self._processes.items()}
-        rss = {key: process.memory_info().rss / held.MEGABYTE for key, process in self._processes.items()}
-        sample = Sample(at, spent, cpu, rss, {key: held.pss([pid]) for key, pid in self._pids.items()})
+        rss = {key: process.memory_info().rss / processes.MEGABYTE for key, process in self._processes.items()}
+        sample = Sample(at, spent, cpu, rss, {key: processes.pss([pid]) for key, pid in self._pids.items()})
         if len(self.samples) % ALONE_EVERY == ALONE_EVERY // 2:
             for board in sample.boards:
-                alone = held.alone([pid for (where, _), pid in self._pids.items() if where == board])
+                alone = processes.alone([pid for (where, _), pid in self._pids.items() if where == board])
                 if alone is not None:
                     sample.alone[board] = alone
         return sample

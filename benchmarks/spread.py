@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import statistics
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 
 @dataclass(frozen=True)
@@ -47,3 +49,168 @@ def spread(values: Collection[float]) -> Spread:
 
 NOTHING = Spread(0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Of no values, where that is no error."""
+
+
+DOUBT = 0.05
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A median and its interval."""
+
+    low: float
+    median: float
+    high: float
+    count: int
+    """Of differences."""
+
+    def told(self, unit: str, digits: int = 1) -> str:
+        """Return it for a page."""
+        return f"{self.median:.{digits}f}{unit} ({self.low:.{digits}f} to {self.high:.{digits}f})"
+
+    def scaled(self, factor: float) -> Interval:
+        """Return it in another unit; `factor` is positive."""
+        return Interval(self.low * factor, self.median * factor, self.high * factor, self.count)
+
+    def plus(self, other: Interval) -> Interval:
+        """Return the sum, with the bounds added: rather too wide than too narrow."""
+        low, median, high = self.low + other.low, self.median + other.median, self.high + other.high
+        return Interval(low, median, high, min(self.count, other.count))
+
+
+def interval(values: Sequence[float]) -> Interval:
+    """Return the median of differences and its interval by the sign test, which supposes nothing of how they lie.
+
+    Below six differences there is no such interval: it is from the least to the greatest. Raises ValueError for none.
+    """
+    ordered, count = sorted(values), len(values)
+    if not ordered:
+        raise ValueError("no differences")
+    outside, chance = 0, 0.0
+    for rank in range(count // 2):
+        chance += math.comb(count, rank) / 2**count
+        if 2 * chance > DOUBT:
+            break
+        outside = rank + 1
+    first = max(0, outside - 1)
+    return Interval(ordered[first], statistics.median(ordered), ordered[count - 1 - first], count)
+
+
+Points = Sequence[tuple[float, float]]
+"""Sizes and what they cost."""
+STEEPEST: Final = 1.15
+"""A power of the size that still counts as in proportion to it: what noise makes of 1."""
+FLAT: Final = 1.3
+"""A cost whose largest value is less than so many times its smallest does not grow."""
+SIZES: Final = 4
+"""Sizes that a power takes: it has three unknowns."""
+_POWERS: Final = [step / 100 for step in range(5, 301)]
+
+
+@dataclass(frozen=True)
+class Line:
+    """`base + each * size`."""
+
+    base: float
+    each: float
+
+    def at(self, size: float) -> float:
+        """Return the cost of a size."""
+        return self.base + self.each * size
+
+    def reaches(self, cost: float) -> float:
+        """Return the size of a cost; infinite if it never comes to that."""
+        return (cost - self.base) / self.each if self.each > 0 else math.inf
+
+    def off(self, points: Points) -> float:
+        """Return by how large a part of what was measured the line is off at worst."""
+        least = _least(points)
+        return max(abs(self.at(size) - cost) / max(cost, least) for size, cost in points)
+
+
+@dataclass(frozen=True)
+class Growth:
+    """`base + each * size ** power`, neither of them negative."""
+
+    power: float
+    """1 = in proportion, 2 = with the square; 0 = it does not grow."""
+    off: float
+    """By how large a part of what was measured it is off at worst."""
+    base: float
+    each: float
+
+    def at(self, size: float) -> float:
+        """Return the cost of a size."""
+        return float(self.base + self.each * size**self.power)
+
+    def reaches(self, cost: float) -> float:
+        """Return the size of a cost; infinite if it never comes to that."""
+        if not self.power or self.each <= 0:
+            return math.inf
+        return float((max(0.0, cost - self.base) / self.each) ** (1 / self.power))
+
+    def __str__(self) -> str:
+        return f"size ^ {self.power:.2f}" if self.power else "does not grow"
+
+
+def line(points: Points) -> Line:
+    """Return the line with the least squares of relative errors.
+
+    Raises ValueError for fewer than two sizes.
+    """
+    least = _least(points)
+    weights = [1.0 / max(cost, least) ** 2 for _, cost in points]
+    total = sum(weights)
+    if len({size for size, _ in points}) < 2:
+        raise ValueError("a line needs two sizes")
+    mean_size = sum(w * size for w, (size, _) in zip(weights, points, strict=True)) / total
+    mean_cost = sum(w * cost for w, (_, cost) in zip(weights, points, strict=True)) / total
+    above = sum(w * (s - mean_size) * (c - mean_cost) for w, (s, c) in zip(weights, points, strict=True))
+    each = above / sum(w * (s - mean_size) ** 2 for w, (s, _) in zip(weights, points, strict=True))
+    return Line(mean_cost - each * mean_size, each)
+
+
+def power(points: Points) -> Growth:
+    """Return the power of the size by which a cost grows: of all between 0.05 and 3 the one that is the least off.
+
+    Raises ValueError for fewer than `SIZES` sizes.
+    """
+    if len({size for size, _ in points}) < SIZES:
+        raise ValueError(f"a power needs {SIZES} sizes")
+    costs = [cost for _, cost in points]
+    if max(costs) <= FLAT * min(costs):
+        flat = _flat(points)
+        return Growth(0.0, flat.off(points), flat.base, 0.0)
+    return min((_with(points, one) for one in _POWERS), key=lambda one: one[0])[1]
+
+
+def _with(points: Points, exponent: float) -> tuple[float, Growth]:
+    """Return the sum of squares of relative errors, and the best growth by this power."""
+    scaled = [(size**exponent, cost) for size, cost in points]
+    best = line(scaled)
+    if best.base < 0:
+        best = Line(0.0, _through_nothing(scaled))
+    if best.each < 0:
+        best = _flat(points)
+    least = _least(points)
+    squares = sum(((best.at(size) - cost) / max(cost, least)) ** 2 for size, cost in scaled)
+    return squares, Growth(exponent, best.off(scaled), best.base, best.each)
+
+
+def _least(points: Points) -> float:
+    """Return the cost below which errors are not relative to it any more: it is too small to be measured well."""
+    return max(1e-9, 0.01 * max(cost for _, cost in points))
+
+
+def _through_nothing(points: Points) -> float:
+    """Return what each costs on the line through (0, 0)."""
+    least = _least(points)
+    weighted = [(size, cost, 1.0 / max(cost, least) ** 2) for size, cost in points]
+    return sum(w * size * cost for size, cost, w in weighted) / sum(w * size**2 for size, _, w in weighted)
+
+
+def _flat(points: Points) -> Line:
+    """Return the line that does not grow."""
+    least = _least(points)
+    weights = [1.0 / max(cost, least) ** 2 for _, cost in points]
+    return Line(sum(w * cost for w, (_, cost) in zip(weights, points, strict=True)) / sum(weights), 0.0)

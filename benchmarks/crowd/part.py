@@ -7,16 +7,184 @@ answer is a message through the board's commd, written down by sender, board and
 from __future__ import annotations
 
 import asyncio
+import re
+import statistics
 import tempfile
+import time
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks import fits
-from benchmarks.crowd.page import blocks, pictures
-from benchmarks.crowd.run import ANSWERING, Crowd, crowd
-from benchmarks.disk import fsync
+from benchmarks import plots
+from benchmarks import spread as fits
+from benchmarks.mail.boards import FLEET, Member, fsync, member, until
 from benchmarks.parts import Goal, tell
+from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.results import Origin
+from benchmarks.spread import NOTHING, Spread, spread
+from benchmarks.watched import Watched, watched
+from tests.support.ports import free_port
+
+STARTING: Final = 120.0
+"""Seconds that an agentd has to start, and to end."""
+ANSWERING: Final = 200.0
+"""Seconds that all agents have to get their answers."""
+SETTLE: Final = 3.0
+SETTLE_EACH: Final = 0.01
+"""Seconds before anything counts, and for each agent: services of a former life are forgotten meanwhile."""
+AT_ONCE: Final = 200
+"""Agents that are told in one batch to begin."""
+BOARD: Final = "b1"
+SERVES: Final = "agents="
+"""What an agentd says when all its agents are there."""
+_PROGRAM: Final = """\
+secret(42).
++ask(N, Pause)[source(S)] <- -ask(N, Pause)[source(S)]; .random(R); .wait(R * Pause); !ask(N, []).
++!ask(0, Took) <- .print("took ", Took).
++!ask(N, Took) : behind(A) <-
+    .nano_time(Begun); .send(A, askOne, secret(_), secret(_), 180000); .nano_time(Ended);
+    !ask(N - 1, [(Ended - Begun) / 1000000|Took]).
+"""
+_TOOK: Final = re.compile(r"\[(\w+)\] took \[(.*)\]")
+
+
+@dataclass
+class Loaded:
+    """A crowd under a load."""
+
+    asked: int
+    """Questions of all agents together."""
+    answered: int
+    """Those of agents that had all their answers within `ANSWERING`."""
+    rate: float
+    """Messages a second, from the first word to an agent that it may ask to the last answer."""
+    took: Spread
+    """Milliseconds from a question to its answer."""
+    median_agent: float
+    slowest_agent: float
+    """Milliseconds that a question of one agent took in the mean: of the median agent, and of the slowest."""
+    agentd: float
+    commd: float
+    """Per cent of a core."""
+
+    @property
+    def fairness(self) -> float:
+        """The slowest agent against the median one."""
+        return self.slowest_agent / self.median_agent if self.median_agent else 0.0
+
+    @property
+    def all_answered(self) -> bool:
+        """Whether no question was left."""
+        return self.answered == self.asked
+
+
+@dataclass
+class Crowd:
+    """An agentd with so many agents, and the commd of its board."""
+
+    agents: int
+    start: float
+    """Seconds from the start of the process until it serves."""
+    cpu_start: float
+    """Seconds of processor time for that."""
+    rss: float
+    commd_rss: float
+    """MB, at rest."""
+    idle: float
+    commd_idle: float
+    """Per cent of a core at rest."""
+    stop: float
+    """Seconds from SIGTERM to the end of the process."""
+    hurried: Loaded | None = None
+    eased: Loaded | None = None
+    """Not measured of a crowd that was still at its questions of before."""
+
+
+async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) -> Crowd:
+    """Measure one crowd: each agent asks `each` questions as fast as it can, and one within `pace` seconds.
+
+    Raises BenchmarkFailed.
+    """
+    with ExitStack() as stack:
+        mission = mission_of(folder, agents)
+        router = f"tcp/127.0.0.1:{free_port()}"
+        where = ("serve", str(mission), "--router", router, "--state", str(folder / "state"), "--board", BOARD)
+        commd = stack.enter_context(watched("commd", "-m", "commd", *where))
+        await asyncio.to_thread(commd.says, "router board=")
+        begun = time.monotonic()
+        agentd = stack.enter_context(watched("agentd", "-m", "agentd", *where))
+        await asyncio.to_thread(agentd.says, SERVES, STARTING)
+        started = time.monotonic() - begun
+        found = Crowd(agents, started, agentd.cpu(), 0, 0, 0, 0, 0)
+        await asyncio.sleep(SETTLE + SETTLE_EACH * agents)
+        used, since = (agentd.cpu(), commd.cpu()), time.monotonic()
+        await asyncio.sleep(idle)
+        passed = time.monotonic() - since
+        found.idle, found.commd_idle = (100 * (agentd.cpu() - used[0]) / passed, 100 * (commd.cpu() - used[1]) / passed)
+        found.rss, found.commd_rss = memory(agentd.process.pid, "VmRSS"), memory(commd.process.pid, "VmRSS")
+        async with member(router, "probe") as probe:
+            if agents > 1:
+                found.hurried = await _loaded(probe, commd, agentd, agents, each, 0)
+            if found.hurried is not None and found.hurried.all_answered:
+                found.eased = await _loaded(probe, commd, agentd, agents, 1, pace)
+        begun = time.monotonic()
+        agentd.process.terminate()
+        await until(lambda: agentd.process.poll() is not None, "agentd ends", STARTING)
+        found.stop = time.monotonic() - begun
+        return found
+
+
+def mission_of(folder: Path, agents: int) -> Path:
+    """Write the mission and its program to a folder. Returns its file."""
+    (folder / "asker.asl").write_text(_PROGRAM)
+    ring = "\n".join(
+        f"  a{one}: {{program: asker.asl, board: {BOARD}, beliefs: [behind(a{(one + 1) % agents})]}}"
+        for one in range(agents)
+    )
+    file = folder / "crowd.yaml"
+    file.write_text(
+        f"mission: {FLEET}\nboards: {{{BOARD}: {{}}}}\nagents:\n{ring}\nclients: {{probe: {{board: {BOARD}}}}}\n"
+    )
+    return file
+
+
+async def _loaded(probe: Member, commd: Watched, agentd: Watched, agents: int, each: int, pause: float) -> Loaded:
+    """Let each agent ask so many questions, with so many seconds between them."""
+    said = len(agentd.said)
+    used, begun = (agentd.cpu(), commd.cpu()), time.monotonic()
+    names = [f"a{one}" for one in range(agents)]
+    for first in range(0, agents, AT_ONCE):
+        await probe.post(names[first : first + AT_ONCE], f"ask({each}, {1000 * pause:g})")
+    took: dict[str, list[float]] = {}
+    seen = said
+
+    def all_answered() -> bool:
+        nonlocal seen
+        while seen < len(agentd.said):
+            if (match := _TOOK.search(agentd.said[seen][1])) is not None:
+                took[match[1]] = [float(one) for one in match[2].split(",")]
+            seen += 1
+        return len(took) == agents
+
+    with suppress(BenchmarkFailed):  # what came until then is told
+        await until(all_answered, f"all {agents} agents have their answers", ANSWERING)
+    if agentd.process.poll() is not None or commd.process.poll() is not None:
+        raise BenchmarkFailed("agentd or commd ended while agents asked")
+    seconds = time.monotonic() - begun
+    values = [one for those in took.values() for one in those]
+    means = [statistics.fmean(one) for one in took.values()] or [0.0]
+    return Loaded(
+        agents * each,
+        len(values),
+        2 * len(values) / seconds,
+        spread(values) if values else NOTHING,
+        statistics.median(means),
+        max(means),
+        100 * (agentd.cpu() - used[0]) / seconds,
+        100 * (commd.cpu() - used[1]) / seconds,
+    )
+
 
 __all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
 
@@ -102,3 +270,157 @@ _GROWS: Final = (
     "Which part of an agent grows with the number of the others is not known. Tried: manifests are read once for all "
     "robots, keys that are used again are declared once"
 )
+
+
+KEEPS_UP: Final = 0.8
+"""A crowd at its ease keeps up if it makes so large a part of the messages a second that are asked of it..."""
+IN_TIME: Final = 10
+"""... and 99 of 100 of its questions are answered within the pace divided by this."""
+
+
+def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
+    """Return the tables."""
+    parts = [
+        origin.line(),
+        f"An fsync of this disk takes {figures.fsync:.2f} ms. Per cent are of one core.",
+        _at_rest(figures.crowds),
+        _grows(figures.crowds),
+        "![what a crowd costs by its size](figures/crowd-cost.svg)",
+        "At once (the time in which all are told to begin counts too):",
+        _talking([(one, one.hurried) for one in figures.crowds if one.hurried]),
+        f"At ease, one question of each agent within {figures.pace:g} s:",
+        _talking([(one, one.eased) for one in figures.crowds if one.eased]),
+        "![messages and latency by the size of the crowd](figures/crowd-mail.svg)",
+        _outgrown(figures),
+    ]
+    return {"crowd": "\n\n".join(part for part in parts if part)}
+
+
+def _at_rest(crowds: list[Crowd]) -> str:
+    rows = [
+        "| agents | starts in | processor time of the start | memory of agentd | for each agent more "
+        "| at rest: agentd, commd | ends in |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    first = crowds[0]
+    for one in crowds:
+        more = one.agents - first.agents
+        each = f"{(one.rss - first.rss) / more:.2f} MB" if more else ""
+        rows.append(
+            f"| {one.agents:,} | {one.start:.1f} s | {one.cpu_start:.1f} s | {one.rss:.0f} MB | {each} "
+            f"| {one.idle:.1f} %, {one.commd_idle:.1f} % | {one.stop:.1f} s |"
+        )
+    return "\n".join(rows)
+
+
+def _grows(crowds: list[Crowd]) -> str:
+    if len(crowds) < fits.SIZES:
+        return ""
+    told = []
+    for what, points in (
+        ("memory", _points(crowds, "rss")),
+        ("the processor time of the start", _points(crowds, "cpu_start")),
+        ("agentd at rest", _points(crowds, "idle")),
+        ("commd at rest", _points(crowds, "commd_idle")),
+    ):
+        growth = fits.power(points)
+        told.append(f"{what}: {growth}, off by {growth.off:.0%} at worst")
+    return f"How it grows, by least squares (size ^ 1 = in proportion): {'; '.join(told)}."
+
+
+def _points(crowds: list[Crowd], what: str) -> list[tuple[float, float]]:
+    return [(float(one.agents), getattr(one, what)) for one in crowds]
+
+
+def _talking(rows: list[tuple[Crowd, Loaded]]) -> str:
+    head = [
+        "| agents | questions | answered | messages/s | question to answer, p50 | p99 | worst "
+        "| slowest agent against the median one | agentd | commd |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    return "\n".join(
+        head
+        + [
+            f"| {one.agents:,} | {load.asked:,} | {load.answered:,} | {load.rate:.0f} | {load.took.p50:.0f} ms "
+            f"| {load.took.p99:.0f} ms | {load.took.max:.0f} ms | x {load.fairness:.1f} "
+            f"| {load.agentd:.0f} % | {load.commd:.0f} % |"
+            for one, load in rows
+        ]
+    )
+
+
+def _late(one: Crowd, pace: float) -> str:
+    """Return what a crowd at its ease did not get, in words; empty: it keeps up."""
+    if one.hurried is None:  # one alone has nobody to ask
+        return ""
+    load = one.eased
+    if load is None:
+        return "questions asked at once were still not answered"
+    if not load.all_answered:
+        return f"{load.asked - load.answered:,} of {load.asked:,} questions were not answered"
+    wanted = 2 * one.agents / pace
+    if load.rate < KEEPS_UP * wanted:
+        return f"{load.rate:.0f} messages/s, {wanted:.0f} are asked"
+    if load.took.p99 > 1000 * pace / IN_TIME:
+        return f"p99 of an answer is {load.took.p99 / 1000:.1f} s"
+    return ""
+
+
+def _outgrown(figures: Figures) -> str:
+    """Say from which of the sizes on a crowd cannot keep up."""
+    pace = figures.pace
+    criterion = (
+        f"one question of each agent in {pace:g} s: all are answered, at {KEEPS_UP:.0%} of that pace at least, and "
+        f"99 of 100 within {pace / IN_TIME:g} s"
+    )
+    sizes = ", ".join(f"{one.agents:,}" for one in figures.crowds)
+    late = [(one, why) for one in figures.crowds if (why := _late(one, pace))]
+    if not late:
+        return f"Of the sizes measured ({sizes}) every one keeps up with {criterion}."
+    (first, why), *_ = late
+    return (
+        f"Of the sizes measured ({sizes}), {first.agents:,} agents are the smallest that do not keep up with "
+        f"{criterion}. There {why}: one agentd and one board are outgrown at that size."
+    )
+
+
+def pictures(figures: Figures) -> dict[str, str]:
+    """Draw what a crowd costs, and how it talks."""
+    crowds = figures.crowds
+    sizes = [one.agents for one in crowds]
+    with plots.figure(2) as (made, axes):
+        axes[0].plot(sizes, [one.rss for one in crowds], "o-", color=plots.COLOURS["agentd"], label="agentd, MB")
+        axes[1].plot(
+            sizes, [one.cpu_start for one in crowds], "o-", color="#666666", label="start, s of processor time"
+        )
+        axes[1].plot(
+            sizes, [one.idle for one in crowds], "o-", color=plots.COLOURS["agentd"], label="agentd, % at rest"
+        )
+        axes[1].plot(
+            sizes, [one.commd_idle for one in crowds], "o-", color=plots.COLOURS["commd"], label="commd, % at rest"
+        )
+        if len(crowds) >= fits.SIZES:
+            for one, what in ((axes[0], "rss"), (axes[1], "cpu_start"), (axes[1], "idle"), (axes[1], "commd_idle")):
+                growth = fits.power(_points(crowds, what))
+                one.plot(sizes, [growth.at(size) for size in sizes], ":", color="black", linewidth=0.9)
+        for one in axes:
+            one.set_xlabel("agents")
+            one.legend(fontsize=7)
+        made.suptitle("dotted: fitted", fontsize=9)
+        cost = plots.svg(made)
+    talking = [one for one in crowds if one.hurried and one.eased]
+    with plots.figure(2) as (made, axes):
+        sizes = [one.agents for one in talking]
+        axes[0].plot(sizes, [one.hurried.rate for one in talking if one.hurried], "o-", label="messages/s, at once")
+        for load, style in (("hurried", "o-"), ("eased", "s--")):
+            shown = "at once" if load == "hurried" else "at ease"
+            axes[1].plot(sizes, [getattr(one, load).took.p50 for one in talking], style, label=f"p50, {shown}")
+            axes[1].plot(sizes, [getattr(one, load).took.p99 for one in talking], style, label=f"p99, {shown}")
+        axes[1].set_yscale("log")
+        axes[1].set_ylabel("ms from question to answer")
+        for one in axes:
+            one.set_xscale("log")
+            one.set_xlabel("agents")
+            if talking:
+                one.legend(fontsize=7)
+        return {"crowd-cost": cost, "crowd-mail": plots.svg(made)}

@@ -21,10 +21,10 @@ from typing import Final
 
 import msgspec
 
-from benchmarks.paired import Interval, interval
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, lines, started
 from benchmarks.results import ROOT, Origin
+from benchmarks.spread import Interval, interval
 
 REVISION: Final = "c20d8cb"
 """The last revision before modules and folders were renamed."""

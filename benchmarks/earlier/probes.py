@@ -26,7 +26,7 @@ from benchmarks.loop import flood, latency
 from benchmarks.loop.board import board
 from benchmarks.mail import agents, boards
 from benchmarks.mail import part as mail_part
-from benchmarks.mail.page import BATCH, FLYING
+from benchmarks.mail.part import BATCH, FLYING
 from benchmarks.processes import BenchmarkFailed, lines, started
 from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import counted

@@ -7,18 +7,23 @@ but this.
 from __future__ import annotations
 
 import asyncio
+import os
+import pty
+import subprocess
+import sys
 import tempfile
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.held import pss
 from benchmarks.looking.bursts import used
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed
-from benchmarks.results import Origin
-from benchmarks.terminal import in_a_terminal
+from benchmarks.processes import BenchmarkFailed, pss
+from benchmarks.results import ROOT, Origin
 from commd.bus.bus import open_bus
 from tests.support.ports import free_port
 from tests.support.processes import running
@@ -131,3 +136,29 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             ]
         ),
     }
+
+
+@contextmanager
+def in_a_terminal(*command: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run `python -m COMMAND` with a terminal of 100 columns while the block lasts."""
+    ours, theirs = pty.openpty()
+    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", *command], stdin=theirs, stdout=theirs, stderr=theirs, cwd=ROOT, env=environment
+    )
+    os.close(theirs)
+
+    def read() -> None:
+        with suppress(OSError):
+            while os.read(ours, 65_536):
+                pass
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        reader.join(5)
+        os.close(ours)

@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.held import pss
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed
+from benchmarks.processes import BenchmarkFailed, pss
 from benchmarks.results import Origin
 from commd.bus.bus import open_bus
 from tests.support.ports import free_port

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import statistics
+import tempfile
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
@@ -144,3 +147,18 @@ async def until(condition: Callable[[], bool], wish: str, seconds: float) -> flo
             raise BenchmarkFailed(f"not within {seconds:g} s: {wish}")
         await asyncio.sleep(0.005)
     return time.monotonic() - begun
+
+
+WRITES: Final = 50
+
+
+def fsync() -> float:
+    """Return the milliseconds that a commit costs here at least: the median of writing a page (4 kB) and fsync."""
+    with tempfile.NamedTemporaryFile() as file:
+        values = []
+        for _ in range(WRITES):
+            begun = time.perf_counter()
+            os.pwrite(file.fileno(), bytes(4096), 0)
+            os.fsync(file.fileno())
+            values.append(time.perf_counter() - begun)
+    return 1000 * statistics.median(values)

@@ -2,14 +2,133 @@
 
 from __future__ import annotations
 
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, Final
 
 from benchmarks import peers
 from benchmarks.flights import RESCUE, SINGLE
-from benchmarks.paper.usage_figures import ALL, BDI, BOARD, IMPERATIVE, Figures, Measured, Usage
-from benchmarks.paper.usage_goals import ONE_PAIR, TITLES, alone
+from benchmarks.paper.usage import ALL, BDI, BOARD, IMPERATIVE, Figures, Measured, Usage, measure
+from benchmarks.parts import Goal
+from benchmarks.plots import COLOURS, figure, svg
 from benchmarks.results import Origin
 from benchmarks.sampling import AGENT, ROLES
+
+__all__ = ["Figures", "blocks", "goals", "in_comparison", "in_short", "measure", "pictures"]
+
+TITLES: Final = {SINGLE.mission: "single UAV", RESCUE.mission: "search and rescue"}
+BOARD_GOAL: Final = 1.1
+AGENT_MEMORY, AGENT_CPU = 1.3, 1.5
+ONE_PAIR: Final = "; of one pair of flights"
+CPU: Final = "CPU"
+DOUBT: Final = 0.1
+"""By so much may the processor time of a single pair be off by chance: pairs of the same flights differ as much."""
+_CPU: Final = (
+    "Taken to be the reason, not measured apart: AgentSpeak is interpreted by Python, so that each percept is held "
+    "against beliefs and plans, where a program reads a value. Tried: a percept of the bus is known for one and no "
+    "reason to write a checkpoint (3584cde); a mind turns in the pass of the loop that brings its percepts (6446a99); "
+    "what is to be kept is looked for only when more than percepts came (4f513ce); numbers and words of percepts are "
+    "read as they are (9654dc5)"
+)
+_MEMORY: Final = (
+    "Taken to be the reason, not measured apart: the agent's process holds language, reasoner and checkpoint (SQLite) "
+    "besides what a program needs. Tried: no modules that nobody needs (4bd9879, kept by tests/test_imports.py)"
+)
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """What agents use beside programs: in the mean, and of each pair of flights."""
+
+    what: str
+    limit: float
+    whole: float
+    pairs: list[float]
+
+    @property
+    def missed(self) -> bool:
+        return min(self.pairs) > self.limit and not self.open
+
+    @property
+    def open(self) -> bool:
+        """Whether pairs stand on both sides of what is asked, or a single one, of processor time, close to it."""
+        if len(self.pairs) == 1 and self.what == CPU:
+            return abs(self.pairs[0] / self.limit - 1) <= DOUBT
+        return min(self.pairs) <= self.limit < max(self.pairs)
+
+    def __str__(self) -> str:
+        each = f" ({', '.join(f'{one:.2f}x' for one in self.pairs)})" if len(self.pairs) > 1 else ""
+        return f"{self.what} {self.whole:.2f}x{each}"
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return what is asked of each mission at each speed. What pairs of flights answer differently is not decided."""
+    return [_goal(figures, mission, speed, who) for mission, speed in figures.flown() for who in (BOARD, AGENT)]
+
+
+def _goal(figures: Figures, mission: str, speed: float, who: str) -> Goal:
+    memory, cpu = (BOARD_GOAL, BOARD_GOAL) if who == BOARD else (AGENT_MEMORY, AGENT_CPU)
+    whose = "a board" if who == BOARD else "the agent's process"
+    ratios = _ratios(figures, mission, speed, who, memory, cpu)
+    missed, doubtful = [one for one in ratios if one.missed], [one for one in ratios if one.open]
+    met, why = not missed and not doubtful, ""
+    if missed:
+        why = _why(figures.of(mission, speed, BDI), figures.of(mission, speed, IMPERATIVE), who, missed)
+    elif doubtful:
+        why = "; ".join(map(_span, doubtful))
+        why += ": from one flight to the next more changes than what it is off by. "
+        why += "Tried: pairs in changing order, means by what was spent"
+    return Goal(
+        f"{TITLES[mission]}, speed {speed:g}: {whose} in AgentSpeak beside Python",
+        f"memory ≤ {memory:g}x, CPU ≤ {cpu:g}x",
+        ", ".join(map(str, ratios)) + (ONE_PAIR if len(ratios[0].pairs) == 1 else "") + _lost(figures, mission, speed),
+        met,
+        why,
+        decided=met or bool(missed),
+    )
+
+
+def _span(ratio: Ratio) -> str:
+    if len(ratio.pairs) == 1:
+        return f"{ratio.what} of one pair, {ratio.whole:.2f}x, within {DOUBT:.0%} of what is asked"
+    return f"{ratio.what} of the pairs {min(ratio.pairs):.2f}x to {max(ratio.pairs):.2f}x"
+
+
+def _ratios(figures: Figures, mission: str, speed: float, who: str, memory: float, cpu: float) -> list[Ratio]:
+    bdi, other = (figures.of(mission, speed, approach) for approach in (BDI, IMPERATIVE))
+    pairs = figures.pairs(mission, speed)
+    mine, its = bdi.row(who), other.row(who)
+    found = [Ratio("RSS", memory, mine.rss.mean / its.rss.mean, [one.rss[who] / two.rss[who] for one, two in pairs])]
+    if who == BOARD and (whole := alone(bdi, other)) is not None:
+        each = [one.alone / two.alone for one, two in pairs if one.alone and two.alone]
+        found.append(Ratio("alone on its machine", memory, whole, each or [whole]))
+    used = [one.cpu[who] / two.cpu[who] for one, two in pairs]
+    return [*found, Ratio(CPU, cpu, mine.cpu.mean / its.cpu.mean, used)]
+
+
+def _lost(figures: Figures, mission: str, speed: float) -> str:
+    """Flights that were not done, if any: how many of how many, by approach."""
+    told = [
+        f"{len(one.again)} of {len(one.again) + len(one.flights)} {title}"
+        for approach, title in ((BDI, "of the agents"), (IMPERATIVE, "of the programs"))
+        if (one := figures.of(mission, speed, approach)).again
+    ]
+    return f"; flights lost: {', '.join(told)}" if told else ""
+
+
+def _why(bdi: Usage, other: Usage, who: str, missed: list[Ratio]) -> str:
+    mine, its = bdi.row(who), other.row(who)
+    parts = []
+    if any(one.what == CPU for one in missed):
+        parts.append(f"{mine.cpu.mean:.2f} beside {its.cpu.mean:.2f} % of a core. {_CPU}")
+    if any(one.what != CPU for one in missed):
+        parts.append(f"{mine.rss.mean:.1f} beside {its.rss.mean:.1f} MB (RSS). {_MEMORY}")
+    return "; ".join(parts)
+
+
+def alone(bdi: Usage, other: Usage) -> float | None:
+    """Return the ratio of what the boards would hold alone; None where the kernel does not tell."""
+    return sum(bdi.alone.values()) / sum(other.alone.values()) if bdi.alone and other.alone else None
+
 
 APPROACHES: Final = {BDI: "AgentSpeak", IMPERATIVE: "Python"}
 THEIRS: Final = {BDI: "Jason", IMPERATIVE: "Python"}
@@ -63,7 +182,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             lines += [f"### {'Table 3' if mission == SINGLE.mission else 'Table 5'}: {title}", ""]
             lines += [*_paper_table(figures, mission), "", *_daemons(figures, mission), "", *_flights(figures, mission)]
             lines += ["", f"![{title}: processor and memory over one flight](figures/{picture_of(mission)}.svg)", ""]
-    lines += ["### The two approaches", "", *_ratios(figures), ""]
+    lines += ["### The two approaches", "", *_approaches(figures), ""]
     lines += ["![AgentSpeak beside Python: ours and the paper's](figures/usage-ratios.svg)"]
     return {"paper-usage": "\n".join(lines)}
 
@@ -145,7 +264,7 @@ def _flights(figures: Figures, mission: str) -> list[str]:
     return [told, "", *lines, "", f"Flights that were not done and were flown again: {', '.join(lost)}."]
 
 
-def _ratios(figures: Figures) -> list[str]:
+def _approaches(figures: Figures) -> list[str]:
     lines = [
         "| AgentSpeak beside Python | board: CPU | RSS | PSS | alone | agent's process: CPU | RSS | PSS |",
         "|---|---|---|---|---|---|---|---|",
@@ -205,3 +324,70 @@ def _told(spread: Measured | peers.Usage) -> str:
 
 def _middle(ends: tuple[float, float]) -> float:
     return sum(ends) / 2
+
+
+SMOOTH: Final = 15
+"""Samples of which a line of the plots is the mean."""
+
+
+def pictures(figures: Figures) -> dict[str, str]:
+    """Return the plots: one flight of each mission by both approaches, and the ratios."""
+    found = {
+        picture_of(mission): _flight(figures, mission) for mission in dict.fromkeys(d.mission for d in figures.drawn)
+    }
+    return {**found, "usage-ratios": _bars(figures)}
+
+
+def _flight(figures: Figures, mission: str) -> str:
+    with figure(columns=2) as (made, (cpu, memory)):
+        for one in (drawn for drawn in figures.drawn if drawn.mission == mission):
+            colour = COLOURS["agentd" if one.approach == BDI else "python"]
+            title = APPROACHES[one.approach]
+            for who, style in ((BOARD, "-"), (AGENT, ":")):
+                label = f"{title}, {'board' if who == BOARD else 'agent'}"
+                if who == BOARD:
+                    cpu.plot(one.at, one.cpu[who], color=colour, linewidth=0.5, alpha=0.4)
+                cpu.plot(one.at, _smooth(one.cpu[who]), style, color=colour, linewidth=1, label=label)
+                memory.plot(one.at, one.rss[who], style, color=colour, linewidth=1, label=label)
+        several = " (mean of the boards)" if mission == RESCUE.mission else ""
+        made.suptitle(
+            f"{TITLES[mission]}, speed 1{several}; CPU: each sample of a board, and means of {SMOOTH}", fontsize=9
+        )
+        cpu.set(xlabel="s", ylabel="CPU, % of a core", ylim=(0, None))
+        memory.set(xlabel="s", ylabel="RSS, MB", ylim=(0, None))
+        memory.legend(fontsize=7)
+        return svg(made)
+
+
+def _smooth(values: list[float]) -> list[float]:
+    around = [values[max(0, place - SMOOTH // 2) : place + SMOOTH // 2 + 1] for place in range(len(values))]
+    return [sum(some) / len(some) for some in around]
+
+
+def _bars(figures: Figures) -> str:
+    bars: list[tuple[str, float, float, str]] = []
+    for title, (cpu, memory), _ in paper_ratios():
+        bars.append((title, cpu, memory, COLOURS["paper"]))
+    for mission, speed in figures.flown():
+        mine, its = (figures.of(mission, speed, approach).row(BOARD) for approach in APPROACHES)
+        label = f"{TITLES[mission]}, speed {speed:g}"
+        bars.append((label, mine.cpu.mean / its.cpu.mean, mine.rss.mean / its.rss.mean, COLOURS["agentd"]))
+    with figure(columns=2, height=2.8) as (made, panels):
+        for axes, index, title in ((panels[0], 1, "CPU"), (panels[1], 2, "memory")):
+            _panel(axes, bars, index, f"a board's {title}: BDI / imperative")
+        panels[1].set_yticklabels([])
+        return svg(made)
+
+
+def _panel(axes: Any, bars: list[tuple[str, float, float, str]], index: int, title: str) -> None:
+    values: list[float] = [float(bar[index]) for bar in bars]
+    axes.barh(range(len(bars)), values, color=[bar[3] for bar in bars])
+    axes.set_yticks(range(len(bars)), [bar[0] for bar in bars])
+    for place, value in enumerate(values):
+        axes.annotate(
+            f"{value:.2f}", (value, place), xytext=(2, 0), textcoords="offset points", va="center", fontsize=8
+        )
+    axes.axvline(BOARD_GOAL, color="black", linewidth=0.8, linestyle="--")
+    axes.invert_yaxis()
+    axes.set_xlim(0, 1.15 * max(values))
+    axes.set_title(title, fontsize=9)

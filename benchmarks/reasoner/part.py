@@ -19,10 +19,9 @@ from benchmarks.processes import BenchmarkFailed, Speeds, run
 from benchmarks.reasoner import report
 from benchmarks.reasoner.footprint import FOOTPRINTS
 from benchmarks.reasoner.instructions import Counted, counted
-from benchmarks.reasoner.result import Result, warm
+from benchmarks.reasoner.report import Result, tables, warm
 from benchmarks.reasoner.rows import ROWS, Row, row_called
 from benchmarks.reasoner.subjects import JasonCommand, Subject, subjects_here
-from benchmarks.reasoner.tables import tables
 from benchmarks.results import Origin
 
 REPEAT: Final = 2

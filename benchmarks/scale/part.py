@@ -1,7 +1,7 @@
 """Part "scale": 1 to 100 UAVs with their agents on one router: what they cost, how late things are, what is missed.
 
 Two rows of sizes. Simulated copters fly, as `argosy run` starts them: a process each, which needs processor time of its
-own. Vehicles that only talk (`benchmarks.scale.talkers`) send what copters send that fly a circle and cost next to
+own. Vehicles that only talk (`benchmarks.scale.mission`) send what copters send that fly a circle and cost next to
 nothing, so that what is measured is the product's and not its vehicles'. Daemons are started as the product starts
 them: one commd, one bridged for all vehicles of a link, one agentd for all agents of a board; in a third row each
 vehicle has a link, and so a bridged, of its own.
@@ -12,14 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from benchmarks import fits
+from benchmarks import spread as fits
 from benchmarks.parts import Goal, tell
-from benchmarks.scale.found import IN_TIME, LATE, Run
-from benchmarks.scale.growth import DAEMONS, FULL, easy
 from benchmarks.scale.mission import Vehicles
-from benchmarks.scale.page import blocks
-from benchmarks.scale.pictures import pictures
-from benchmarks.scale.run import run
+from benchmarks.scale.page import DAEMONS, FULL, blocks, easy, pictures
+from benchmarks.scale.run import IN_TIME, LATE, Run, run
 
 __all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
 

@@ -1,4 +1,7 @@
-"""Limits that the kernel keeps, by control groups of version 1 or 2: only root may make them, as a rule."""
+"""Processes kept within the memory and the processor of a small board by control groups of the kernel, version 1 or 2.
+
+Only root may make them, as a rule. A group is made before its processes, and each is started by `ControlGroup.command`.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +9,50 @@ import itertools
 import os
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.held import MEGABYTE
-from benchmarks.small_boards.limits import ENTER, LEAST, SHORTEST, Cage, Limits, Usage
+from benchmarks.processes import MEGABYTE, BenchmarkFailed
+
+LEAST: Final = 1_000
+"""Microseconds: the smallest quota that the kernel takes."""
+SHORTEST: Final = 10_000
+"""Microseconds: a share is kept over no shorter period. (A long one makes no slow core but a fast one with pauses.)"""
+ENTER: Final = 'while [ "$1" != -- ]; do echo $$ >> "$1" || exit 125; shift; done; shift; exec "$@"'
+"""For a shell: write its number into each file up to `--`, then become the command behind it."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What processes may use together; None = all that there is."""
+
+    memory: float | None = None
+    """MB."""
+    share: float | None = None
+    """Of one core of this machine: what one core of theirs is."""
+    cores: int = 1
+    """Of theirs: all processes have `cores` times the share, and no process more than one."""
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What processes have used within their limits."""
+
+    peak: float
+    """MB that were charged to them at most."""
+    throttled: float
+    """Seconds in which they were held back, of the group and each process in it together."""
+    killed: int
+    """Processes that were killed for memory."""
+
 
 _NAME: Final = "argosy-bench-"
 _numbers = itertools.count(1)
 
 
-class ControlGroup(Cage):
+class ControlGroup:
     """The kernel's own limits, below the control group in which we are."""
 
     def __init__(self, memory: Path, cpu: Path, version: int) -> None:
@@ -72,6 +107,7 @@ class ControlGroup(Cage):
             (folder / "cpu.cfs_quota_us").write_text(str(quota))
 
     def command(self, argv: list[str]) -> list[str]:
+        """Return the command that starts a process in the group: a shell that enters it and becomes the process."""
         cpu = self._cpu
         if self._share is not None:
             cpu = self._cpu / f"core-{len(self._singles)}"
@@ -83,10 +119,12 @@ class ControlGroup(Cage):
         return ["/bin/sh", "-c", ENTER, "sh", *files, "--", *argv]
 
     def charged(self) -> float:
+        """Return the MB that count against the limit now."""
         name = "memory.current" if self._version == 2 else "memory.usage_in_bytes"
         return int((self._memory / name).read_text()) / MEGABYTE
 
     def usage(self) -> Usage:
+        """Return the resources used so far."""
         v2 = self._version == 2
         peak = _read(self._memory / ("memory.peak" if v2 else "memory.max_usage_in_bytes"))
         killed = _field(self._memory / ("memory.events" if v2 else "memory.oom_control"), "oom_kill")
@@ -154,3 +192,19 @@ def _field(file: Path, name: str) -> int:
         return int(dict(line.split() for line in file.read_text().splitlines()).get(name, 0))
     except (OSError, ValueError):
         return 0
+
+
+@contextmanager
+def limited(limits: Limits) -> Iterator[ControlGroup]:
+    """Make a group with limits, and remove it after the block, in which its processes have to end.
+
+    Raises BenchmarkFailed where no group can be made.
+    """
+    group = ControlGroup.made()
+    if group is None:
+        raise BenchmarkFailed("no control group can be made here: run it as root")
+    try:
+        group.limit(limits)
+        yield group
+    finally:
+        group.remove()

@@ -3,13 +3,121 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from benchmarks import peers, plots
 from benchmarks.parts import Goal
 from benchmarks.results import Origin
-from benchmarks.small_boards.boards import Board
-from benchmarks.small_boards.figures import Figures, Flown
+from benchmarks.small_boards.control_groups import Limits
+
+SYSTEM: Final = 128.0
+"""MB of a board's memory that are left to its system, which is a Debian without a desktop."""
+
+OUR_DMIPS: Final = 40_000.0
+"""What one core of this machine is taken to do: 10 DMIPS per MHz at 4 GHz. The more is assumed, the less a board is
+given. (A Core i7-5960X does 238,310 by 8 cores at 3.0 GHz, which is 9.9 per MHz:
+http://scottsoapbox.com/2015/08/15/how-far-weve-come-40-years-of-processing-power)"""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board whose limits are kept."""
+
+    title: str
+    memory: float
+    """MB."""
+    cores: int
+    clock: float
+    """MHz."""
+    dmips_per_mhz: float
+    """As ARM gives it for the core."""
+    core: str
+
+    @property
+    def share(self) -> float:
+        """What one of its cores is of one of this machine's."""
+        return self.clock * self.dmips_per_mhz / OUR_DMIPS
+
+    @property
+    def limits(self) -> Limits:
+        return Limits(self.memory - SYSTEM, self.share, self.cores)
+
+
+BEAGLEBONE: Final = Board("BeagleBone Black", peers.BEAGLEBONE_MB, 1, 1000, 2.0, "Cortex-A8")
+PI_3: Final = Board("Raspberry Pi 3", peers.PI_MB, 4, 1200, 2.3, "Cortex-A53")
+BOARDS: Final = (BEAGLEBONE, PI_3)
+
+
+THREE, ONE = "three daemons", "`argosy board`"
+FORMS: Final = (THREE, ONE)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A flight to be flown."""
+
+    form: str
+    limits: Limits
+    speed: float
+    board: str = ""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """One flight, and what the board's daemons used for it."""
+
+    board: str
+    form: str
+    memory: float | None
+    """MB that they were allowed."""
+    share: float | None
+    """Of a core of this machine, for each of the board's cores."""
+    cores: int
+    kept_by: str
+    completed: bool = False
+    why: str = ""
+    """For one that was not completed."""
+    ready: float = 0.0
+    """Seconds from the start until all daemons were there."""
+    mission: float = 0.0
+    """Seconds from then until the mission was done."""
+    charged: float = 0.0
+    """MB that counted against the limit, at most."""
+    elsewhere: float = 0.0
+    """MB that they held besides: pages of libraries that were charged to others, who had read them before."""
+    cpu: float = 0.0
+    """Per cent of a core in flight."""
+    throttled: float = 0.0
+    """Seconds in which they were held back."""
+    lag: float = 0.0
+    """Seconds by which a daemon's loop was late in flight, at worst."""
+    timed_out: int = 0
+    """Actions that were not done within their deadline."""
+
+    @property
+    def held(self) -> float:
+        """MB in all."""
+        return self.charged + self.elsewhere
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What was flown."""
+
+    shares: list[Flown]
+    """With shares of one core, and as much memory as there is."""
+    boards: list[Flown]
+    """With the limits of boards."""
+    memory: list[Flown]
+    """With little memory, and all that there is of the processor."""
+    free: list[Flown]
+    """Without limits, one of each form."""
+    side_by_side: int
+    """Flights at once, at most."""
+    busy: float
+    """Cores of the machine that were busy meanwhile, in the mean."""
+
 
 COLOURS: Final = (plots.COLOURS["agentd"], plots.COLOURS["bridged"])
 

@@ -14,9 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.held import alone, pss
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.processes import BenchmarkFailed, alone, memory, pss
 from benchmarks.results import Origin
 from benchmarks.serving import NAMES, Site, copied, environment, serving
 from benchmarks.watched import Watched

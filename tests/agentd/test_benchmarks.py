@@ -16,11 +16,9 @@ from benchmarks.processes import BenchmarkFailed, Speeds, descendants, lines, me
 from benchmarks.reasoner.elsewhere import ELSEWHERE, Jason
 from benchmarks.reasoner.footprint import FOOTPRINTS, program_of_plans
 from benchmarks.reasoner.part import Figures, Measured, goals, measure_rows
-from benchmarks.reasoner.report import comparison, in_short, picture
-from benchmarks.reasoner.result import Result, cold, warm
+from benchmarks.reasoner.report import Result, ahead, cold, comparison, in_short, picture, tables, warm
 from benchmarks.reasoner.rows import PROGRAMS, ROWS, Row, row_called
 from benchmarks.reasoner.subjects import Agentd, AgentSpeak, JasonCommand, Subject, subjects_here
-from benchmarks.reasoner.tables import ahead, tables
 
 TINY = """
 !round(1).

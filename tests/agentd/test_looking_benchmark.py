@@ -8,10 +8,9 @@ import time
 import pytest
 
 from benchmarks.looking.bursts import Cost, used
-from benchmarks.looking.page import UNDECIDED, Figures, Share
-from benchmarks.looking.part import blocks, goals, measure
-from benchmarks.paired import Interval, interval
+from benchmarks.looking.part import UNDECIDED, Figures, Share, blocks, goals, measure
 from benchmarks.results import here
+from benchmarks.spread import Interval, interval
 from tests.support.processes import running
 
 

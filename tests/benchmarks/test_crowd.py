@@ -6,7 +6,7 @@ import asyncio
 from pathlib import Path
 
 from benchmarks.crowd import part as crowds
-from benchmarks.crowd.run import Crowd, Loaded, crowd
+from benchmarks.crowd.part import Crowd, Loaded, crowd
 from benchmarks.results import Origin
 from benchmarks.spread import Spread
 

@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from benchmarks import fits
+from benchmarks import spread as fits
 
 
 def test_lines_and_powers_are_found_again() -> None:

@@ -8,11 +8,9 @@ import pytest
 
 from benchmarks.results import Origin
 from benchmarks.scale import part as scale
-from benchmarks.scale.daemons import Use
-from benchmarks.scale.found import Run
 from benchmarks.scale.health import Records, errors, gaps, grown, late
 from benchmarks.scale.mission import Vehicles
-from benchmarks.scale.run import run
+from benchmarks.scale.run import Run, Use, run
 from benchmarks.spread import Spread
 from schemas.wire import keys
 from schemas.wire.codec import codec

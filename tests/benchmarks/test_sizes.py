@@ -9,8 +9,18 @@ from pathlib import Path
 import pytest
 
 from benchmarks import results
-from benchmarks.paper.bare import bare_agentspeak, bare_python
-from benchmarks.paper.sizes import AGENTSPEAK, MISSIONS, PYTHON, Figures, Source, count, goals, measure
+from benchmarks.paper.sizes import (
+    AGENTSPEAK,
+    MISSIONS,
+    PYTHON,
+    Figures,
+    Source,
+    bare_agentspeak,
+    bare_python,
+    count,
+    goals,
+    measure,
+)
 from benchmarks.peers import Size
 from benchmarks.results import ROOT
 from schemas.mission.model import load_mission

@@ -19,32 +19,26 @@ from benchmarks.processes import BenchmarkFailed
 from benchmarks.small_boards import control_groups
 from benchmarks.small_boards import page as small_boards_page
 from benchmarks.small_boards import part as small_boards
-from benchmarks.small_boards.boards import BEAGLEBONE, BOARDS, PI_3
-from benchmarks.small_boards.cages import caged
-from benchmarks.small_boards.control_groups import ControlGroup
-from benchmarks.small_boards.figures import FORMS, ONE, THREE, Figures, Flown, Wanted
-from benchmarks.small_boards.flight import fly
-from benchmarks.small_boards.limits import Cage, Limits, Usage
+from benchmarks.small_boards.control_groups import ControlGroup, Limits, Usage, limited
+from benchmarks.small_boards.page import BEAGLEBONE, BOARDS, FORMS, ONE, PI_3, THREE, Figures, Flown, Wanted
+from benchmarks.small_boards.part import fly
 
 BURN = "import time; e = time.monotonic() + 1\nwhile time.monotonic() < e: pass\nprint(time.process_time())"
 EAT = "found = [bytearray(1_000_000) for _ in range(60)]; import time; time.sleep(0.6); print('eaten')"
 
 
-@pytest.fixture(params=["the kernel", "a watcher"])
-def by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Both ways in which limits are kept; the first only where control groups can be made."""
-    if request.param == "a watcher":
-        monkeypatch.setattr(ControlGroup, "made", classmethod(lambda cls: None))
-    else:
-        probe = ControlGroup.made()
-        if probe is None:
-            pytest.skip("no control group can be made here")
-        probe.remove()
-    return str(request.param)
+def _possible() -> bool:
+    group = ControlGroup.made()
+    if group is not None:
+        group.remove()
+    return group is not None
 
 
-def _run(cage: Cage, program: str, times: int = 1) -> list[tuple[int, str]]:
-    command = cage.command
+needs_groups = pytest.mark.skipif(not _possible(), reason="no control group can be made here")
+
+
+def _run(group: ControlGroup, program: str, times: int = 1) -> list[tuple[int, str]]:
+    command = group.command
     running = [
         subprocess.Popen(command([sys.executable, "-I", "-S", "-c", program]), stdout=subprocess.PIPE, text=True)
         for _ in range(times)
@@ -52,29 +46,32 @@ def _run(cage: Cage, program: str, times: int = 1) -> list[tuple[int, str]]:
     return [(process.wait(60), process.communicate(timeout=60)[0].strip()) for process in running]
 
 
-def test_processes_get_no_more_than_their_share_of_a_core(by: str) -> None:
-    with caged(Limits(share=0.05)) as cage:
+@needs_groups
+def test_processes_get_no_more_than_their_share_of_a_core() -> None:
+    with limited(Limits(share=0.05)) as group:
         begun = time.monotonic()
-        spent = sum(float(text) for _, text in _run(cage, BURN, 2))
+        spent = sum(float(text) for _, text in _run(group, BURN, 2))
         passed = time.monotonic() - begun
         assert 0 < spent < 0.05 * passed + 0.3, "the bound has room for the beginning, before a first look"
-        assert cage.usage().throttled > 0
+        assert group.usage().throttled > 0
 
 
-def test_a_process_of_a_board_of_several_cores_gets_one_of_them(by: str) -> None:
-    with caged(Limits(share=0.2, cores=4)) as cage:
+@needs_groups
+def test_a_process_of_a_board_of_several_cores_gets_one_of_them() -> None:
+    with limited(Limits(share=0.2, cores=4)) as group:
         begun = time.monotonic()
-        ((_, text),) = _run(cage, BURN)
+        ((_, text),) = _run(group, BURN)
         assert 0 < float(text) < 0.2 * (time.monotonic() - begun) + 0.3
 
 
-def test_who_holds_too_much_is_killed_and_counted_and_who_does_not_is_left_alone(by: str) -> None:
-    with caged(Limits(memory=30)) as cage:
-        assert _run(cage, EAT) == [(-9, "")]
-        assert cage.usage().killed == 1
-    with caged(Limits(memory=300)) as cage:
-        assert _run(cage, EAT) == [(0, "eaten")]
-        usage = cage.usage()
+@needs_groups
+def test_who_holds_too_much_is_killed_and_counted_and_who_does_not_is_left_alone() -> None:
+    with limited(Limits(memory=30)) as group:
+        assert _run(group, EAT) == [(-9, "")]
+        assert group.usage().killed == 1
+    with limited(Limits(memory=300)) as group:
+        assert _run(group, EAT) == [(0, "eaten")]
+        usage = group.usage()
         assert usage.killed == 0
         assert 60 < usage.peak < 300
 
@@ -110,7 +107,8 @@ def test_groups_of_a_benchmark_that_was_killed_are_taken_away(tmp_path: Path) ->
     assert [one.name for one in tmp_path.iterdir()] == [f"argosy-bench-{os.getpid()}-1"]
 
 
-def test_nothing_is_left_of_a_cage(by: str) -> None:
+@needs_groups
+def test_nothing_is_left_of_a_group() -> None:
     def groups() -> list[str]:
         return [
             str(found)
@@ -120,11 +118,12 @@ def test_nothing_is_left_of_a_cage(by: str) -> None:
         ]
 
     before = groups()
-    with caged(Limits(share=0.5, cores=2)) as cage:
-        assert _run(cage, "print(1)", 2) == [(0, "1")] * 2
+    with limited(Limits(share=0.5, cores=2)) as group:
+        assert _run(group, "print(1)", 2) == [(0, "1")] * 2
     assert set(groups()) <= set(before)
 
 
+@needs_groups
 def test_the_mission_is_flown_within_limits_that_it_does_not_reach() -> None:
     flown = fly(Wanted(ONE, Limits(memory=500), 8.0))
     assert (flown.completed, flown.why) == (True, "")
@@ -134,6 +133,7 @@ def test_the_mission_is_flown_within_limits_that_it_does_not_reach() -> None:
     assert flown.cpu > 1
 
 
+@needs_groups
 def test_a_board_without_enough_memory_is_said_to_be_out_of_it() -> None:
     flown = fly(Wanted(THREE, Limits(memory=20), 8.0))
     assert (flown.completed, flown.why) == (False, "out of memory")

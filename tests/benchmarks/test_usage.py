@@ -13,10 +13,10 @@ import pytest
 from argosy.processes.simulators import servo_log
 from benchmarks import results
 from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Flight, setup_in
-from benchmarks.paper import usage
-from benchmarks.paper.usage_figures import ALL, BOARD, Figures, Sampled, drawn
-from benchmarks.paper.usage_figures import usage as usage_of
-from benchmarks.paper.usage_goals import goals
+from benchmarks.paper import usage, usage_page
+from benchmarks.paper.usage import ALL, BOARD, Figures, Sampled, drawn
+from benchmarks.paper.usage import usage as usage_of
+from benchmarks.paper.usage_page import goals
 from benchmarks.parts import PARTS
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT
@@ -64,11 +64,11 @@ def test_a_board_is_the_sum_of_its_daemons_without_simulators(flown: Figures, ap
 
 def test_what_was_found_is_told_beside_the_papers_figures(flown: Figures) -> None:
     again = msgspec.json.decode(msgspec.json.encode(flown), type=Figures)
-    text = usage.blocks(results.here("a test", 0.0), again)["paper-usage"]
+    text = usage_page.blocks(results.here("a test", 0.0), again)["paper-usage"]
     assert "| the only one | the paper's Jason | not told | 16.88 |" in text  # table 3: 4.22 % of four cores
     mine = flown.of(SINGLE.mission, SPEED, "agentspeak").row(BOARD)
     assert f"| the only one | **AgentSpeak** | {SPEED:g} | {mine.cpu.mean:.2f} |" in text
-    assert set(usage.pictures(again)) == {"usage-single", "usage-ratios"}
+    assert set(usage_page.pictures(again)) == {"usage-single", "usage-ratios"}
 
 
 def told(cpu: float, rss: float) -> Sampled:
@@ -186,9 +186,9 @@ def test_a_flight_that_is_not_done_is_flown_once_more_and_told(monkeypatch: pyte
     course += [lost, done, done]
     found = usage.measure(True)
     assert [one.again for one in found.usages] == [["single UAV: the copter was late"], []]
-    text = usage.blocks(results.here("a test", 0.0), found)["paper-usage"]
+    text = usage_page.blocks(results.here("a test", 0.0), found)["paper-usage"]
     assert "AgentSpeak at speed 1 1 of 2 (single UAV: the copter was late), Python at speed 1 0 of 1." in text
-    assert usage.goals(found)[0].found.endswith("; flights lost: 1 of 2 of the agents")
+    assert usage_page.goals(found)[0].found.endswith("; flights lost: 1 of 2 of the agents")
     course += [lost, lost]
     with pytest.raises(BenchmarkFailed, match="late"):
         usage.measure(True)
