@@ -126,12 +126,6 @@ def test_what_is_missed_is_told_with_the_size_at_which_it_was_and_what_was_tried
         assert "Tried: " in one.why
 
 
-def test_sizes_at_which_no_core_was_left_do_not_tell_how_the_cost_grows() -> None:
-    text = scale.blocks(ORIGIN, _figures(busy=99.0, each=0.01))["scale"]
-    assert "through the sizes at which cores were left (1, 10, 25, 50)" in text
-    assert "`bridged` comes first to 70 % of a core, at about 174 UAVs" in text
-
-
 def test_a_cost_that_grows_with_the_square_of_the_fleet_misses_its_goal() -> None:
     figures = _figures()
     for one in figures.of("talkers"):
@@ -140,12 +134,6 @@ def test_a_cost_that_grows_with_the_square_of_the_fleet_misses_its_goal() -> Non
     assert not growth.met
     assert growth.found.startswith("size ^ 2.00 (agentd")
     assert "not known" in growth.why
-
-
-def test_pictures_are_drawn_of_all_rows() -> None:
-    pictures = scale.pictures(_figures())
-    assert set(pictures) == {"scale-cost", "scale-latency"}
-    assert all(picture.startswith("<?xml") for picture in pictures.values())
 
 
 def _records(*told: tuple[float, str, Health]) -> Records:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from benchmarks import results
 from benchmarks.peers import PI_MB
-from benchmarks.processes import BenchmarkFailed
 from benchmarks.small_boards import control_groups
 from benchmarks.small_boards import page as small_boards_page
 from benchmarks.small_boards import part as small_boards
@@ -98,15 +94,6 @@ def test_a_group_of_version_2_is_told_its_limits_and_each_process_goes_to_a_core
     assert group.usage() == Usage(43, 2.0, 1)
 
 
-def test_groups_of_a_benchmark_that_was_killed_are_taken_away(tmp_path: Path) -> None:
-    ended = subprocess.Popen(["true"])
-    ended.wait(10)
-    for pid in (ended.pid, os.getpid()):
-        (tmp_path / f"argosy-bench-{pid}-1" / "core-0").mkdir(parents=True)
-    control_groups._sweep(tmp_path, tmp_path)
-    assert [one.name for one in tmp_path.iterdir()] == [f"argosy-bench-{os.getpid()}-1"]
-
-
 @needs_groups
 def test_nothing_is_left_of_a_group() -> None:
     def groups() -> list[str]:
@@ -180,34 +167,8 @@ def test_a_flight_that_failed_on_a_board_is_a_goal_that_is_missed() -> None:
     )
 
 
-def test_the_picture_shows_both_boards() -> None:
-    svg = small_boards.pictures(_figures())["small-boards"]
-    assert "BeagleBone Black" in svg
-    assert "Raspberry Pi 3" in svg
-
-
 def test_the_page_says_how_many_were_flown_at_once_and_what_is_not_modelled() -> None:
     text = small_boards.blocks(results.here("a test", 0.0), _figures())["small-boards"]
     assert "At most 6 flights were flown side by side, and their simulators; 1.5 cores" in text
     assert "were late by 0.10 s at worst" in text
     assert "Not modelled" in text
-
-
-@pytest.mark.parametrize(
-    ("found", "why"),
-    [({"completed": False, "why": "no router"}, "without limits: no router"), ({"lag": 0.4}, "late by 0.40 s")],
-)
-def test_without_limits_the_mission_has_to_be_flown_and_in_time(
-    monkeypatch: pytest.MonkeyPatch, found: dict[str, Any], why: str
-) -> None:
-    def flown(flights: Sequence[Wanted]) -> list[Flown]:
-        good = Flown("", ONE, None, None, 1, "a test", True)
-        return [replace(good, **found) if one.limits == Limits() else good for one in flights]
-
-    def on_the_ground(form: str) -> Flown:
-        return Flown("", form, None, None, 1, "a test", charged=70.0, elsewhere=25.0)
-
-    monkeypatch.setattr(small_boards, "_side_by_side", flown)
-    monkeypatch.setattr(small_boards, "stood", on_the_ground)
-    with pytest.raises(BenchmarkFailed, match=why):
-        small_boards.measure(False)

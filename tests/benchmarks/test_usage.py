@@ -17,7 +17,6 @@ from benchmarks.paper import usage, usage_page
 from benchmarks.paper.usage import ALL, BOARD, Figures, Sampled, drawn
 from benchmarks.paper.usage import usage as usage_of
 from benchmarks.paper.usage_page import goals
-from benchmarks.parts import PARTS
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT
 from benchmarks.sampling import AGENT, Sample, Sampler
@@ -52,14 +51,6 @@ def test_each_daemon_of_the_board_is_sampled_until_the_mission_is_done(flown: Fi
         row = found.row(who)
         assert row.rss.mean > row.pss.mean > 5, "MB of a Python process with a session"
         assert row.cpu.max >= row.cpu.mean > 0
-
-
-@pytest.mark.parametrize("approach", APPROACHES)
-def test_a_board_is_the_sum_of_its_daemons_without_simulators(flown: Figures, approach: str) -> None:
-    found = flown.of(SINGLE.mission, SPEED, approach)
-    daemons = [found.row(who) for who in ("commd", "bridged", AGENT)]
-    assert found.row(BOARD).rss.mean == pytest.approx(sum(one.rss.mean for one in daemons), abs=0.01)
-    assert found.row(BOARD).cpu.mean == pytest.approx(sum(one.cpu.mean for one in daemons), abs=0.01)
 
 
 def test_what_was_found_is_told_beside_the_papers_figures(flown: Figures) -> None:
@@ -153,13 +144,6 @@ def test_a_flight_without_enough_samples_is_no_row(sampler: Sampler) -> None:
         sampler.until(20.0, 0.9)
 
 
-def test_a_process_that_is_gone_before_the_end_is_no_row(sampler: Sampler) -> None:
-    sampler.problem = 9.5, "process no longer exists"
-    assert sampler.until(10.2, 0.9), "a program that is through may end"
-    with pytest.raises(BenchmarkFailed, match=r"ended 1\.5 s before the flight: process no longer exists"):
-        sampler.until(11.0, 0.9)
-
-
 def test_a_rescue_that_the_referee_does_not_accept_is_no_row(tmp_path: Path) -> None:
     setup = setup_in(tmp_path, RESCUE.mission, SPEED)
     assert setup.logs is not None
@@ -192,20 +176,3 @@ def test_a_flight_that_is_not_done_is_flown_once_more_and_told(monkeypatch: pyte
     course += [lost, lost]
     with pytest.raises(BenchmarkFailed, match="late"):
         usage.measure(True)
-
-
-def test_every_second_pair_is_flown_in_the_opposite_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    flights: list[str] = []
-
-    def fly(_: object, approach: str, *__: object) -> Sampled:
-        flights.append(approach)
-        return told(1, 1)
-
-    monkeypatch.setattr(usage, "flown", fly)
-    monkeypatch.setattr(usage, "QUICK", ((SINGLE, 1.0, 2),))
-    usage.measure(True)
-    assert flights == ["agentspeak", "python", "python", "agentspeak"]
-
-
-def test_it_is_a_part_of_the_benchmarks() -> None:
-    assert "usage" in [part.name for part in PARTS]
