@@ -10,11 +10,11 @@ VEHICLES = {
     "copter": ("bridged.simulation.copter.command", "an ArduCopter on MAVLink"),
     "turtle": ("bridged.simulation.turtle.command", "a turtle on Zenoh keys, as turtlesim's"),
 }
-"""What can be simulated: the module of its command, and what it is in words."""
+"""Vehicles that can be simulated: the module of each command, and its description."""
 
 
 def add_arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> None:
-    """Declare what `bridged simulate` understands; only the vehicle that `argv` names is imported."""
+    """Declare the arguments of `bridged simulate`; only the vehicle that `argv` names is imported."""
     vehicles = parser.add_subparsers(dest="vehicle", metavar="VEHICLE", required=True, help=", ".join(VEHICLES))
     for name, (module, what) in VEHICLES.items():
         vehicle = vehicles.add_parser(name, help=what, description=f"Be {what}, until SIGTERM or SIGINT.")

@@ -1,4 +1,4 @@
-"""The battery of the simulated copter: what it gives, what is left, how it is charged.
+"""The battery of the simulated copter: voltage, charge, shortages.
 
 The recorded simulated battery kept 12.6 V whatever was taken out of it, which is what SIM_BATT_CAP_AH = 0 means in
 ArduPilot's simulator too. With a capacity the voltage falls with the charge, and an empty battery stops the motors.
@@ -13,7 +13,7 @@ HOVER_CURRENT = 28.12
 """A, recorded."""
 
 HIGHEST_VOLTAGE = 60.0
-"""V; what SIM_BATT_VOLTAGE can say, and BATTERY_STATUS can tell."""
+"""V; the limit of SIM_BATT_VOLTAGE and of BATTERY_STATUS."""
 
 CHARGE_S = 120.0
 """Vehicle seconds that an empty battery needs at home to be full, unless another time is given."""
@@ -22,14 +22,14 @@ HOME_RADIUS = 5.0
 """m around home within which the copter is charged while its motors are off."""
 
 _AT_REST = ((0.0, 0.79), (0.05, 0.85), (0.2, 0.885), (0.5, 0.92), (0.8, 0.96), (1.0, 1.0))
-"""Voltage of a lithium battery without load by the charge that is left, as shares of the full ones."""
+"""Open-circuit voltage of a lithium battery by remaining charge, both as shares of the full values."""
 
 _RESISTANCE = 0.01
 """Ohm."""
 
 
 def battery_parameters(minutes: float) -> list[tuple[str, float]]:
-    """The parameters of a battery that lasts so many minutes in the air."""
+    """Return the parameters of a battery that lasts `minutes` in the air."""
     amperehours = HOVER_CURRENT * minutes / 60
     return [("SIM_BATT_CAP_AH", amperehours), ("BATT_CAPACITY", amperehours * 1000)]
 
@@ -44,7 +44,7 @@ class ChargeState(IntEnum):
 
 
 class Shortage(IntEnum):
-    """How far a battery failsafe has come."""
+    """State of the battery failsafe."""
 
     NONE = 0
     LOW = 1
@@ -53,7 +53,7 @@ class Shortage(IntEnum):
 
 @dataclass(slots=True)
 class Battery:
-    """Counts the charge that was used, and watches the limits that BATT_ parameters set."""
+    """Charge counter with the limits of the BATT_ parameters."""
 
     parameters: Parameters
     charge_time: float = CHARGE_S
@@ -64,13 +64,13 @@ class Battery:
     _low_since: float | None = None
 
     def step(self, dt: float, *, flying: bool) -> None:
-        """Draws the current of a hover for `dt` seconds, or none."""
+        """Draw the current of a hover for `dt` seconds, or none."""
         self.current = HOVER_CURRENT if flying else 0.0
         self.used += self.current * dt / 3.6
         self.charging = False
 
     def rest(self, dt: float, *, at_home: bool) -> None:
-        """The motors are off; at home `dt` seconds of charge come in."""
+        """Motors off for `dt` seconds; charge the battery at home."""
         self.current = 0.0
         self.charging = at_home and self.used > 0
         if self.charging:
@@ -89,12 +89,12 @@ class Battery:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing is left to turn the motors; a battery without a real capacity never is."""
+        """Whether the charge is used up; never for a battery without SIM_BATT_CAP_AH."""
         return self.parameters["SIM_BATT_CAP_AH"] > 0 and self.used >= self._capacity
 
     @property
     def remaining(self) -> int:
-        """Per cent of BATT_CAPACITY: the autopilot counts, it does not know what the battery really holds."""
+        """Per cent of BATT_CAPACITY, which the autopilot counts; the real charge is unknown to it."""
         return max(0, min(100, round(100 * (1 - self.used / max(1.0, self.parameters["BATT_CAPACITY"])))))
 
     @property
@@ -113,13 +113,13 @@ class Battery:
 
     @property
     def state(self) -> ChargeState:
-        """What BATTERY_STATUS says of it."""
+        """charge_state of BATTERY_STATUS."""
         if self.charging:
             return ChargeState.CHARGING
         return {Shortage.NONE: ChargeState.OK, Shortage.LOW: ChargeState.LOW}.get(self.shortage, ChargeState.CRITICAL)
 
     def check(self, now: float) -> Shortage | None:
-        """A shortage that is new: a voltage below its limit for BATT_LOW_TIMER seconds, or too little charge left."""
+        """Return a new shortage: voltage below its limit for BATT_LOW_TIMER seconds, or too little charge left."""
         values, voltage = self.parameters, self.voltage
         worse = self._below(values["BATT_CRT_VOLT"], voltage) or self._short_of(values["BATT_CRT_MAH"])
         bad = worse or self._below(values["BATT_LOW_VOLT"], voltage) or self._short_of(values["BATT_LOW_MAH"])

@@ -1,4 +1,4 @@
-"""What a vehicle goes through after it is switched on: when it knows what, and what it says meanwhile."""
+"""The boot sequence of a vehicle: milestones, their times and status texts."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -12,7 +12,7 @@ FIRST_HEARTBEAT_S = 1.02
 
 
 class Milestone(Enum):
-    """Points in the start of an autopilot, with their recorded time in seconds and the one of a quick start."""
+    """Milestones of an autopilot's start: recorded time and time of a quick start, in seconds."""
 
     BAROMETER = (0.90, 0.1)
     READY = (1.436, 0.2)  # the arming checks run
@@ -53,18 +53,18 @@ _EKF_POSITION = 831  # everything: attitude, velocities, positions relative and 
 
 @dataclass(slots=True)
 class Boot:
-    """The start of one vehicle. `passed` tells what is behind it."""
+    """The start of one vehicle."""
 
     kind: BootKind
     elevation: float
     _next: int = 0
 
     def passed(self, milestone: Milestone, now: float) -> bool:
-        """Whether the milestone is behind us `now` seconds after power on."""
+        """Return whether the milestone was passed `now` seconds after power on."""
         return now - FIRST_HEARTBEAT_S >= milestone.value[self.kind == "quick"]
 
     def advance(self, now: float) -> list[tuple[Milestone, tuple[str, ...]]]:
-        """The milestones that were passed since the last call, with what the vehicle says at each."""
+        """Return the milestones passed since the last call, each with the vehicle's status texts."""
         reached = []
         milestones = _ORDER
         while self._next < len(milestones) and self.passed(milestones[self._next], now):

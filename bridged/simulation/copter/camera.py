@@ -1,4 +1,4 @@
-"""A simulated camera under a copter: it tells the victims that it sees, by where the copter truly is.
+"""A simulated camera under a copter: publishes the victims in view of the copter's true position.
 
 A victim is seen within the camera's range over ground, and from then on for `MEMORY` more: the tracker behind a real
 camera keeps what it has found for a while too, and a router that restarts just then does not hide anybody. Nothing is
@@ -21,14 +21,14 @@ from schemas.geo import distance
 LOOK_S = 0.1
 """Vehicle seconds between two looks."""
 MEMORY = 30.0
-"""Wall seconds for which a victim that is out of sight is still told."""
+"""Wall seconds for which a victim that is out of sight is still published."""
 PERIOD = 0.2
-"""Wall seconds between two tellings."""
+"""Wall seconds between two publications."""
 JSON = "application/json"
 
 
 class Sighting(msgspec.Struct, frozen=True):
-    """A victim as the camera tells it."""
+    """A victim as the camera publishes it."""
 
     id: int
     lat: float
@@ -37,7 +37,7 @@ class Sighting(msgspec.Struct, frozen=True):
 
 
 class Camera:
-    """What one copter sees of the world's victims."""
+    """The victims in view of one copter."""
 
     def __init__(self, victims: Sequence[Victim], reach: float) -> None:
         """`reach`: metres over ground."""
@@ -46,7 +46,7 @@ class Camera:
         self._looked = float("-inf")
 
     def look(self, at: Place, age: float, wall: float) -> None:
-        """Look down from a place at a vehicle time; `wall`: wall seconds."""
+        """Look down from a place at `age` vehicle seconds; `wall`: monotonic wall seconds."""
         if age - self._looked < LOOK_S:
             return
         self._looked = age
@@ -55,7 +55,7 @@ class Camera:
                 self._seen[victim] = wall
 
     def sightings(self, wall: float) -> list[Sighting]:
-        """Return what is to be told now."""
+        """Return the sightings to publish now."""
         return [
             Sighting(victim.number, victim.lat, victim.lon)
             for victim, seen in self._seen.items()

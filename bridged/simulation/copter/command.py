@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from bridged.simulation.copter.world import Victim
 
 HOME = "-27.604033,-48.518363,21"
-"""Where a simulated copter stands if nothing else is said: the field of the paper's experiments."""
+"""Default home: the field of the paper's experiments."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares what `bridged simulate copter` understands."""
+    """Declare the arguments of `bridged simulate copter`."""
     parser.add_argument(
         "--link",
         required=True,
@@ -102,7 +102,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulates until SIGTERM or SIGINT: exit code 0, or 2 if a link cannot be opened or an argument is wrong."""
+    """Simulate until SIGTERM or SIGINT. Returns the exit code: 2 if a link cannot be opened or an argument is wrong."""
     from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
     from bridged.drivers.mavlink.transport.link import LinkError
     from bridged.drivers.mavlink.transport.signing import SigningError, read_key
@@ -159,7 +159,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _camera(args: argparse.Namespace, vehicle: "Vehicle") -> "Callable[[asyncio.Event], Coroutine[Any, Any, None]]":
-    """Let the vehicle see the victims; returns what tells them on the bus."""
+    """Attach the camera to the vehicle; returns the coroutine function that publishes its sightings."""
     from bridged.simulation.copter.camera import Camera, tell_sightings
     from commd.bus.errors import BusClosed
 

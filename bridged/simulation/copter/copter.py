@@ -1,4 +1,4 @@
-"""The simulated copter without its MAVLink face: what it knows, what it refuses, what it does by itself."""
+"""The simulated copter without MAVLink: state, arming checks, modes, missions, failsafes."""
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -36,13 +36,13 @@ from bridged.simulation.copter.rc_input import Transmitter
 from bridged.simulation.copter.servo_outputs import Outputs
 
 GUARD_PERIOD_S = 0.2
-"""Vehicle seconds between two looks at what can go wrong."""
+"""Vehicle seconds between two checks of the failsafes."""
 _YAW_ALIGNMENT_HEIGHT = 1.9
 """m above the ground at which the compass is checked in flight (recorded text)."""
 
 
 class Copter:
-    """One vehicle from power on. Time passes only in `step`; what it wants to tell gathers in `events`."""
+    """One vehicle from power on. Time passes only in `step`; notifications gather in `events`."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class Copter:
 
     @property
     def place(self) -> Place:
-        """Where the copter is."""
+        """Position of the copter."""
         return self.chart.place(self.motion.position)
 
     @property
@@ -94,15 +94,18 @@ class Copter:
         return self.chart.vector(self.home) if self.home is not None else Vector()
 
     def passed(self, milestone: Milestone) -> bool:
-        """Whether the start of the vehicle has come so far."""
+        """Return whether the boot sequence has passed a milestone."""
         return self.boot.passed(milestone, self.now)
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """A line for people."""
+        """Queue a STATUSTEXT."""
         self.events.append(Text(severity, text))
 
     def set_mode(self, number: int) -> Result:
-        """Changes the flight mode; texts tell why not. Position is needed only with motors on, as in ArduCopter."""
+        """Change the flight mode; a status text gives the reason of a refusal.
+
+        As in ArduCopter, a position is needed only with motors on.
+        """
         try:
             mode = Mode(number)
         except ValueError:
@@ -161,7 +164,7 @@ class Copter:
         return problems
 
     def arm(self, *, force: bool = False) -> Result:
-        """Starts the motors and sets home here."""
+        """Start the motors and set home here."""
         if self.armed:
             return Result.ACCEPTED
         problems = self.arming_problems()
@@ -176,7 +179,7 @@ class Copter:
         return Result.ACCEPTED
 
     def disarm(self, *, force: bool = False) -> Result:
-        """Stops the motors; refused in the air unless forced."""
+        """Stop the motors; refused in the air unless forced."""
         if not self.armed:
             return Result.ACCEPTED
         if self.flight.airborne and not force:
@@ -190,25 +193,25 @@ class Copter:
         return Result.ACCEPTED
 
     def set_home(self, place: Place) -> None:
-        """Home is here from now on."""
+        """Set home."""
         self.home = place
         self.events.append(HomeChanged())
         if isinstance(self.flight.task, Return):
             self.flight.begin(Return(self.home_on_chart))
 
     def take_off(self, altitude: float) -> Result:
-        """Goes straight up to `altitude` metres above home; only in GUIDED, armed and on the ground."""
+        """Climb to `altitude` metres above home; only in GUIDED, armed and on the ground."""
         if self.mode is not Mode.GUIDED or not self.armed or self.flight.airborne or not 0 < altitude <= 10_000:
             return Result.FAILED
         self.flight.begin(TakeOff(self.home_on_chart.up + altitude))
         return Result.ACCEPTED
 
     def allows(self, goal: Vector) -> bool:
-        """Whether the fence allows a goal."""
+        """Return whether the fence allows a goal."""
         return self.fence.breach(goal, self.home_on_chart) is None
 
     def guide(self, task: GoTo | Drift) -> bool:
-        """A goal or a velocity from outside; False if it is dropped: not in GUIDED, or outside the fence."""
+        """Follow a goal or a velocity; returns False if it is dropped: not in GUIDED, or outside the fence."""
         if self.mode is not Mode.GUIDED or (isinstance(task, GoTo) and not self.allows(task.goal)):
             return False
         if isinstance(task, GoTo) and isinstance(self.flight.task, GoTo):
@@ -218,11 +221,11 @@ class Copter:
         return True
 
     def fall_from(self, up: Axis) -> None:
-        """The autopilot was switched on in the air: the motors are off."""
+        """Start in the air with the motors off, after a restart of the autopilot in flight."""
         self.motion.up, self.flight.airborne, self.flight.landed = up, True, Landed.IN_AIR
 
     def step(self, dt: float) -> None:
-        """Lets `dt` seconds pass (0.05 at most for exact motion)."""
+        """Advance by `dt` seconds (0.05 at most for exact motion)."""
         self.now += dt
         self.flight.now = self.now
         for milestone, texts in self.boot.advance(self.now):
@@ -272,12 +275,12 @@ class Copter:
             self.disarm()
 
     def bring_home(self) -> None:
-        """RTL, or LAND where that is refused."""
+        """Switch to RTL, or to LAND where that is refused."""
         if self.mode not in (Mode.RTL, Mode.LAND) and self.set_mode(Mode.RTL) is not Result.ACCEPTED:
             self.set_mode(Mode.LAND)
 
     def count_mission(self, total: int) -> None:
-        """Tells the number of stored items, home included, as the parameter MIS_TOTAL."""
+        """Set MIS_TOTAL to the number of stored items, home included."""
         if self.parameters["MIS_TOTAL"] != total:
             self.parameters.set("MIS_TOTAL", total)
             self.events.append(ParameterChanged("MIS_TOTAL"))
@@ -293,7 +296,7 @@ class Copter:
         return Result.ACCEPTED
 
     def jump_to(self, seq: int) -> bool:
-        """MISSION_SET_CURRENT: AUTO goes on, or will begin, with this item; False if there is none."""
+        """MISSION_SET_CURRENT: AUTO continues, or will begin, with this item; returns False if there is none."""
         if self.mission.item(seq) is None:
             return False
         self.mission.complete = False
@@ -304,7 +307,7 @@ class Copter:
         return True
 
     def _fly_from(self, seq: int) -> None:
-        """Goes to the next place of the mission; what is to be done before is done on the way there."""
+        """Fly to the next place of the mission; DO commands before it run on the way."""
         self._actions, item = self.mission.next_place(seq)
         self._actions_wait_until = self.now
         if item is None:

@@ -43,17 +43,17 @@ class Vector:
     up: float = 0.0
 
     def flat(self) -> float:
-        """Length of the horizontal part."""
+        """Return the length of the horizontal part."""
         return math.hypot(self.north, self.east)
 
     def distance(self, other: "Vector") -> float:
-        """How far away another place is on the map, heights left aside."""
+        """Return the horizontal distance to another place."""
         return math.hypot(self.north - other.north, self.east - other.east)
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a flight mode allows; m/s, m/s², m/s³."""
+    """Limits of a flight mode; m/s, m/s², m/s³."""
 
     speed: float = 10.0
     climb: float = 2.5
@@ -70,7 +70,7 @@ class Limits:
 
 @dataclass(slots=True)
 class Axis:
-    """One direction: where the copter is, and where its target is."""
+    """One direction: motion of the copter and of its target."""
 
     position: float = 0.0
     velocity: float = 0.0
@@ -82,22 +82,22 @@ class Axis:
     aimed: float = 0.0  # acceleration that the tilt gives now
 
     def rest(self) -> None:
-        """Nothing moves, and the target is here."""
+        """Stop, with the target here."""
         self.velocity = self.accel = self.integral = self.aimed = 0.0
         self.target, self.target_velocity, self.target_accel = self.position, 0.0, 0.0
 
     def retarget(self) -> None:
-        """The target starts from where the copter is and how fast it moves."""
+        """Start the target from the copter's position and velocity."""
         self.target, self.target_velocity, self.target_accel = self.position, self.velocity, 0.0
 
     def plan(self, accel: float, dt: float) -> None:
-        """Moves the target."""
+        """Move the target."""
         self.target_accel = accel
         self.target_velocity += accel * dt
         self.target += self.target_velocity * dt
 
     def follow(self, dt: float) -> None:
-        """Moves the copter after the target: feedback, tilt lag, drag."""
+        """Move the copter after the target: feedback, tilt lag, drag."""
         off = self.target_velocity + _POSITION_GAIN * (self.target - self.position) - self.velocity
         self.integral += _INTEGRAL_GAIN * off * dt
         demand = self.target_accel + _VELOCITY_GAIN * off + self.integral
@@ -107,7 +107,7 @@ class Axis:
         self.position += self.velocity * dt
 
     def track(self) -> None:
-        """Puts the copter where the target is: thrust answers faster than tilt."""
+        """Put the copter at the target: thrust answers faster than tilt."""
         self.position, self.velocity, self.accel = self.target, self.target_velocity, self.target_accel
 
 
@@ -154,13 +154,13 @@ class Motion:
         return math.atan2(right, GRAVITY), math.atan2(-forward, GRAVITY)
 
     def rest(self) -> None:
-        """On the ground: nothing moves."""
+        """Stop all motion on the ground."""
         for axis in (self.north, self.east, self.up):
             axis.rest()
         self.turn_rate = 0.0
 
     def retarget(self) -> None:
-        """Another flight mode took over: it begins with the present motion."""
+        """Continue the present motion with another flight mode."""
         for axis in (self.north, self.east, self.up):
             axis.retarget()
 

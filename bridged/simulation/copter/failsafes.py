@@ -1,4 +1,4 @@
-"""What the autopilot looks at several times a second: the pilot, the ground station, the fence, the battery."""
+"""Failsafes, checked several times a second: pilot input, ground station, fence, battery."""
 
 import math
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Fence:
         return self.parameters["FENCE_ENABLE"] >= 1
 
     def breach(self, at: Vector, home: Vector) -> str | None:
-        """Which part of the fence a place is outside of, in the vehicle's words."""
+        """Return the breached parts of the fence, in the vehicle's words; None inside."""
         if not self.enabled:
             return None
         parts = []
@@ -48,7 +48,7 @@ class Fence:
         return ", ".join(parts) or None
 
     def notice(self, breach: str | None, now: float) -> bool:
-        """Takes in whether the copter is outside; True at the moment when it gets there."""
+        """Note the present breach; returns True when it is new."""
         new = breach is not None and self.breached is None
         if new:
             self.breaches, self.breached_at = self.breaches + 1, now
@@ -72,12 +72,12 @@ class StationWatch:
     lost: bool = False
 
     def heartbeat(self, sysid: int, now: float) -> None:
-        """A HEARTBEAT came in."""
+        """Note a HEARTBEAT."""
         if sysid == int(self.parameters["MAV_GCS_SYSID"]):
             self.heard_at = now
 
     def check(self, now: float, *, armed: bool) -> StationLink | None:
-        """What changed since the last call."""
+        """Return the change of the link since the last call."""
         if self.heard_at is None:
             return None
         silent = now - self.heard_at >= max(2.0, self.parameters["FS_GCS_TIMEOUT"])
@@ -98,7 +98,7 @@ _TERMINATE = 5
 
 
 def watch_over(copter: "Copter", dt: float) -> None:
-    """One look; the one before was `dt` vehicle seconds ago."""
+    """Check all failsafes; the last check was `dt` vehicle seconds ago."""
     _pilot(copter)
     _station(copter)
     _fence(copter)
@@ -150,7 +150,7 @@ def _fence(copter: "Copter") -> None:
 
 
 def _arming(copter: "Copter", dt: float) -> None:
-    """What a fault makes of the arming checks is said again and again while the motors are off."""
+    """Repeat the arming check that fails by a fault while the motors are off."""
     if copter.hindrance and not copter.armed and copter.now % PREARM_SAID_EVERY < dt:
         copter.say(f"PreArm: {copter.hindrance}", Severity.CRITICAL)
 

@@ -19,7 +19,7 @@ from bridged.drivers.mavlink.transport.link import Link, MakeGate, OnPacket
 from bridged.drivers.mavlink.transport.link_peers import Ids, Peer
 
 HELD_S = 0.5
-"""Vehicle seconds after which a packet that was held back comes, if no other one overtook it before."""
+"""Vehicle seconds after which a delayed packet is delivered if no other one has overtaken it."""
 
 LONGEST_GARBAGE = 40
 """Bytes."""
@@ -35,7 +35,7 @@ _TELLING = frozenset(
         dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
     )
 )
-"""Commands that only make a vehicle tell something: a vehicle that lies obeys them, or nothing would be seen of it."""
+"""Commands that only request messages: a lying vehicle obeys them, or nothing would be seen of it."""
 
 _ACKNOWLEDGEMENTS = frozenset(("COMMAND_ACK", "MISSION_ACK"))
 _IGNORED_BY_A_LIAR = frozenset(("SET_MODE", "SET_POSITION_TARGET_GLOBAL_INT", "SET_POSITION_TARGET_LOCAL_NED"))
@@ -51,13 +51,13 @@ class Cut:
     seconds: float
 
     def covers(self, now: float) -> bool:
-        """Whether the link is cut now."""
+        """Return whether the link is cut at a time."""
         return self.at <= now < self.at + self.seconds
 
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What is wrong with a vehicle and its link; nothing, if nothing else is said. Shares are of the packets."""
+    """Faults of a vehicle and its link; none by default. Shares are of the packets."""
 
     loss: float = 0.0
     duplicate: float = 0.0
@@ -74,7 +74,7 @@ class Faults:
 
     @classmethod
     def parse(cls, texts: Iterable[str]) -> Faults:
-        """Reads `loss=0.2,duplicate=0.1` and the like, one after the other. Raises ValueError in words."""
+        """Parse texts such as `loss=0.2,duplicate=0.1`. Raises ValueError with the expected forms."""
         faults = cls()
         for part in (part.strip() for text in texts for part in text.split(",")):
             name, equals, value = part.partition("=")
@@ -89,13 +89,13 @@ class Faults:
         return faults
 
     def silent(self, now: float) -> bool:
-        """Whether the link is cut at this time."""
+        """Return whether the link is cut at a time."""
         return any(cut.covers(now) for cut in self.cuts)
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One kind of fault: how it is written and what it does."""
+    """One kind of fault: its form on the command line and its meaning."""
 
     form: str
     meaning: str
@@ -166,7 +166,7 @@ TABLE: dict[str, Row] = {
 
 @dataclass(slots=True)
 class AirCounters:
-    """What happened to the packets of one direction."""
+    """Counters of the packets of one direction."""
 
     passed: int = 0  # as they were, in their turn or late
     lost: int = 0
@@ -176,10 +176,10 @@ class AirCounters:
 
 
 class Air:
-    """One direction of a link. What is given to it comes out of it, or does not, as the faults say."""
+    """One direction of a link with faults."""
 
     def __init__(self, faults: Faults, direction: str) -> None:
-        """`direction` gives each way its own dice."""
+        """`direction` seeds the random sequence of this way."""
         self.counters = AirCounters()
         self._faults = faults
         self._dice = random.Random(f"{faults.seed} {direction}")
@@ -187,7 +187,7 @@ class Air:
         self._held_until = 0.0
 
     def carry(self, packet: bytes, now: float) -> list[bytes]:
-        """What comes out when one packet, datagram or piece of a stream goes in; `now` in vehicle seconds."""
+        """Return the output for one packet, datagram or piece of a stream; `now` in vehicle seconds."""
         faults, counters = self._faults, self.counters
         if faults.silent(now):
             counters.lost += 1
@@ -210,7 +210,7 @@ class Air:
         return out + self._release()
 
     def due(self, now: float) -> list[bytes]:
-        """The packet that was held back, when it is late enough; to be asked now and then."""
+        """Return the delayed packet when it is due; call it now and then."""
         if self._held is None or now < self._held_until:
             return []
         if self._faults.silent(now):
@@ -237,14 +237,14 @@ class Air:
 
 
 class Character:
-    """How a vehicle treats what it is told, and what it says."""
+    """Faults in a vehicle's handling of messages."""
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
         self._reboots = list(faults.reboots)
 
     def pretends(self, message: dialect.MAVLink_message) -> Messages | None:
-        """What a vehicle that lies answers to a message that it ignores; None if it takes the message in."""
+        """Return a lying vehicle's answer to a message that it ignores; None if it accepts the message."""
         if not self._faults.lie:
             return None
         kind = message.get_type()
@@ -256,7 +256,7 @@ class Character:
         return None
 
     def says(self, messages: Messages) -> Messages:
-        """What is left of what the vehicle would say."""
+        """Return the vehicle's messages with the faults applied."""
         if self._faults.autopilot is not None:
             for message in messages:
                 if message.get_type() == "HEARTBEAT":
@@ -266,11 +266,11 @@ class Character:
         return [message for message in messages if message.get_type() not in _ACKNOWLEDGEMENTS]
 
     def hinders(self, now: float) -> str:
-        """Which arming check fails now, in the vehicle's words; empty = none by a fault."""
+        """Return the arming check that fails by a fault, in the vehicle's words; empty = none."""
         return next((said for until, said in self._faults.prearm if now < until), "")
 
     def restarts(self, now: float) -> bool:
-        """Whether the vehicle restarts now; true once for each time."""
+        """Return whether the vehicle restarts now; True once for each configured time."""
         if self._reboots and now >= self._reboots[0]:
             del self._reboots[0]
             return True
@@ -278,7 +278,7 @@ class Character:
 
 
 class FaultyLink(Link):
-    """A link with faults in both directions. The other ends have their own dice, in the order in which they come."""
+    """A link with faults in both directions. Each peer has its own random sequence, by the order of arrival."""
 
     def __init__(
         self,
@@ -289,7 +289,7 @@ class FaultyLink(Link):
         faults: Faults,
         now: Callable[[], float],
     ) -> None:
-        """`now` tells vehicle seconds since the start of the simulation."""
+        """`now` returns vehicle seconds since the start of the simulation."""
         super().__init__(address, on_packet, ids, None, None, make_gate)
         self._faults = faults
         self._now = now
@@ -298,7 +298,7 @@ class FaultyLink(Link):
         self._up: dict[Peer, tuple[Air, bool]] = {}
 
     def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer:
-        """For endpoints: what is written to the other end goes through the air."""
+        """Add a peer whose output passes through the faults; called by endpoints."""
         self._count += 1
         air = Air(self._faults, f"down {self._count}")
         self._down.append((air, write))
@@ -312,7 +312,7 @@ class FaultyLink(Link):
         return peer
 
     def report(self) -> str:
-        """What was refused and what went wrong on this link since it was opened, in words; empty if nothing."""
+        """Return the counts of refused and faulty packets since the link was opened, as text; empty if none."""
         airs = [air for air, _ in self._down] + [air for air, _ in self._up.values()]
         counts = {
             "refused for want of a right signature": self.counters.refused,
@@ -324,7 +324,7 @@ class FaultyLink(Link):
         return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
 
     def drop_peer(self, key: object) -> None:
-        """For endpoints: another end went away."""
+        """Remove a peer; called by endpoints."""
         peer = self.find_peer(key)
         super().drop_peer(key)
         if peer is not None:
@@ -332,14 +332,14 @@ class FaultyLink(Link):
             del self._up[peer], self._down[at]
 
     def received(self, peer: Peer, data: bytes, *, datagram: bool) -> None:
-        """For endpoints: what comes from the other end has gone through the air."""
+        """Take input through the faults; called by endpoints."""
         air, _ = self._up[peer]
         self._up[peer] = (air, datagram)
         for piece in air.carry(data, self._now()):
             super().received(peer, piece, datagram=datagram)
 
     def deliver_late(self) -> None:
-        """Passes on what was held back, if it is time; to be called now and then."""
+        """Deliver delayed packets that are due; call it now and then."""
         now = self._now()
         for air, write in self._down:
             for packet in air.due(now):

@@ -1,4 +1,4 @@
-"""Flying: how a copter carries out its task, leaves the ground and meets it again."""
+"""Flight control: tasks of a copter, takeoff, landing and touchdown."""
 
 import math
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class Stop:
 
 
 class Stage(Enum):
-    """How far a return has come."""
+    """Stage of a return."""
 
     CLIMB = auto()
     CRUISE = auto()
@@ -86,7 +86,7 @@ LIFT_DELAY_S = 0.98
 """From the takeoff command until the copter moves (recorded: 5 cm high 1.4 s after it)."""
 
 RETURN_PAUSE_S = 1.5
-"""Time that the arrival over home takes before the loiter time of RTL begins (recorded)."""
+"""Time between the arrival over home and the loiter time of RTL (recorded)."""
 
 TOUCHDOWN_TO_LANDED_S = 1.7
 TOUCHDOWN_TO_DISARM_S = 2.09
@@ -102,7 +102,7 @@ _LOOK_AHEAD_SPEED = 0.8
 
 
 class Flight:
-    """A copter with motors. It does one task at a time; `reached` tells when a takeoff or a leg is done."""
+    """A copter with motors. It has one task at a time; `reached` is set when a takeoff or a leg is done."""
 
     def __init__(self, motion: Motion, parameters: Parameters) -> None:
         self.motion = motion
@@ -128,7 +128,7 @@ class Flight:
 
     @property
     def target(self) -> Vector | None:
-        """Where the present task goes, if the autopilot tells (POSITION_TARGET_GLOBAL_INT)."""
+        """Goal of the present task, if the autopilot reports one (POSITION_TARGET_GLOBAL_INT)."""
         match self.task:
             case GoTo(goal):
                 return goal
@@ -137,25 +137,25 @@ class Flight:
         return None
 
     def arm(self) -> None:
-        """Starts the motors."""
+        """Start the motors."""
         self.armed, self._armed_at, self._lift_at = True, self.now, None
         self.touchdown_at = None
 
     def disarm(self) -> None:
-        """Stops the motors, whatever follows."""
+        """Stop the motors, even in the air."""
         self.armed, self._lift_at, self.touchdown_at = False, None, None
         if not self.airborne:
             self.landed = Landed.ON_GROUND
 
     @property
     def idle_since(self) -> float | None:
-        """Since when the motors turn on the ground without a reason to lift, None if they do not."""
+        """Time since which the motors idle on the ground without a pending takeoff; None if they do not."""
         if not self.armed or self.airborne or self._lift_at is not None:
             return None
         return max(self._armed_at, self.touchdown_at or 0.0)
 
     def begin(self, task: Task) -> None:
-        """Takes over another task; the motion goes on from what it is."""
+        """Begin another task from the present motion."""
         if self.airborne and type(task) is not type(self.task):
             self.motion.retarget()
         if not isinstance(task, TakeOff | GoTo | Drift):
@@ -221,7 +221,7 @@ class Flight:
                 self._descend(dt)
 
     def _limits(self, leg: float | None = None) -> Limits:
-        """What the parameters allow; for a smooth leg of this length in metres, if one is given."""
+        """Return the limits set by parameters; `leg` is the length of a smooth leg in metres."""
         values = self.parameters
         speed = self.cruise_speed or max(0.2, values["WPNAV_SPEED"] / 100)
         climb, descent = max(0.1, values["WPNAV_SPEED_UP"] / 100), max(0.1, values["WPNAV_SPEED_DN"] / 100)

@@ -35,12 +35,12 @@ class Mode(IntEnum):
 
     @property
     def simulated(self) -> bool:
-        """Whether this simulation can fly the mode."""
+        """Whether the simulation can fly the mode."""
         return self in _SIMULATED
 
     @property
     def needs_position(self) -> bool:
-        """Whether the vehicle must know where it is to fly the mode."""
+        """Whether the mode needs a position estimate."""
         return self not in (Mode.STABILIZE, Mode.ACRO, Mode.ALT_HOLD, Mode.LAND)
 
     @property

@@ -47,12 +47,12 @@ class FlatMap:
         self._east_scale = METRES_PER_DEGREE * max(0.01, math.cos(math.radians(origin.lat)))
 
     def place(self, at: Vector) -> Place:
-        """The place at `at`; one that runs off the map stays at its edge."""
+        """Return the place at a vector; latitudes are clamped to the poles."""
         lat = max(-90.0, min(90.0, self.origin.lat + at.north / METRES_PER_DEGREE))
         lon = math.remainder(self.origin.lon + at.east / self._east_scale, 360.0)
         return Place(lat, lon, self.origin.alt + at.up)
 
     def vector(self, place: Place) -> Vector:
-        """Where `place` is on the map."""
+        """Return the vector of a place."""
         east = math.remainder(place.lon - self.origin.lon, 360.0) * self._east_scale
         return Vector((place.lat - self.origin.lat) * METRES_PER_DEGREE, east, place.alt - self.origin.alt)

@@ -1,4 +1,4 @@
-"""Missions: the list of items that AUTO mode flies, and how far it has come."""
+"""Missions: the items that AUTO mode flies, its progress, and DO commands."""
 
 import math
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ NAV_COMMANDS = {
     dialect.MAV_CMD_NAV_SPLINE_WAYPOINT: "SplineWP",
     dialect.MAV_CMD_NAV_DELAY: "Delay",
 }
-"""What AUTO flies, and how the vehicle calls it in its texts."""
+"""Navigation commands of AUTO, with their names in status texts."""
 
 DO_COMMANDS = {
     dialect.MAV_CMD_CONDITION_DELAY: "CondDelay",
@@ -39,12 +39,12 @@ DO_COMMANDS = {
     dialect.MAV_CMD_DO_FENCE_ENABLE: "FenceEnable",
     dialect.MAV_CMD_DO_GRIPPER: "Gripper",
 }
-"""What AUTO does on the way to the next place."""
+"""Commands that AUTO runs on the way to the next place, with their names in status texts."""
 
 PASSED_OVER = frozenset(
     (18, 92, 94, 114, 181, 182, 188, 189, 195, 197, 201, 202, 203, 205, 206, 208, 216, 217, 218, 222, 223)
 )
-"""Commands that a real one would obey (cameras, relays, circles, ...): they are stored, and do nothing."""
+"""Commands that a real autopilot obeys (cameras, relays, circles, ...): stored, without effect."""
 
 KNOWN = frozenset((dialect.MAV_CMD_DO_JUMP, *NAV_COMMANDS, *DO_COMMANDS)) | PASSED_OVER
 """A mission with other commands is refused."""
@@ -58,7 +58,7 @@ _STAYING = frozenset(
 """Parameter 1 of these is the time in seconds to stay at the place."""
 
 MOST_STEPS = 255
-"""Items without a place that are looked at for the next one with a place; a mission of jumps alone ends."""
+"""Items without a place that are searched for the next one with a place: bounds a mission of jumps alone."""
 
 GLOBAL_FRAMES = (0, 5)
 """Coordinate frames whose altitude is above mean sea level."""

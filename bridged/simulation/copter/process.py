@@ -1,4 +1,4 @@
-"""A simulated vehicle as a process: its links, its clock, its end."""
+"""A simulated vehicle as a process: links, clock, shutdown."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bridged.simulation.copter.fault_injection import Faults, FaultyLink
 from bridged.simulation.copter.protocol.mavlink_interface import COMPONENT, Vehicle
 
 LATE_S = 0.1
-"""Wall seconds by which a round of the simulation may come too late: five of its steps at speed 1."""
+"""Wall seconds from which a round of the simulation counts as late: five steps at speed 1."""
 
 TELL_EVERY_S = 5.0
 """Wall seconds between two reports."""
@@ -27,20 +27,20 @@ TELL_EVERY_S = 5.0
 
 @dataclass
 class RealtimeMonitor:
-    """Counts the rounds that came late, and the time that never happened. It says so now and then, if it has grown."""
+    """Counter of late rounds and skipped time; reports them now and then when they have grown."""
 
     tell: Callable[[str], None]
     rounds: int = 0
     late: int = 0
     worst: float = 0.0
-    """Wall seconds by which a round was late at most."""
+    """Wall seconds of the latest round."""
     lost: float = 0.0
-    """Wall seconds that never happened: the vehicle stood still for too long to make up for them."""
+    """Wall seconds that were skipped after the process stood still for too long."""
     _told: tuple[int, float] = (0, 0.0)
     _told_at: float = -math.inf
 
     def round(self, late: float, now: float) -> None:
-        """A round begins `late` wall seconds after it was due."""
+        """Note a round that begins `late` wall seconds after it was due."""
         self.rounds += 1
         if late > LATE_S:
             self.late += 1
@@ -50,7 +50,7 @@ class RealtimeMonitor:
             self.report()
 
     def report(self) -> None:
-        """Say what has not been said yet."""
+        """Report new counts."""
         if (self.late, self.lost) != self._told:
             self._told = self.late, self.lost
             self.tell(
@@ -63,13 +63,13 @@ TICK_S = 0.02
 """Shortest pause between two rounds, in wall seconds: at most 50 rounds a second at any speed."""
 
 LONGEST_PAUSE_S = 0.25
-"""Longest pause in wall seconds; what happens in flight without a message that is due is told no later."""
+"""Longest pause in wall seconds: bounds the delay of events in flight."""
 
 MOST_CATCH_UP_S = 1.0
-"""Wall seconds that are made up for at once after a stop of the process; the rest never happened."""
+"""Wall seconds that are caught up after a stop of the process; the rest is skipped."""
 
 LEAVE_S = 1.0
-"""Wall seconds that what runs beside a vehicle has to end."""
+"""Wall seconds that the companion task of a vehicle has to end."""
 
 
 class Simulation:
@@ -89,7 +89,7 @@ class Simulation:
         )
 
     async def run(self, stop: asyncio.Event, started: Callable[[], None]) -> None:
-        """Flies until `stop` is set; `started` is called once. Raises LinkError if a link cannot be opened."""
+        """Fly until `stop` is set; `started` is called once. Raises LinkError if a link cannot be opened."""
         self._seen = asyncio.get_running_loop().time()
         waiting = asyncio.create_task(stop.wait())
         waiting.add_done_callback(lambda _: self._wake.set())

@@ -1,4 +1,4 @@
-"""The pilot's sticks and switches as the autopilot reads them, and those that a ground station moves instead."""
+"""RC input of the autopilot: the pilot's transmitter, and overrides of a ground station."""
 
 import math
 from dataclasses import dataclass, field
@@ -11,16 +11,16 @@ from bridged.simulation.copter.protocol.parameters import Parameters
 
 CHANNELS = 16
 RESTING = (1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800, *([0] * (CHANNELS - 8)))
-"""Microseconds of the transmitter that lies on the table: sticks in the middle, throttle down."""
+"""Pulses in µs of an untouched transmitter: sticks centred, throttle down."""
 
 DEAD_ZONE = 30
 """Microseconds around the middle in which a stick counts as centred."""
 
 STICK_LASTS_S = 0.5
-"""Sticks are read more often than this."""
+"""Seconds that a stick's velocity holds; sticks are read more often than this."""
 
 FASTEST = 35.0
-"""m/s; LOIT_SPEED can say no more."""
+"""m/s; the limit of LOIT_SPEED."""
 
 FASTEST_TURN = math.radians(60.0)
 """rad/s of a yaw stick at its end."""
@@ -35,7 +35,7 @@ _MODE_SWITCH_STEPS = (1230, 1360, 1490, 1620, 1749)
 
 @dataclass(slots=True)
 class Transmitter:
-    """RC_CHANNELS. What was overridden falls back RC_OVERRIDE_TIME seconds after the last override."""
+    """RC_CHANNELS. An override expires RC_OVERRIDE_TIME seconds after its last message."""
 
     parameters: Parameters
     _overrides: dict[int, tuple[int, float]] = field(default_factory=dict)  # pulse, when it was said
@@ -56,16 +56,16 @@ class Transmitter:
                 self._overrides[channel] = (pulse, now)
 
     def pulse(self, channel: int, now: float) -> int:
-        """Microseconds of a channel."""
+        """Return the pulse of a channel in µs."""
         moved = self._moved(channel, now)
         return RESTING[channel - 1] if moved is None else moved
 
     def pulses(self, now: float) -> list[int]:
-        """Microseconds of all channels."""
+        """Return the pulses of all channels in µs."""
         return [self.pulse(channel, now) for channel in range(1, CHANNELS + 1)]
 
     def stick(self, name: str, now: float) -> float:
-        """Where an overridden stick is, from -1 to 1; 0 for one that nobody moves. `name` as in RCMAP_ROLL."""
+        """Return the position of an overridden stick from -1 to 1; 0 without an override. `name` as in RCMAP_ROLL."""
         pulse = self._moved(int(self.parameters[f"RCMAP_{name}"]), now)
         if pulse is None or abs(pulse - 1500) <= DEAD_ZONE:
             return 0.0
@@ -73,11 +73,11 @@ class Transmitter:
 
     @property
     def touched(self) -> bool:
-        """Whether anything was overridden and not given back."""
+        """Whether any channel is overridden."""
         return bool(self._overrides)
 
     def switched_mode(self, now: float) -> int | None:
-        """The mode that the flight mode switch says, at the moment when an override moves it."""
+        """Return the mode of the flight mode switch when an override has moved it, else None."""
         pulse = self._moved(int(self.parameters["FLTMODE_CH"]), now)
         position = None if pulse is None else sum(pulse > step for step in _MODE_SWITCH_STEPS)
         if position == self._switch:

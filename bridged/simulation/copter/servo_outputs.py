@@ -1,4 +1,4 @@
-"""What a simulated copter moves besides itself: servo outputs, and a gripper on one of them."""
+"""Servo outputs of a simulated copter, and a gripper on one of them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class _Repeat:
 
 
 class Outputs:
-    """The outputs by their numbers from 1. What nobody has moved yet gives no pulse (0)."""
+    """Servo outputs by their numbers from 1. An output that was never set gives no pulse (0)."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
@@ -55,21 +55,21 @@ class Outputs:
         self._repeat: _Repeat | None = None
         self._gripping: tuple[Grip, float] | None = None
         self.on_move: Callable[[int, int], None] = lambda channel, pulse: None
-        """Told of each output that gets another pulse (microseconds)."""
+        """Called with each output and its new pulse in microseconds."""
 
     def function(self, channel: int) -> int:
-        """SERVOn_FUNCTION; -1 for an output that is not there."""
+        """Return SERVOn_FUNCTION; -1 for an unknown output."""
         return int(self._parameters[f"SERVO{channel}_FUNCTION"]) if 1 <= channel <= SERVOS else -1
 
     def pulses(self, *, armed: bool, airborne: bool) -> list[int]:
-        """Microseconds of all outputs, as SERVO_OUTPUT_RAW tells them."""
+        """Return the pulses of all outputs in µs, as in SERVO_OUTPUT_RAW."""
         motor = OFF if not armed else _MOTOR_HOVER if airborne else _MOTOR_IDLE
         motors = range(33, 37)
         numbers = range(1, SERVOS + 1)
         return [motor if self.function(one) in motors else _possible(self._pulses.get(one, 0)) for one in numbers]
 
     def set(self, channel: int, pulse: int) -> str | None:
-        """MAV_CMD_DO_SET_SERVO; returns why not, in the vehicle's words."""
+        """MAV_CMD_DO_SET_SERVO; returns the reason of a refusal, in the vehicle's words."""
         problem = self._problem_with(channel)
         if problem is None:
             self._repeat = None if self._repeat is not None and self._repeat.channel == channel else self._repeat
@@ -77,7 +77,7 @@ class Outputs:
         return problem
 
     def repeat(self, channel: int, pulse: int, times: int, period: float, now: float) -> str | None:
-        """MAV_CMD_DO_REPEAT_SERVO: `times` to the position and back, `period` seconds each; returns why not."""
+        """MAV_CMD_DO_REPEAT_SERVO: `times` to the position and back, `period` seconds each; returns a refusal's reason."""
         problem = self._problem_with(channel)
         if problem is None:
             trim = int(self._parameters[f"SERVO{channel}_TRIM"])
@@ -85,7 +85,7 @@ class Outputs:
         return problem
 
     def grip(self, action: Grip, now: float) -> str:
-        """MAV_CMD_DO_GRIPPER; returns what the vehicle says."""
+        """MAV_CMD_DO_GRIPPER; returns the status text."""
         self._gripping = (action, now + GRIPPER_TIME_S)
         pulse = int(self._parameters["GRIP_GRAB" if action is Grip.GRAB else "GRIP_RELEASE"])
         for channel in range(1, SERVOS + 1):
@@ -94,7 +94,7 @@ class Outputs:
         return _SAID[action][0]
 
     def step(self, now: float) -> str | None:
-        """Goes on with what takes time; returns what the vehicle says, if it says something."""
+        """Advance repeated moves and the gripper; returns a status text, if any."""
         repeat = self._repeat
         if repeat is not None and now >= repeat.next_at:
             if repeat.positions:

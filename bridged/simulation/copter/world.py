@@ -87,7 +87,7 @@ class ServoMove(msgspec.Struct, frozen=True):
 
 
 class ServoLog:
-    """Writes the moves of one copter."""
+    """Log of one copter's servo moves."""
 
     def __init__(self, path: Path) -> None:
         """Raises OSError."""
@@ -105,7 +105,7 @@ class ServoLog:
         self._file.write(msgspec.json.encode(move) + b"\n")
 
     def close(self) -> None:
-        """Write no more."""
+        """Close the file."""
         self._file.close()
 
 

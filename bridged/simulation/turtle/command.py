@@ -22,7 +22,7 @@ from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, add_router_argument
 from schemas.mission.model import DEFAULT_ROUTER
 
 CATCH_UP = 1.0
-"""Wall seconds that are made up for at once after a stop of the process; the rest never happened."""
+"""Wall seconds that are caught up after a stop of the process; the rest is skipped."""
 JSON = "application/json"
 Colour = Annotated[int, Meta(ge=0, le=255)]
 Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -38,14 +38,14 @@ class Vector(msgspec.Struct):
 
 
 class Twist(msgspec.Struct):
-    """Of geometry_msgs: what `cmd_vel` takes."""
+    """Of geometry_msgs: payload of `cmd_vel`."""
 
     linear: Vector = msgspec.field(default_factory=Vector)
     angular: Vector = msgspec.field(default_factory=Vector)
 
 
 class SetPen(msgspec.Struct):
-    """What `set_pen` takes. As in ROS, a field that is not given is zero, here and in the other messages."""
+    """Request of `set_pen`. As in ROS, a missing field is zero, here and in the other messages."""
 
     r: Colour = 0
     g: Colour = 0
@@ -55,7 +55,7 @@ class SetPen(msgspec.Struct):
 
 
 class TeleportAbsolute(msgspec.Struct):
-    """What `teleport_absolute` takes: metres, radians."""
+    """Request of `teleport_absolute`: metres, radians."""
 
     x: Number = 0.0
     y: Number = 0.0
@@ -63,24 +63,24 @@ class TeleportAbsolute(msgspec.Struct):
 
 
 class TeleportRelative(msgspec.Struct):
-    """What `teleport_relative` takes: metres ahead, after a turn by radians to the left."""
+    """Request of `teleport_relative`: metres ahead, after a turn by radians to the left."""
 
     linear: Number = 0.0
     angular: Number = 0.0
 
 
 class Nothing(msgspec.Struct):
-    """What `clear` and `reset` take."""
+    """Request of `clear` and `reset`."""
 
 
 class TurtleKeys:
-    """A turtle on the bus: `pose` is published, `cmd_vel` is heard, the rest is served."""
+    """A turtle on the bus: publishes `pose`, subscribes to `cmd_vel`, serves the rest."""
 
     def __init__(self, turtle: Turtle, raw: RawBus, prefix: str) -> None:
         """`prefix` stands before each key, such as `turtle1/`."""
         self.turtle = turtle
         self.unreadable = 0
-        """Commands of velocity that were none."""
+        """Unreadable `cmd_vel` samples."""
         self._pose = raw.publisher(f"{prefix}pose")
         raw.subscribe(f"{prefix}cmd_vel", self._drive)
         services: dict[str, tuple[type[msgspec.Struct], Callable[[Any], None]]] = {
@@ -94,7 +94,7 @@ class TurtleKeys:
             raw.serve(f"{prefix}{name}", partial(_serve, request, work))
 
     def publish(self) -> None:
-        """Say where the turtle is."""
+        """Publish the pose."""
         self._pose.put(msgspec.json.encode(self.turtle.pose()), JSON)
 
     def _drive(self, sample: Sample) -> None:
@@ -151,7 +151,7 @@ async def simulate(
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what `bridged simulate turtle` understands."""
+    """Declare the arguments of `bridged simulate turtle`."""
     add_router_argument(parser)
     parser.add_argument("--name", default="turtle1", help="the first part of its keys (default turtle1)")
     parser.add_argument("--prefix", default="", help="what stands before the name, as `prefix` of a mission's robot")

@@ -1,4 +1,4 @@
-"""A simulated turtle, as turtlesim's of ROS: it moves as it was last told for a second, in a field with walls. Pure."""
+"""A simulated turtle like turtlesim's of ROS: a velocity command holds for a second; the field has walls. Pure."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ STEP = 0.016
 HELD = 1.0
 """Seconds for which a command of velocity holds."""
 MAX_STROKES = 10_000
-"""Strokes of the pen that are kept; of more the oldest goes."""
+"""Strokes of the pen that are kept; beyond that the oldest is dropped."""
 STRAIGHT = 1e-9
 """Strokes that differ in direction by no more than this (as a cross product, m2) are one."""
 
 
 @dataclass(frozen=True)
 class Pen:
-    """What the turtle draws with."""
+    """The turtle's pen."""
 
     r: int = 179
     g: int = 184
@@ -52,7 +52,7 @@ class Turtle:
     pen: Pen = Pen()
     strokes: list[Stroke] = field(default_factory=list)
     walls_hit: int = 0
-    """How often it came to a wall."""
+    """Collisions with a wall."""
     _left: float = 0.0
     """Seconds for which the command still holds."""
     _at_wall: bool = False
@@ -75,7 +75,7 @@ class Turtle:
         self._move(x, y)
 
     def pose(self) -> dict[str, float]:
-        """The fields of turtlesim's Pose."""
+        """Return the fields of turtlesim's Pose."""
         return {
             "x": self.x,
             "y": self.y,
@@ -85,7 +85,7 @@ class Turtle:
         }
 
     def teleport(self, x: float, y: float, theta: float) -> None:
-        """Be there, and draw the way. Raises ValueError for a place outside the field."""
+        """Move there, and draw the way. Raises ValueError for a place outside the field."""
         for name, value in (("x", x), ("y", y)):
             if not 0 <= value <= FIELD:
                 raise ValueError(f"{name}: {value:g} is outside the field, 0..{FIELD:.2f}")
@@ -93,16 +93,16 @@ class Turtle:
         self.theta = math.remainder(theta, math.tau)
 
     def teleport_by(self, linear: float, angular: float) -> None:
-        """Turn, and be so far ahead. Raises ValueError for a place outside the field."""
+        """Turn, then move `linear` metres ahead. Raises ValueError for a place outside the field."""
         theta = self.theta + angular
         self.teleport(self.x + math.cos(theta) * linear, self.y + math.sin(theta) * linear, theta)
 
     def clear(self) -> None:
-        """Wipe the field."""
+        """Clear the drawing."""
         self.strokes.clear()
 
     def reset(self) -> None:
-        """Be in the middle of a clean field, and stand."""
+        """Clear the drawing, and stop in the middle of the field."""
         self.strokes.clear()
         self.x = self.y = FIELD / 2
         self.theta, self.pen = 0.0, Pen()
@@ -134,7 +134,7 @@ def _goes_on(stroke: Stroke, end: tuple[float, float]) -> bool:
 
 
 def svg(turtle: Turtle) -> str:
-    """What the turtle has drawn, and where it is, as a picture."""
+    """Return the drawing and the turtle's pose as SVG."""
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {FIELD:.3f} {FIELD:.3f}" width="500" height="500">',
         f'<rect width="{FIELD:.3f}" height="{FIELD:.3f}" fill="#4556ff"/>',

@@ -1,4 +1,4 @@
-"""Commands to the simulated copter: what each does and how it is acknowledged.
+"""Commands and setpoints of the simulated copter: effects and acknowledgements.
 
 COMMAND_LONG and COMMAND_INT share one table: a COMMAND_LONG is read as one whose place is in degrees and whose altitude
 is above home, as ArduCopter does.
@@ -41,7 +41,7 @@ class Command:
 
     @classmethod
     def of_long(cls, message: dialect.MAVLink_message) -> "Command":
-        """Reads COMMAND_LONG."""
+        """Read a COMMAND_LONG."""
         params = (message.param1, message.param2, message.param3, message.param4)
         return cls(
             message.command, params, message.param5, message.param6, message.param7, RELATIVE_FRAME, by_int=False
@@ -49,14 +49,14 @@ class Command:
 
     @classmethod
     def of_int(cls, message: dialect.MAVLink_message) -> "Command":
-        """Reads COMMAND_INT."""
+        """Read a COMMAND_INT."""
         params = (message.param1, message.param2, message.param3, message.param4)
         return cls(message.command, params, message.x / 1e7, message.y / 1e7, message.z, message.frame, by_int=True)
 
 
 @dataclass(slots=True)
 class CommandContext:
-    """What commands act on, and the messages that they answer with besides the acknowledgement."""
+    """The copter that commands act on, and their messages besides the acknowledgement."""
 
     copter: Copter
     streams: Streams
@@ -65,13 +65,13 @@ class CommandContext:
     reboot_wanted: bool = False
 
     def carry_out(self, command: Command) -> Result:
-        """Does what the command says."""
+        """Carry out a command."""
         action = _ACTIONS.get(command.number)
         return action(self, command) if action is not None else Result.UNSUPPORTED
 
 
 def altitude(copter: Copter, frame: int, z: float) -> float | None:
-    """Metres above mean sea level of an altitude in a frame; None if the frame has none or the value is no altitude."""
+    """Return an altitude in metres above mean sea level; None if the frame has none or the value is no altitude."""
     if not math.isfinite(z) or abs(z) > 100_000:
         return None
     if frame in GLOBAL_FRAMES:

@@ -1,4 +1,4 @@
-"""The simulated copter as others see it: MAVLink messages in, MAVLink messages out, and time that passes by steps.
+"""The simulated copter on MAVLink: messages in, messages out, and time in steps.
 
 It does no input or output and knows no clock, so a test flies it in milliseconds: `receive` a message, `advance` the
 time, look at what comes back.
@@ -36,7 +36,7 @@ from bridged.simulation.copter.protocol.parameters import Parameter, Parameters
 from bridged.simulation.copter.protocol.telemetry import Streams
 
 UNSIGNED_TAKEN = frozenset((dialect.MAVLINK_MSG_ID_RADIO_STATUS, dialect.MAVLINK_MSG_ID_RADIO))
-"""What telemetry radios put on a link by themselves; they have no key (ArduPilot takes it everywhere)."""
+"""Messages of telemetry radios, which have no key (ArduPilot accepts them unsigned everywhere)."""
 
 OPEN_CHANNEL = 0
 """The first link of an autopilot, its USB plug: whoever has hands on it needs no signature (ArduPilot), unless the
@@ -44,11 +44,11 @@ vehicle was started with a key."""
 
 
 class SigningState:
-    """The key of one vehicle, if it has one. It survives a reboot."""
+    """Signing key of one vehicle, if it has one. It survives a reboot."""
 
     def __init__(self, key: bytes | None = None) -> None:
         self.everywhere = key is not None
-        """Whether signatures are asked for on the first link too."""
+        """Whether signatures are required on the first link too."""
         self.signing = Signing(key) if key is not None else None
 
     def set_up(self, message: dialect.MAVLink_message, copter: Copter) -> None:
@@ -67,7 +67,7 @@ class SigningState:
         self.signing.timestamps.heard(message.initial_timestamp)
 
     def gate(self, channel: int) -> Gate:
-        """What a link asks about the packets that come in."""
+        """Return the gate for incoming packets of a link."""
         return _SigningGate(self, channel)
 
 
@@ -94,12 +94,12 @@ STEP_S = 0.02
 """Vehicle seconds per step of the simulation."""
 
 REBOOT_SILENCE_S = 1.2
-"""Recorded; what comes in meanwhile is not heard."""
+"""Recorded; input is ignored meanwhile."""
 
 TIMESYNC_PERIOD_S = 10.0
 
 PARAMETERS_PER_STEP = 5
-"""How many parameters of a requested list go out per step."""
+"""Parameters of a requested list sent per step."""
 
 HEARTBEAT = 0
 
@@ -122,7 +122,7 @@ Messages = list[dialect.MAVLink_message]
 
 @dataclass(slots=True)
 class Channel:
-    """One link of the vehicle: what was asked for on it, and what waits to be sent there."""
+    """One link of the vehicle: its requested streams and its outbox."""
 
     streams: Streams = field(default_factory=Streams)
     heard: bool = False
@@ -130,7 +130,7 @@ class Channel:
     outbox: Messages = field(default_factory=list)
 
     def take(self) -> Messages:
-        """What waits."""
+        """Return and clear the outbox."""
         waiting, self.outbox = self.outbox, []
         return waiting
 
@@ -165,9 +165,9 @@ class Vehicle:
         """Vehicle seconds since it was switched on the first time."""
         self.reboots = 0
         self.on_servo: Callable[[int, int], None] = lambda output, pulse: None
-        """Told of each output that gets another pulse (microseconds)."""
+        """Called with each output and its new pulse in microseconds."""
         self.on_step: Callable[[Place], None] | None = None
-        """Told after each step where the copter is."""
+        """Called with the copter's position after each step."""
         self._boot: BootKind = boot
         self._character = Character(faults or Faults())
         self._channel_count = channels
@@ -195,7 +195,7 @@ class Vehicle:
         self._lag = 0.0
 
     def receive(self, message: dialect.MAVLink_message, channel: int = 0) -> Messages:
-        """Takes in one message of another system; returns what the vehicle sends at once on the same channel."""
+        """Handle one message of another system; returns the immediate replies on the same channel."""
         if self._reboot_in is not None or not self._is_for_us(message):
             return []
         here = self.channels[channel]
@@ -206,7 +206,7 @@ class Vehicle:
         return self._character.says(here.take())
 
     def advance(self, seconds: float) -> Messages:
-        """Lets vehicle time pass; returns what the vehicle sends meanwhile on its first channel."""
+        """Advance vehicle time by `seconds`; returns the messages sent meanwhile on the first channel."""
         self._lag += seconds
         while self._lag >= STEP_S - 1e-9:
             self._lag -= STEP_S
@@ -215,11 +215,11 @@ class Vehicle:
         return self.waiting()
 
     def waiting(self, channel: int = 0) -> Messages:
-        """What the vehicle has to send on a channel since it was asked last."""
+        """Return the messages on a channel since the last call."""
         return self._character.says(self.channels[channel].take())
 
     def seconds_until_due(self) -> float:
-        """How much vehicle time may pass before there is something to send for sure; motion may bring more."""
+        """Return the vehicle time until a message is due; events in flight may come earlier."""
         if self._reboot_in is not None:
             return self._reboot_in
         if any(channel.list_at is not None for channel in self.channels):
@@ -259,7 +259,7 @@ class Vehicle:
                 self._list(channel)
 
     def _wait_for_power(self) -> None:
-        """The autopilot restarts; a copter that was in the air falls meanwhile and goes on falling."""
+        """Restart the autopilot; a copter in the air falls meanwhile."""
         assert self._reboot_in is not None
         copter = self.copter
         if copter.flight.airborne:
@@ -303,7 +303,7 @@ class Vehicle:
         )
 
     def _tell(self) -> None:
-        """What happened is told on every channel; texts for people only where somebody listens (recorded)."""
+        """Send events on every channel; STATUSTEXT only where a peer was heard (recorded)."""
         events, self.copter.events = self.copter.events, []
         for event in events:
             messages = self._messages_of(event)

@@ -1,4 +1,4 @@
-"""The mission protocol of a vehicle: items are uploaded, read back and cleared."""
+"""The MAVLink mission protocol of a vehicle: upload, download, clear."""
 
 import math
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ MAX_ITEMS = 700
 
 _REPEAT_S = 1.0
 _GIVE_UP_S = 8.0
-"""A missing item is asked for again every second, for 8 seconds (recorded)."""
+"""Period and limit of repeated requests for a missing item, in seconds (recorded)."""
 
 _ACCEPTED, _UNSUPPORTED, _NO_SPACE, _INVALID, _BAD_SEQUENCE, _CANCELLED = 0, 3, 4, 5, 13, 15
 """MISSION_ACK.type (MAV_MISSION_RESULT)."""
@@ -38,14 +38,14 @@ class _Upload:
 
 
 class MissionProtocol:
-    """One upload at a time; everything else is answered at once."""
+    """Mission protocol with one upload at a time."""
 
     def __init__(self, copter: Copter) -> None:
         self._copter = copter
         self._upload: _Upload | None = None
 
     def receive(self, message: dialect.MAVLink_message) -> Messages:
-        """Answers one message of the mission protocol."""
+        """Answer one message of the mission protocol."""
         peer = (message.get_srcSystem(), message.get_srcComponent())
         kind = message.get_type()
         if kind in ("MISSION_ITEM", "MISSION_ITEM_INT"):
@@ -70,7 +70,7 @@ class MissionProtocol:
         return []
 
     def advance(self) -> Messages:
-        """Asks again for what is missing, and gives up in the end."""
+        """Repeat the request for a missing item; give up in the end."""
         upload, now = self._upload, self._copter.now
         if upload is None:
             return []
@@ -168,7 +168,7 @@ class MissionProtocol:
         return dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED if accepted else _INVALID)
 
     def _other_list(self, message: dialect.MAVLink_message, peer: tuple[int, int], kind: str) -> Messages:
-        """Fence and rally lists are empty and stay so."""
+        """Answer requests for fence and rally lists, which stay empty."""
         mission_type = message.mission_type
         match kind:
             case "MISSION_REQUEST_LIST":

@@ -1,4 +1,4 @@
-"""What a simulated copter tells without being asked."""
+"""Notifications of a simulated copter, and results of its commands."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -24,7 +24,7 @@ class Severity(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A line for people: STATUSTEXT."""
+    """STATUSTEXT."""
 
     severity: Severity
     text: str
@@ -32,7 +32,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class ModeChanged:
-    """Another flight mode: a HEARTBEAT goes out at once."""
+    """Another flight mode: a HEARTBEAT is sent immediately."""
 
 
 @dataclass(frozen=True, slots=True)

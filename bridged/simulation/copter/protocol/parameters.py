@@ -114,7 +114,7 @@ _TABLE: tuple[tuple[str, float, Kind], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter as PARAM_VALUE tells it."""
+    """One parameter with the fields of PARAM_VALUE."""
 
     name: str
     value: float
@@ -138,17 +138,17 @@ class Parameters:
         return self._values[name]
 
     def find(self, name: str) -> Parameter | None:
-        """The parameter of this name, None if there is none."""
+        """Return the parameter of a name, None if there is none."""
         if name not in self._values:
             return None
         return Parameter(name, self._values[name], self._kinds[name], self._names.index(name))
 
     def at(self, index: int) -> Parameter | None:
-        """The parameter of this index in the list."""
+        """Return the parameter at an index of the list."""
         return self.find(self._names[index]) if 0 <= index < len(self._names) else None
 
     def set(self, name: str, value: float) -> Parameter | None:
-        """Stores the value as the parameter's type can hold it, and returns what it is now."""
+        """Store a value in the range of the parameter's type; returns the parameter."""
         kind = self._kinds.get(name)
         if kind is None:
             return None

@@ -1,4 +1,4 @@
-"""The messages in which a simulated copter tells its state; each built from the state when it is due."""
+"""Telemetry of a simulated copter: messages built from its state, and their stream intervals."""
 
 import math
 from collections.abc import Callable
@@ -37,7 +37,7 @@ _UNKNOWN_16 = 65535
 _INT16 = 32767
 
 Builder = Callable[[Copter], dialect.MAVLink_message | None]
-"""Makes a message, or None while the vehicle has nothing to tell in it."""
+"""Builds a message, or None while it has no content."""
 
 
 def heartbeat(copter: Copter) -> dialect.MAVLink_message:
@@ -72,7 +72,7 @@ def sys_status(copter: Copter) -> dialect.MAVLink_message:
 
 
 def global_position_int(copter: Copter) -> dialect.MAVLink_message | None:
-    """GLOBAL_POSITION_INT; with zeros before the vehicle knows where it is."""
+    """GLOBAL_POSITION_INT; zeros before the vehicle has a position."""
     place, velocity = copter.place, copter.motion.velocity
     known = copter.passed(Milestone.GPS_FIX)
     relative = copter.motion.up.position - copter.home_on_chart.up
@@ -342,18 +342,18 @@ class Streams:
     _due: dict[int, float] = field(default_factory=dict)
 
     def knows(self, message: int) -> bool:
-        """Whether the vehicle can send the message at all."""
+        """Return whether the vehicle can send the message at all."""
         return message in BUILDERS
 
     def interval_us(self, message: int) -> int:
-        """Microseconds as MESSAGE_INTERVAL tells them: 0 unknown, -1 not sent."""
+        """Return the interval in µs as in MESSAGE_INTERVAL: 0 unknown, -1 not sent."""
         if not self.knows(message):
             return 0
         interval = self.intervals.get(message)
         return -1 if interval is None else round(interval * 1e6)
 
     def set(self, message: int, interval_us: float, now: float) -> bool:
-        """Sets an interval: -1 stops, 0 is the default. False for a message that is unknown."""
+        """Set an interval in µs: -1 stops, 0 is the default. Returns False for an unknown message."""
         if not self.knows(message):
             return False
         seconds = DEFAULTS_S.get(message) if interval_us == 0 else interval_us / 1e6
@@ -374,7 +374,7 @@ class Streams:
                 self.set(message, interval_us, now)
 
     def due(self, now: float) -> list[int]:
-        """The messages to send now."""
+        """Return the ids of the messages to send now."""
         ready = [message for message in self.intervals if self._due.get(message, 0.0) <= now + 1e-9]
         for message in ready:
             interval = self.intervals[message]
@@ -384,5 +384,5 @@ class Streams:
         return ready
 
     def next_due(self) -> float:
-        """When the next message is due, in vehicle seconds."""
+        """Return the vehicle time in seconds at which the next message is due."""
         return min(self._due.get(message, 0.0) for message in self.intervals) if self.intervals else float("inf")
