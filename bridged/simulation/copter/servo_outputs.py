@@ -77,7 +77,7 @@ class Outputs:
         return problem
 
     def repeat(self, channel: int, pulse: int, times: int, period: float, now: float) -> str | None:
-        """MAV_CMD_DO_REPEAT_SERVO: `times` to the position and back, `period` seconds each; returns why it is refused."""
+        """MAV_CMD_DO_REPEAT_SERVO: `times` to the position and back, `period` seconds each; returns why not."""
         problem = self._problem_with(channel)
         if problem is None:
             trim = int(self._parameters[f"SERVO{channel}_TRIM"])
