@@ -110,7 +110,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     head = [
         origin.line(),
         "",
-        f"Over {figures.seconds:g} s, beside agents and robots that tell what flying copters do:",
+        f"Over {figures.seconds:g} s, beside agents and robots that publish what flying copters do:",
         "",
     ]
     watch = [one for one in figures.seen if one.what == "watch"]
