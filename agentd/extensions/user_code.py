@@ -42,7 +42,8 @@ def load_class(name: str, base: type) -> type[Any]:
         raise UserCodeError(f"{place} has no class {attribute}{there}")
     if not (isinstance(found, type) and issubclass(found, base)):
         raise UserCodeError(
-            f"{place}:{attribute} is not a subclass of {base.__name__}; derive it from {base.__module__}.{base.__name__}"
+            f"{place}:{attribute} is not a subclass of {base.__name__}; "
+            f"derive it from {base.__module__}.{base.__name__}"
         )
     return found
 

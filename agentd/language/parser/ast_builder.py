@@ -297,11 +297,11 @@ class Builder(TermBuilder):
             return PlanTerm(Plan(term.trigger, position=term.position), term.position)
         if isinstance(term, InternalAction):
             message = (
-                f"an internal action is no belief: {shown(term.name)} takes no + or -; is a ';' missing before it?"
+                f"an internal action is not a belief: {shown(term.name)} takes no + or -; is a ';' missing before it?"
             )
             self.refuse(at, message)
         elif not isinstance(term, Structure | Variable | PlanTerm | RuleTerm):
-            self.refuse(at, f"{KINDS[type(term)]} is no belief; + and - change beliefs, or plans and rules in {{ }}")
+            self.refuse(at, f"{KINDS[type(term)]} is not a belief; + and - change beliefs, or plans and rules in {{ }}")
         return term
 
     def body_term(self, at: int, body: Body | None) -> BodyTerm | TriggerTerm:

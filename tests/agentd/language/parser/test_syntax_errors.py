@@ -101,7 +101,7 @@ fact(1).
         ("r(X) :- c(X) & d(X), e.", "the formulas of a rule are joined by & (and) or |, not by a comma"),
         ("+!g <- .print(f(1, [2; 3])).", "the '[' of line 1, column 20 is not closed before ';'; expected ']'"),
         ("+!g <- f(g(1)].", "the '(' of line 1, column 9 is not closed before ']'; expected ')'"),
-        ("+!g <- a). b.", "a ) that nothing opens"),
+        ("+!g <- a). b.", "nothing opens this )"),
         ("+!g <- a; +!h.", "+! begins a plan; is a '.' missing before it? in a body, a goal is !g"),
         ("b. * a.", "'*' cannot begin a plan"),
         ("+!g <- !h; ^ a.", "'^' is not allowed here after ';'; expected a formula of a plan body or '.'"),
@@ -109,15 +109,15 @@ fact(1).
         ("+!g <- X := 3.", "a variable gets its value by = and not by :="),
         ("+!g <- !while.", "'while' is a keyword and cannot be used as a name"),
         ("b(X) :- X = 3 mod.", "a number or variable is missing after the operator"),
-        ("+!g <- a; if (b) { c }; else { d }.", "an else without its if; there is no ; before else"),
+        ("+!g <- a; if (b) { c }; else { d }.", "else needs an if before it; no ; is written before else"),
         ("+!g <- foo(1) + 2 = X.", "foo/1 is not a function"),
         ("+!g <- X = -foo.", "- computes with numbers, its operand must not be the atom foo"),
         ("+!g <- X = (a & b) * 2.", "* computes with numbers, its operand must not be a logical formula"),
         ("+!g <- X = [1] + 2.", "+ computes with numbers, its operand must not be a list"),
         ("+!g <- 5.", "a number is not a formula of a plan body"),
         ("+!g <- X + 1.", "an arithmetic expression is not a formula of a plan body"),
-        ("+!g <- +5.", "a number is no belief"),
-        ("+!g <- +.print(1).", "an internal action is no belief"),
+        ("+!g <- +5.", "a number is not a belief"),
+        ("+!g <- +.print(1).", "an internal action is not a belief"),
         ("+!g <- a |&| !.", "! needs a goal: a literal or a variable"),
         ("+!g : X & 3 <- a.", "right of &: expected a formula that can be true or false, got a number"),
         ("+!g : not [1] <- a.", "what follows not: expected a formula that can be true or false, got a list"),
@@ -133,7 +133,7 @@ fact(1).
         ("b(a\\b).", "\\ is allowed only in strings"),
     ],
 )
-def test_a_mistake_is_told_in_words(text: str, message: str) -> None:
+def test_a_mistake_has_its_message(text: str, message: str) -> None:
     assert message in errors_of(text).findings[0].message
 
 
