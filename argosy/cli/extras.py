@@ -1,4 +1,4 @@
-"""What the core does without, and the command that brings it."""
+"""Optional packages, and the command that installs them."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ EXTRAS = {
     "aiohttp": "ui",
     "matplotlib": "plot",
 }
-"""The extra that brings each package."""
+"""The extra of each package."""
 
 
 def install_command(extra: str) -> str:
-    """Return the command that adds an extra to this installation. It names no package index: Argosy is on none."""
+    """Return the command that adds an extra to this installation. It names no index: Argosy is on none."""
     clone = Path(__file__).resolve().parents[2]
     here = clone if (clone / "pyproject.toml").is_file() else f"argosy-{RELEASE}-py3-none-any.whl"
     return f"{sys.executable} -m pip install {'-e ' if here == clone else ''}'{here}[{extra}]'"

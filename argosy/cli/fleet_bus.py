@@ -1,8 +1,7 @@
-"""The operator's bus to a fleet with keys: a session with each board, and each question to the board that it is for.
+"""The operator's bus to a secured fleet: a session with each board, and each query to the board that serves it.
 
-The router of a board lets an operator through, and not what another board passes on in his name
-(docs/guides/security.md). What is there and what is said is taken from all boards: each tells of itself, however its
-links to the others are.
+The router of a board accepts an operator's own requests, but not those that another board forwards
+(docs/guides/security.md). Tokens and messages are received from all boards, whatever the links between them.
 """
 
 from __future__ import annotations
@@ -28,28 +27,28 @@ from schemas.wire.records import Header, Record
 
 R = TypeVar("R", bound=Record)
 AT_ONCE = 256
-"""Replies of several boards that may wait to be taken."""
+"""Queued replies of several boards."""
 DIAL_AGAIN = 5.0
-"""Wall seconds after which a board that was not reached is dialled again by who listens to all of them."""
+"""Wall seconds between two attempts to reach a board, while something subscribes at all boards."""
 MOST_STREAMS = 20_000
-"""Keys of which is known what was heard last; beyond that it is forgotten, and a record may be heard twice."""
+"""Keys whose last sequence number is remembered; beyond that all are forgotten, and a record may be delivered twice."""
 
 
 class Boards:
-    """A session with each board, as far as they are reached."""
+    """The sessions with the boards that are reached."""
 
     def __init__(self, mission: Mission) -> None:
         robots = {name: robot.board for name, robot in mission.robots.items()}
         self.homes: Mapping[str, str] = mission.mailboxes | robots | {board: board for board in mission.boards}
-        """Where each name lives."""
+        """The board of each name."""
         self._sights = mission.security.sights
         self.opening: dict[str, asyncio.Task[FleetBus]] = {}
         self.listening = Tasks("listening to a board")
-        """What listens to boards that are not reached yet."""
+        """Subscriptions at boards that are not reached yet."""
         self.dial: Callable[[str], asyncio.Task[FleetBus]] | None = None
 
     def why_unseen(self, observer: str, key: str) -> str:
-        """Return why no router shows an observer what it asks for, which would look as if nobody answered."""
+        """Return why an observer may not see a key; empty = it may. A router would just not answer."""
         sight = self._sights.get(observer)
         asked = zenoh.KeyExpr(key.partition("?")[0])
         if sight is None or not any(zenoh.KeyExpr(one).intersects(asked) for one in hidden(sight)):
@@ -66,12 +65,12 @@ class Boards:
             return str(closed)
 
     async def unreached(self) -> dict[str, str]:
-        """Return the boards without a session, and why they have none, after their time to answer."""
+        """Wait for all attempts; return the boards without a session, and why."""
         found = {board: await self.bus(board) for board in self.opening}
         return {board: why for board, why in found.items() if isinstance(why, str)}
 
     def at_each(self, declare: Callable[[str, Bus], None]) -> None:
-        """Call `declare(board, session)` for each board, of those that are not reached when they are."""
+        """Call `declare(board, session)` for each board, as soon as it is reached."""
         for board in self.opening:
             self.listening.spawn(self._once_reached(board, declare))
 
@@ -84,12 +83,12 @@ class Boards:
 
 
 class FleetBus(Bus):
-    """A session with one board, whose questions go to whichever board they are for, and that hears all of them."""
+    """A session with one board that sends each query to the board that serves it, and subscribes at all boards."""
 
     boards: Boards
 
     async def tokens(self, key: str, timeout: float = 2.0) -> list[str]:
-        """As `Bus.tokens`, of all boards that are reached; `boards.unreached` names the others."""
+        """Like `Bus.tokens`, of all reached boards; `boards.unreached` names the others."""
 
         async def at(board: str) -> list[str]:
             bus = await self.boards.bus(board)
@@ -99,7 +98,7 @@ class FleetBus(Bus):
         return sorted({token for tokens in found for token in tokens})
 
     def watch(self, key: str, handler: Callable[[str, bool], None]) -> None:
-        """As `Bus.watch`: a token is there as long as one board has it."""
+        """Like `Bus.watch`: a token exists as long as one board has it."""
         seen_by: dict[str, set[str]] = {}
 
         def told(board: str, token: str, alive: bool) -> None:
@@ -114,7 +113,7 @@ class FleetBus(Bus):
         self.boards.at_each(lambda board, bus: Bus.watch(bus, key, partial(told, board)))
 
     def subscribe(self, key: str, record: type[R], handler: Callable[[str, R], None]) -> None:
-        """As `Bus.subscribe`: what comes by several boards is heard once, as it came first."""
+        """Like `Bus.subscribe`: a record that arrives by several boards is delivered once."""
         newest: dict[str, tuple[str, int]] = {}
 
         def told(name: str, said: R) -> None:
@@ -140,7 +139,7 @@ class FleetBus(Bus):
         limit: int = BACKLOG,
         ready: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Reply[R], None]:
-        """As `Bus.query`; of a board that is not reached the reply says why. `ready` is waited for once per board."""
+        """Like `Bus.query`; for an unreached board the reply says why. `ready` is awaited once per board."""
         if why := self.boards.why_unseen(self.name, key):
             yield Reply(key, None, why)
             return
@@ -160,14 +159,14 @@ class FleetBus(Bus):
                     async for reply in its:
                         await replies.put(reply)
             except BusClosed as closed:
-                await replies.put(Reply(key, None, f"board {board} is reached no longer: {closed}"))
+                await replies.put(Reply(key, None, f"board {board} is no longer reached: {closed}"))
 
         asking = [asyncio.create_task(at(board)) for board in homes]
 
         async def all_of_them() -> None:
             try:
                 await asyncio.gather(*asking)
-            except Exception:  # it is raised below, where whoever asks waits
+            except Exception:  # raised below, in the caller's task
                 await replies.put(None)
                 raise
             await replies.put(None)
@@ -184,13 +183,13 @@ class FleetBus(Bus):
 
 @asynccontextmanager
 async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options: Any) -> AsyncIterator[FleetBus]:
-    """Open sessions with all boards, and go on with the first that is reached; the others follow as they are needed.
+    """Open sessions with all boards, and yield the first one as soon as it is open.
 
     Raises Findings for a mission without addresses, and BusClosed with a line for each board if none is reached.
     """
     places = {board: endpoint_of(mission, board, "tls") for board in mission.boards}
     if not any(places.values()):
-        text = "no board has an address by which it could be reached with keys: name one by --router tls/HOST:PORT"
+        text = "no board has an address: name a router with --router tls/HOST:PORT"
         raise Findings([mission.positions.finding(("boards",), text)])
     boards = Boards(mission)
     async with AsyncExitStack() as sessions:
@@ -222,7 +221,7 @@ async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options:
 
 
 async def _first(opening: Sequence[asyncio.Task[FleetBus]]) -> FleetBus:
-    """Return the session that is there first. Raises BusClosed with what each attempt says."""
+    """Return the first open session. Raises BusClosed with the error of each attempt."""
     said, waiting = list[str](), set(opening)
     while waiting:
         done, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)

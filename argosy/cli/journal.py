@@ -1,4 +1,4 @@
-"""What happened in a run, line by line with mission time: for the screen, and for the report's log."""
+"""The journal of a run: entries with mission time, for the screen and the report's log."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Literal, TextIO
 from schemas.humanize import printable
 
 KEPT = 500
-"""Entries kept for the view; the log file has them all."""
+"""Entries kept for the view; the log file has all."""
 MAX_LOGGED = 200_000
-"""Lines written to the log file at most, so that a chattering process cannot fill the disk."""
+"""Limit of lines in the log file, so that a process that prints too much cannot fill the disk."""
 
 Level = Literal["info", "print", "action", "good", "warning", "error", "output", "detail"]
-"""What kind of entry it is; `output` is what a process wrote, `detail` what only the log file needs."""
+"""Kind of an entry: `output` = a process wrote it, `detail` = for the log file only."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing that happened."""
+    """One event."""
 
     at: float
     """Mission seconds since the start of the run."""
@@ -33,7 +33,7 @@ class Entry:
 
 
 class Journal:
-    """Takes entries, keeps the last ones and hands every one to whoever shows or writes them."""
+    """Keeps the last entries, and passes each to the screen and the log file."""
 
     def __init__(self, now: Callable[[], float], log: TextIO | None = None) -> None:
         self.entries: deque[Entry] = deque(maxlen=KEPT)
@@ -42,7 +42,7 @@ class Journal:
         self._logged = 0
 
     def add(self, who: str, text: str, level: Level = "info") -> None:
-        """Note that something happened just now."""
+        """Add an entry at the present time."""
         entry = Entry(self._now(), who, printable(text), level)
         if level != "detail":
             self.entries.append(entry)
@@ -59,4 +59,4 @@ class Journal:
             log.flush()
         except OSError as error:  # a full disk must not end a flight
             self._log = None
-            self.add("argosy", f"the log cannot be written any more: {error.strerror}", "warning")
+            self.add("argosy", f"writing the log has failed and stops: {error.strerror}", "warning")

@@ -1,4 +1,4 @@
-"""Whether somebody can listen where a run needs it, asked before anything starts."""
+"""Endpoints on the command line, and whether their ports are free."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TCP = re.compile(r"tcp/(?:\[(?P<six>[^\]]+)\]|(?P<host>[^:/?#]+)):(?P<port>\d+)
 
 
 def endpoint(text: str) -> str:
-    """Read an endpoint from the command line. Raises ArgumentTypeError that says what was expected."""
+    """Read an endpoint. Raises ArgumentTypeError."""
     try:
         return check_endpoint(text)
     except ValueError as error:
@@ -26,7 +26,7 @@ def endpoint(text: str) -> str:
 
 
 def in_use(endpoint: str) -> str:
-    """Return in words why nobody can listen there; nothing if one can, or if only Zenoh can tell (not TCP)."""
+    """Return why an endpoint cannot be listened at; empty = it can, or it is not TCP."""
     found = _TCP.match(endpoint)
     if found is None:
         return ""
@@ -34,7 +34,7 @@ def in_use(endpoint: str) -> str:
 
 
 def link_in_use(link: LinkAddress) -> str:
-    """Return in words why no bridge or simulator can bind a `udpin` or `tcpin` link; nothing if one can."""
+    """Return why a `udpin` or `tcpin` link cannot be bound; empty = it can."""
     return _taken(link.host, link.port, socket.SOCK_DGRAM if link.kind == "udpin" else socket.SOCK_STREAM)
 
 
@@ -42,7 +42,7 @@ def _taken(host: str, port: int, transport: socket.SocketKind) -> str:
     try:
         addresses = socket.getaddrinfo(host, port, type=transport, flags=socket.AI_PASSIVE)
     except (OSError, OverflowError) as error:
-        return f"is no address to listen at ({error})"
+        return f"is not an address of this machine ({error})"
     for family, kind, protocol, _, address in addresses[:1]:
         with socket.socket(family, kind, protocol) as probe:
             try:

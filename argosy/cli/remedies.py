@@ -1,4 +1,4 @@
-"""What to do about what daemons say of themselves, and where else to look."""
+"""Remedies for the health notes of daemons, and where to find their logs."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ REMEDIES = {
     "session_id_forged": "whose keys are these, and who has a copy? `argosy keys revoke` (docs/guides/security.md)",
     "two_vehicles": "give each its own MAV_SYSID; if there is only one, somebody forges it: sign its link",
 }
-"""What to do about a note, by its code."""
+"""Remedy of each note, by its code."""
 GRAVE = frozenset({"autopilot_unknown", "robot_unattended", "session_id_forged"})
-"""Codes of notes that are errors: nothing flies until they end, something flies by itself, or somebody means harm."""
+"""Codes of notes that are errors: a robot cannot fly, flies without an agent, or is attacked."""
 
 
 def level_of(note: Note) -> Literal["warning", "error"]:
-    """Return how bad a note of a daemon is."""
+    """Return the level of a health note."""
     return "error" if note.code in GRAVE else "warning"
 
 
 def logs_of(daemon: str, mission: Mission, board: str) -> str:
-    """Return in words how to see why a daemon is not well, however it was started."""
+    """Return how to find a daemon's logs, as text."""
     unit, whole = f"{daemon}@{mission.name}", f"board@{mission.name}"
     units = f"on {board}: `systemctl status {unit}` and `journalctl -u {unit} -n 50` (of one process: `{whole}`)"
     return _either(mission, "see what it prints", units)
 
 
 def target_of(mission: Mission, verb: str, board: str) -> str:
-    """Return in words how to look at (`status`), or `start`, all daemons of a board."""
+    """Return how to `start` all daemons of a board, or show their `status`, as text."""
     units = f"on {board}: `systemctl {verb} argosy-{mission.name}.target`"
     return _either(mission, "see what it prints" if verb == "status" else "start it", units)
 
 
 def _either(mission: Mission, by_run: str, units: str) -> str:
-    """Boards with addresses are meant to run units; of others nobody knows."""
+    """Return the advice for units if the boards have addresses, else both."""
     if any(board.address for board in mission.boards.values()):
         return units
     return f"with `argosy run`: {by_run}; with units, {units}"

@@ -1,1 +1,1 @@
-"""`argosy doctor`: inspect a running fleet. Each `*_checks` module makes findings on one subject."""
+"""`argosy doctor`: inspect a running fleet; `fleet_checks` judge gathered facts, `security_checks` try connections."""

@@ -1,4 +1,4 @@
-"""`argosy doctor`: looks a fleet over from the operator's machine; each finding says what to do."""
+"""`argosy doctor`: inspect a fleet from the operator's machine; each finding says what to do."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from schemas.wire.records import BoardReport, Checkup, LiveManifest, Mailboxes, 
 
 CHECKS: tuple[Check, ...] = (daemons, versions, clocks, disks, links, vehicles, failsafes, percepts, mail)
 WATCHED = 3.0
-"""Wall seconds over which rates are counted."""
+"""Wall seconds over which rates are measured."""
 ANSWER_TIMEOUT = 3.0
-"""Wall seconds that a bridge or a mailbox has to answer."""
+"""Wall seconds for a bridge or a mailbox to answer."""
 STYLES = {"ok": "\x1b[32m", "warning": "\x1b[33m", "error": "\x1b[1;31m"}
 
 
@@ -50,7 +50,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Print what is found. Returns 1 if there is an error, 0 if there are warnings at most."""
+    """Print the findings. Returns 1 if one is an error, else 0."""
     try:
         mission = load_mission(args.mission)
         place = where(args)
@@ -73,7 +73,7 @@ def run(args: Namespace) -> int:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Leave what the sessions log untold: who is not reached is among the findings."""
+    """Silence warnings of the sessions: unreached boards are among the findings."""
     log = logging.getLogger("bus")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -84,7 +84,7 @@ def _quiet() -> Iterator[None]:
 
 
 async def examine(mission: Mission, place: Where) -> list[Said]:
-    """Gather what the checks need, and let them judge. Raises BusClosed."""
+    """Gather the facts and run all checks. Raises BusClosed."""
     async with operator_bus(place) as bus:
         facts = await gather(bus, mission)
         said = [one for check in CHECKS for one in check(facts)]
@@ -92,7 +92,7 @@ async def examine(mission: Mission, place: Where) -> list[Said]:
 
 
 async def gather(bus: Bus, mission: Mission) -> Facts:
-    """Ask everybody, within bounds; who does not answer is part of what is found."""
+    """Query all daemons, each with a timeout; a missing answer is a fact, too."""
     loop = asyncio.get_running_loop()
     fleet_status = call_the_roll(bus, bus.fleet, mission)
     await settled(fleet_status, SILENT_AFTER + 0.5)
@@ -134,12 +134,12 @@ async def _robot(bus: Bus, mission: Mission, robot: str) -> RobotFacts:
     except QueryFailed:
         declared = _of_the_file(mission, robot)
     if declared is None:
-        return RobotFacts(told, {}, "its bridge does not tell its manifest")
+        return RobotFacts(told, {}, "its bridge does not answer with its manifest")
     return RobotFacts(told, declared)
 
 
 def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
-    """The percepts of the mission's manifest: a bridge may tell its own only to operators at its own board."""
+    """Return the percepts of the mission's manifest: a bridge may show its own only to operators at its board."""
     named = mission.robots[robot].manifest
     if not isinstance(named, str):
         return None
@@ -158,7 +158,7 @@ async def _mailboxes(bus: Bus) -> dict[str, Mailboxes]:
 
 
 def show(said: Sequence[Said], *, as_json: bool) -> None:
-    """Print the findings, those with something to do last of all where one looks first."""
+    """Print the findings, and the number of errors and warnings."""
     errors = sum(one.level == "error" for one in said)
     warnings = sum(one.level == "warning" for one in said)
     if as_json:

@@ -1,4 +1,4 @@
-"""What `argosy doctor` knows of a fleet, and what it says of it: findings, each with what to do."""
+"""The facts that `argosy doctor` gathers, and the findings it prints."""
 
 from __future__ import annotations
 
@@ -11,49 +11,49 @@ from schemas.mission.model import Mission
 from schemas.wire.records import BoardReport, LinkReport, Mailboxes
 
 Level: TypeAlias = Literal["ok", "warning", "error"]
-"""`error`: the fleet does not work as it should; `warning`: it may soon not."""
+"""`error`: the fleet does not work; `warning`: it may fail soon."""
 
 
 @dataclass(frozen=True)
 class Said:
-    """A finding, or that all is well."""
+    """A finding."""
 
     level: Level
     what: str
-    """What was looked at: `clocks`."""
+    """Subject, such as `clocks`."""
     text: str
     do: str = ""
-    """What to do; nothing if all is well."""
+    """What to do; empty for `ok`."""
 
 
 @dataclass(frozen=True)
 class RobotFacts:
-    """What a robot's bridge answers."""
+    """The answers of a robot's bridge."""
 
     percepts: Mapping[str, int]
-    """The present percepts by name, and when the newest of each was told: Unix nanoseconds of its board's clock."""
+    """Present percepts by name, with the newest stamp of each: Unix nanoseconds of its board's clock."""
     declared: Mapping[str, Mapping[str, object]]
-    """The percepts of its running manifest."""
+    """Percepts of its running manifest."""
     problem: str = ""
-    """Why nothing is known, in words."""
+    """Why nothing is known; empty = the bridge has answered."""
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What was gathered, for the checks."""
+    """The gathered facts."""
 
     mission: Mission
     rows: Sequence[Row] = ()
     earlier: Sequence[Row] = ()
-    """The same daemons some seconds before, for rates."""
+    """The same daemons some seconds earlier, for rates."""
     boards: Mapping[str, BoardReport | str] = field(default_factory=dict)
-    """What each board answered, or why it did not."""
+    """Answer of each board, or why there is none."""
     from_here: Mapping[str, LinkReport] = field(default_factory=dict)
-    """How each board is reached from this machine."""
+    """Measured link from this machine to each board."""
     robots: Mapping[str, RobotFacts] = field(default_factory=dict)
     mail: Mapping[str, Mailboxes] = field(default_factory=dict)
     now: int = 0
-    """Unix nanoseconds of this machine when the percepts were asked for."""
+    """Unix nanoseconds of this machine's clock when the percepts were queried."""
 
     @property
     def reports(self) -> dict[str, BoardReport]:

@@ -1,4 +1,4 @@
-"""The doctor's checks of daemons and boards: who is there, versions, clocks, disks, links, mail."""
+"""Checks of gathered facts: daemons, versions, clocks, disks, links, mail, vehicles, failsafes, percepts."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from schemas.version import RELEASE
 from schemas.wire.records import Health, LinkReport
 
 CLOCK_WARNING, CLOCK_ERROR = 0.25, 30.0
-"""Seconds of skew: logs of several boards cannot be read side by side; certificates are judged wrongly."""
+"""Clock skew in seconds: logs of boards do not fit together; certificates seem expired or not yet valid."""
 DISK_WARNING, DISK_ERROR = 1_000_000_000, 200_000_000
-"""Bytes that are free for state."""
+"""Free bytes for state."""
 SLOW_TRIP = 0.5
-"""Wall seconds of a round trip from which on mail and actions are noticeably late."""
+"""Round trip in wall seconds that delays mail and actions noticeably."""
 SLOW_RATE = 20_000.0
-"""Bytes a second below which percepts of one vehicle alone may fill a link."""
+"""Rate in bytes/s that the percepts of one vehicle can use up."""
 MAIL_WAITS = 60.0
-"""Wall seconds after which mail that waits is worth a word."""
+"""Wall seconds in a queue after which mail is reported."""
 
 
 def daemons(facts: Facts) -> list[Said]:
-    """Who is missing or hangs, and what those who are there complain of."""
+    """Report daemons that are missing or hang, and the health notes of the others."""
     if not facts.rows:
-        return [Said("error", "daemons", "nobody is there", logs_of("commd", facts.mission, "each board"))]
+        return [Said("error", "daemons", "no daemon is running", logs_of("commd", facts.mission, "each board"))]
     dark = _dark(facts)
     said = [_nothing_of(facts, board) for board in dark]
     said += [_absent(facts, row) for row in facts.rows if not row.well and row.board not in dark]
@@ -44,7 +44,7 @@ def daemons(facts: Facts) -> list[Said]:
 
 
 def _dark(facts: Facts) -> list[str]:
-    """Boards with several daemons of which none is there."""
+    """Return the boards with several daemons, all missing."""
     by_board: dict[str, list[Row]] = {}
     for row in facts.rows:
         by_board.setdefault(row.board, []).append(row)
@@ -54,14 +54,14 @@ def _dark(facts: Facts) -> list[str]:
 def _nothing_of(facts: Facts, board: str) -> Said:
     its = ", ".join(f"{row.daemon} {row.name}" for row in facts.rows if row.board == board)
     do = f"is it switched on and in the network? {target_of(facts.mission, 'status', board)}"
-    return Said("error", "daemons", f"nothing of {board} is there: {its}", do)
+    return Said("error", "daemons", f"all daemons of {board} are missing: {its}", do)
 
 
 def _absent(facts: Facts, row: Row) -> Said:
     do = {
-        "silent": "it hangs, or is denied: restart it; ",
-        "twice": "end one of them: the board of one of the two is not the one that the mission names; ",
-        "unclaimed": "the access rules deny its token: `argosy units` makes them anew; ",
+        "silent": "it hangs, or its health is denied: restart it; ",
+        "twice": "stop one of them: one runs on a board that the mission does not name; ",
+        "unclaimed": "the access rules deny its token: write them again with `argosy units`; ",
     }.get(row.standing, "")
     place = row.board or "its board"
     return Said(
@@ -81,40 +81,39 @@ def _complaints(facts: Facts, row: Row) -> Iterator[Said]:
         yield Said(level_of(note), "daemons", f"{who}: {note.text}", REMEDIES.get(note.code, logs))
     if health.restarts:
         was = f"; {health.last_error}" if health.last_error and health.last_error_age is None else ""
-        text = f"{who} was started again {count(health.restarts, 'time')} since its board started{was}"
+        text = f"{who} was restarted {count(health.restarts, 'time')} since its board started{was}"
         yield Said("warning", "daemons", text, logs)
     if health.last_error and health.last_error_age is not None:
         text = f"{who}: {count(health.errors, 'error')}, the last {health.last_error_age:.0f} s ago: "
         yield Said("warning", "daemons", text + health.last_error, logs)
     before = next((one.now for one in facts.earlier if (one.name, one.daemon) == (row.name, row.daemon)), None)
     if before is not None and before.header.boot == health.header.boot and health.drops > before.drops:
-        text = f"{who} is dropping: {health.drops - before.drops} within {health.uptime - before.uptime:.0f} s"
-        yield Said(
-            "warning", "daemons", text, "it has too much to do: fewer percepts or a lower `rate` in the manifest"
-        )
+        text = f"{who} dropped {health.drops - before.drops} messages within {health.uptime - before.uptime:.0f} s"
+        do = "it is overloaded: declare fewer percepts or a lower `rate` in the manifest"
+        yield Said("warning", "daemons", text, do)
     if health.lag >= LAG_LATE:
-        do = "give the board less to do: fewer agents, lower rates, no endless plans; `top` shows who takes the time"
+        do = "reduce the load of the board: fewer agents, lower rates, no endless plans; `top` shows the processes"
         yield Said("warning", "daemons", f"{who} is {health.lag:.1f} s behind", do)
 
 
 def versions(facts: Facts) -> list[Said]:
-    """Whether all run the same version of Argosy, and which is ours."""
+    """Report daemons with another version of Argosy than this machine's."""
     found: dict[str, list[str]] = {}
     for row in facts.rows:
         if row.now is not None:
-            found.setdefault(row.now.version or "an older one that does not say", []).append(row.name)
+            found.setdefault(row.now.version or "unknown, older", []).append(row.name)
     if not found:
         return []
     if list(found) == [RELEASE]:
-        return [Said("ok", "versions", f"all run {RELEASE}, as this machine does")]
+        return [Said("ok", "versions", f"all run {RELEASE}, like this machine")]
     told = "; ".join(f"{version}: {', '.join(sorted(set(names)))}" for version, names in sorted(found.items()))
     majors = {version.partition(".")[0] for version in found if version[:1].isdigit()} | {RELEASE.partition(".")[0]}
-    do = "install the same version on all of them, one board after the other (docs/guides/operations.md)"
+    do = "install one version on all boards, one after the other (docs/guides/operations.md)"
     return [Said("error" if len(majors) > 1 else "warning", "versions", f"{told}; this machine: {RELEASE}", do)]
 
 
 def clocks(facts: Facts) -> list[Said]:
-    """By how much the clocks of the boards and of this machine differ, as round trips tell."""
+    """Report clock skew between boards and this machine, measured by round trips."""
     seen = {board: link for board, link in facts.from_here.items() if link.ahead is not None}
     if not seen:
         return []
@@ -125,28 +124,28 @@ def clocks(facts: Facts) -> list[Said]:
     everybody = f"{count(len(seen), 'board')} and this machine"
     if skew - unsure < CLOCK_WARNING:
         return [Said("ok", "clocks", f"{everybody} agree within {latency(skew)} (measured to {latency(unsure)})")]
-    level, why = ("warning", "times of logs and records do not fit together")
+    level, why = ("warning", "times in logs and records do not fit together")
     if skew - unsure >= CLOCK_ERROR:
-        level, why = ("error", "certificates are taken for expired or not yet valid")
+        level, why = ("error", "certificates seem expired or not yet valid")
     text = f"{ahead} is {latency(skew)} ahead of {behind} (measured to {latency(unsure)}): {why}"
-    do = "let one board serve the time to the others (chrony or systemd-timesyncd); `timedatectl` shows how it is"
+    do = "let one board serve the time to the others (chrony or systemd-timesyncd); `timedatectl` shows the state"
     return [Said(level, "clocks", text, do)]  # type: ignore[arg-type]
 
 
 def disks(facts: Facts) -> list[Said]:
-    """How much room is left for mail, checkpoints and action ids."""
+    """Report disks with little space for mail, checkpoints and action logs."""
     said: list[Said] = []
     least: tuple[int, str] | None = None
     for board, report in facts.reports.items():
         free, size = report.disk_free, report.disk_size
         if free is None or size is None:
-            said.append(Said("error", "disks", f"{board}: {report.state} cannot be looked at", f"on {board}: `df -h`"))
+            said.append(Said("error", "disks", f"{board}: {report.state} cannot be read", f"on {board}: `df -h`"))
             continue
         least = min(least or (free, board), (free, board))
         if free < DISK_WARNING:
-            text = f"{board}: {free / 1e6:.0f} MB of {size / 1e9:.1f} GB are left at {report.state}"
+            text = f"{board}: {free / 1e6:.0f} MB of {size / 1e9:.1f} GB are free at {report.state}"
             level = "error" if free < DISK_ERROR else "warning"
-            do = f"on {board}: `journalctl --vacuum-size=100M`; no mail is taken when the disk is full"
+            do = f"on {board}: `journalctl --vacuum-size=100M`; a full disk refuses mail"
             said.append(Said(level, "disks", text, do))  # type: ignore[arg-type]
     if least is not None and not said:
         said.append(Said("ok", "disks", f"at least {least[0] / 1e9:.1f} GB are free for state ({least[1]})"))
@@ -154,14 +153,14 @@ def disks(facts: Facts) -> list[Said]:
 
 
 def links(facts: Facts) -> list[Said]:
-    """Whether each board reaches each other one, how soon, and how fast the link is."""
+    """Report links between boards, and from this machine, that are broken, late or slow."""
     said: list[Said] = []
     fine: list[LinkReport] = []
     there = {row.name for row in facts.rows if row.daemon == "commd" and row.well}
     for board, why in facts.boards.items():
         if isinstance(why, str) and board in there:
-            text = f"{board} is there and answers no checkup: clock, disk and links are not known ({why})"
-            do = "ask with an operator's keys, observers may not; an Argosy before 0.2 does not know the question"
+            text = f"{board} runs but answers no checkup: clock, disk and links are unknown ({why})"
+            do = "use an operator's keys, not an observer's; Argosy before 0.2 does not answer checkups"
             said.append(Said("warning", "links", text, do))
         elif isinstance(why, str):
             do = f"is it switched on and in the network? {logs_of('commd', facts.mission, board)}"
@@ -196,13 +195,13 @@ def _link(board: str, link: LinkReport) -> list[Said]:
         return [Said("warning", "links", text, look)]
     if link.rate is not None and link.rate < SLOW_RATE:
         text = f"{way}: {link.rate / 1000:.1f} kB/s"
-        do = "tell less: lower `rate` in the manifests, `wire: msgpack` in the mission; or a better link"
+        do = "send less: lower `rate` in the manifests, `wire: msgpack` in the mission; or improve the link"
         return [Said("warning", "links", text, do)]
     return []
 
 
 def mail(facts: Facts) -> list[Said]:
-    """Whether mail waits for long, or was given up."""
+    """Report mail that waits for long, and dead letters."""
     said: list[Said] = []
     for board, boxes in facts.mail.items():
         for queue in boxes.queues:
@@ -210,24 +209,24 @@ def mail(facts: Facts) -> list[Said]:
                 who = f"{queue.sender} > {queue.receiver}"
                 text = f"{board}: {count(queue.messages, 'message')} {who} wait, the oldest for {span(queue.oldest)}"
                 text += f": {queue.state}" if queue.state else ""
-                do = "it goes on by itself when the receiver is there: see `daemons` and `links`"
+                do = "delivery continues when the receiver is back: see `daemons` and `links`"
                 said.append(Said("warning", "mail", text, do))
         if boxes.dead_count:
-            text = f"{board}: {count(boxes.dead_count, 'message')} could not be delivered and were given up"
-            said.append(Said("warning", "mail", text, f"`argosy mail {facts.mission.path} --dead` shows them and why"))
+            text = f"{board}: {count(boxes.dead_count, 'message')} could not be delivered"
+            said.append(Said("warning", "mail", text, f"see `argosy mail {facts.mission.path} --dead`"))
     if facts.mail and not said:
         said.append(Said("ok", "mail", f"nothing waits for long on {count(len(facts.mail), 'board')}"))
     return said
 
 
 FEW = 5.0
-"""Messages a second below which a vehicle's streams are not what the manifest asks for."""
+"""Messages/s below which a vehicle does not send the streams that the manifest requests."""
 NOISE = 0.01
-"""Share of packets that came damaged."""
+"""Tolerated share of damaged packets."""
 
 
 def vehicles(facts: Facts) -> list[Said]:
-    """How many messages a second come from each vehicle, and how many of them damaged."""
+    """Report vehicles that send few messages, or damaged ones."""
     said: list[Said] = []
     for name, before, after in _bridges(facts):
         took = after.uptime - before.uptime
@@ -238,11 +237,11 @@ def vehicles(facts: Facts) -> list[Said]:
         bad = (after.counters.get("bad_checksums", 0) - before.counters.get("bad_checksums", 0)) / took
         do = f"is the vehicle on, and does it send to `{link}`? baud rate, cable, SRn_ parameters of the port"
         if came == 0:
-            said.append(Said("error", "vehicles", f"{name}: nothing is heard on {link}", do))
+            said.append(Said("error", "vehicles", f"{name}: nothing is received on {link}", do))
         elif came < FEW:
             said.append(Said("warning", "vehicles", f"{name}: only {came:.1f} messages/s on {link}", do))
         elif bad > NOISE * came:
-            text = f"{name}: {bad:.1f} of {came + bad:.0f} packets/s come damaged on {link}"
+            text = f"{name}: {bad:.1f} of {came + bad:.0f} packets/s on {link} are damaged"
             said.append(
                 Said("warning", "vehicles", text, "baud rate, cable, grounding; for a radio: distance and antennas")
             )
@@ -252,24 +251,25 @@ def vehicles(facts: Facts) -> list[Said]:
 
 
 def failsafes(facts: Facts) -> list[Said]:
-    """Whose heartbeats the vehicles' own failsafes watch; those of which the mission does not say it together."""
+    """Report whose heartbeats the vehicles' own failsafes monitor; undeclared ones in one finding."""
     vehicles = {
         name: facts.mission.robots[name].failsafe.gcs for name, _, now in _bridges(facts) if "messages" in now.counters
     }
     said = [
-        Said("ok", "failsafe", f"{name}: watches heartbeats of `{gcs}`")
+        Said("ok", "failsafe", f"{name}: monitors heartbeats of `{gcs}`")
         for name, gcs in vehicles.items()
         if gcs not in (None, "none")
     ]
     if undeclared := [name for name, gcs in vehicles.items() if gcs is None]:
-        text = f"{', '.join(undeclared)}: none declared: if the bridge dies, nothing brings the vehicle home"
+        text = f"{', '.join(undeclared)}: none declared: the vehicle does not return if its bridge dies"
         said.append(Said("warning", "failsafe", text, REMEDIES["failsafe_none"]))
     return said
 
 
 def percepts(facts: Facts) -> list[Said]:
-    """Which percepts of the running manifests are not told. One whose source is silent for its `ttl` is not there; so
-    those without a `ttl` (events, an override) may well be away.
+    """Report percepts of the running manifests that are missing.
+
+    Only those with a `ttl` are expected: events and overrides, which have none, may be absent.
     """
     said: list[Said] = []
     for robot, found in facts.robots.items():
@@ -280,14 +280,12 @@ def percepts(facts: Facts) -> list[Said]:
         missing = sorted(live - found.percepts.keys())
         if missing:
             sources = sorted({str(found.declared[name].get("source", "?")) for name in missing})
-            text = f"{robot}: not told now: {', '.join(missing)} (from {', '.join(sources)})"
-            do = (
-                "does the robot send that? For ArduPilot: SRn_ parameters of the port; else take it out of the manifest"
-            )
+            text = f"{robot}: missing: {', '.join(missing)} (from {', '.join(sources)})"
+            do = "does the robot send it? For ArduPilot: SRn_ parameters of the port; else remove it from the manifest"
             said.append(Said("warning", "percepts", text, do))
         else:
             age = _newest(facts, robot, found)
-            when = f", the newest told {max(0.0, age):.1f} s ago" if age is not None else ""
+            when = f", the newest {max(0.0, age):.1f} s old" if age is not None else ""
             said.append(Said("ok", "percepts", f"{robot}: {count(len(found.percepts), 'percept')}{when}"))
     return said
 
@@ -302,7 +300,7 @@ def _newest(facts: Facts, robot: str, found: RobotFacts) -> float | None:
 
 
 def _bridges(facts: Facts) -> list[tuple[str, Health, Health]]:
-    """The robots whose bridge told how it is, at both times."""
+    """Return the robots whose bridge reported its health at both times, with the reports."""
 
     def told(rows: list[Row]) -> dict[str, Health]:
         return {row.name: row.now for row in rows if row.daemon == "bridged" and row.well and row.now is not None}

@@ -1,7 +1,7 @@
-"""What the access rules let this machine do at each router, found out by trying, beside what the mission says.
+"""Check access rules and certificates by trying them from this machine.
 
-Nothing is done by it: puts and answers are tried one level below the keys that daemons hear and serve, questions are
-asked without what they would have to carry, and tokens are of no daemon and no agent.
+Compares what each router allows with the rights that the mission gives. The trials have no effect: puts and answers use
+keys one level below those of daemons, queries carry no record, and tokens belong to no daemon or agent.
 """
 
 from __future__ import annotations
@@ -33,29 +33,29 @@ from schemas.mission.model import DEFAULT_PORT, Mission
 from schemas.wire import keys
 
 PATIENCE = 3.0
-"""Wall seconds that what is allowed has to come through."""
+"""Wall seconds for an allowed message to arrive."""
 WHAT = "access"
 RIGHTS = {"puts": "put on", "serves": "serve", "asks": "ask", "holds": "hold the token"}
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One thing that somebody may or may not do."""
+    """One action that the mission allows or denies."""
 
     right: str
     """A field of `Rights`."""
     key: str
     allowed: bool
-    """By the mission."""
+    """Whether the mission allows it."""
 
     def __str__(self) -> str:
         return f"{RIGHTS[self.right]} {self.key}"
 
 
 async def findings(bus: Bus, mission: Mission) -> list[Said]:
-    """Try at each router that this machine reaches what it may do."""
+    """Compare the rights of this machine with what each reachable router allows."""
     if bus.endpoint.startswith("tcp/"):
-        text = "the router is reached by plain TCP: whoever reaches it may do everything"
+        text = "the router accepts plain TCP: everybody who reaches it has all rights"
         do = "for boards in the field: `argosy keys init`, `argosy units` (docs/guides/security.md)"
         return [Said("warning", WHAT, text, do)] if any(b.address for b in mission.boards.values()) else []
     try:
@@ -67,7 +67,7 @@ async def findings(bus: Bus, mission: Mission) -> list[Said]:
 
 
 async def _who(bus: Bus, mission: Mission) -> tuple[str, Rights, dict[str, str]]:
-    """Return who this is, what he may do, and the routers to try it at. Raises Findings."""
+    """Return who this machine is, its rights, and the routers to try. Raises Findings."""
     if bus.tls is None:
         board = (await router_name(bus)).strip("`").rpartition("/")[2]
         known = board in mission.board_names
@@ -87,26 +87,26 @@ async def _who(bus: Bus, mission: Mission) -> tuple[str, Rights, dict[str, str]]
         return f"operator {name}", access_rules.of_operator(mission.inject), routers
     if sight := mission.security.sights.get(name):
         return f"observer {name}", access_rules.of_observer(sight), routers
-    return f"`{name}`, whom the mission does not name,", Rights(), routers
+    return f"`{name}` (not in the mission)", Rights(), routers
 
 
 async def _at(bus: Bus, mission: Mission, name: str, rights: Rights, board: str, endpoint: str) -> list[Said]:
-    """Try everything at one router."""
+    """Run all trials at one router."""
     router = f"the router of {board}"
     try:
         async with _two(bus, endpoint) as (speaker, listener):
             trials = _trials(mission, rights, board, await _present(listener, mission))
             done = await _try(speaker, listener, trials)
     except BusClosed as closed:
-        return [Said("warning", WHAT, f"{router} is not reached, so nothing was tried: {closed}")]
+        return [Said("warning", WHAT, f"{router} is not reached, its rules were not tried: {closed}")]
     wrong = [trial for trial in trials if trial.allowed != (trial in done)]
     may, may_not = sum(trial.allowed for trial in trials), sum(not trial.allowed for trial in trials)
     if not wrong:
-        text = f"{router} lets {name} do {may} things that were tried, and denies {may_not}: as the mission says"
+        text = f"{router} allows {name} {may} of the tried actions and denies {may_not}, as the mission says"
         return [Said("ok", WHAT, text)]
     said = []
-    do = f"make its configuration anew (`argosy units MISSION --board {board}`) and start its commd again"
-    for allowed, verb in ((True, "denies {}, against the mission, to"), (False, "lets {}, against the mission,")):
+    do = f"write its configuration again (`argosy units MISSION --board {board}`) and restart its commd"
+    for allowed, verb in ((True, "denies {}, against the mission, to"), (False, "allows {}, against the mission, to")):
         if these := [trial for trial in wrong if trial.allowed == allowed]:
             more = f", and {len(these) - 3} more" if len(these) > 3 else ""
             text = f"{router} {verb.format(name)} {', '.join(map(str, these[:3]))}{more}"
@@ -116,7 +116,7 @@ async def _at(bus: Bus, mission: Mission, name: str, rights: Rights, board: str,
 
 @asynccontextmanager
 async def _two(bus: Bus, endpoint: str) -> AsyncIterator[tuple[Bus, Bus]]:
-    """Two sessions at a router. Raises BusClosed."""
+    """Open two sessions at a router. Raises BusClosed."""
     async with AsyncExitStack() as stack:
         one, other = [
             await stack.enter_async_context(
@@ -136,16 +136,16 @@ async def _two(bus: Bus, endpoint: str) -> AsyncIterator[tuple[Bus, Bus]]:
 
 
 async def _present(bus: Bus, mission: Mission) -> set[str]:
-    """Names and daemons that are there: `uav1/bridged`. Who is not answers nobody, allowed or not."""
+    """Return the running daemons, as `uav1/bridged`: queries to others have no answer, allowed or not."""
     tokens = await bus.tokens(keys.alive(mission.fleet, "*", "*", "*"))
     parsed = [found for token in tokens if (found := keys.parse(token)) is not None]
     return {f"{name}/{rest[1]}" for _, name, rest in parsed if len(rest) == 3}
 
 
 def _trials(mission: Mission, rights: Rights, at: str, present: Collection[str]) -> list[Trial]:
-    """What is tried at the router of a board for the names of each: what its daemons say, and what its agents ask.
+    """Return the trials at the router of a board: keys of the daemons, and queries of the agents, of each board.
 
-    What a router passes on to another one counts there as what its own board asks.
+    A query that a router forwards counts, at the next router, as one of the first router's board.
     """
     trials: list[Trial] = []
     passes_on = access_rules.of_board(mission, at)
@@ -184,7 +184,7 @@ def _trials(mission: Mission, rights: Rights, at: str, present: Collection[str])
             if f"{board}/commd" in present:
                 add("asks", keys.outbox(fleet, name))
         add("puts", keys.services(fleet, board))
-        # Of the board alone: a bridge takes any token of its agent for the agent, even of one that was lost in flight.
+        # For the board only: a bridge takes any token of its agent for the agent, even after it was lost in flight.
         add("holds", keys.alive(fleet, board, "argosy", "trial"))
         if f"{board}/commd" in present:
             add("asks", keys.mailboxes(fleet, board))
@@ -198,7 +198,7 @@ def _covers(rules: Sequence[str], key: str) -> bool:
 
 
 async def _try(speaker: Bus, listener: Bus, trials: Sequence[Trial]) -> set[Trial]:
-    """Return what could be done."""
+    """Run the trials. Returns those that succeeded."""
     by_right = {right: [trial for trial in trials if trial.right == right] for right in RIGHTS}
 
     def of(right: str) -> tuple[list[str], list[str]]:
@@ -219,12 +219,12 @@ async def _try(speaker: Bus, listener: Bus, trials: Sequence[Trial]) -> set[Tria
 
 
 async def _answered(bus: Bus, trial: Trial) -> bool:
-    """Ask with nothing: whoever serves the key answers, if only that something is missing. Once more, for who may."""
+    """Query without a record: a server of the key answers at least with an error. Repeat once if it is allowed."""
     return await bus.raw.answers(trial.key, PATIENCE) or (trial.allowed and await bus.raw.answers(trial.key, PATIENCE))
 
 
 async def _held(speaker: Bus, listener: Bus, trials: Sequence[Trial]) -> set[str]:
-    """Hold tokens and return those that the other session sees."""
+    """Declare tokens and return those that the other session sees."""
     if not trials:
         return set()
     own = {f"{trial.key}-{os.urandom(4).hex()}": trial for trial in trials}
@@ -243,17 +243,17 @@ async def _held(speaker: Bus, listener: Bus, trials: Sequence[Trial]) -> set[str
 
 
 CALL_PATIENCE = 3.0
-"""Wall seconds that a board has to show its certificate."""
-RENEW = "on the machine that has the fleet's authority: `argosy keys renew`, then copy the folder and restart commd"
+"""Wall seconds for a TLS handshake with a board."""
+RENEW = "on the machine with the fleet's keys: `argosy keys renew`, then copy the folder and restart commd"
 
 UNBELIEVED = (
-    "copy this machine's new ca.pem here, if boards were added (`argosy keys add-board`); else that board was revoked, "
-    "or has another fleet's keys"
+    "if boards were added (`argosy keys add-board`), copy this machine's new ca.pem here; else that board is revoked, "
+    "or has keys of another fleet"
 )
 
 
 def certificates(mission: Mission, folder: Path | None) -> list[Said]:
-    """Look at the dates of all certificates that can be seen with the keys of this machine, if it was given any."""
+    """Check this machine's certificate and those that the boards present. Does nothing without keys."""
     if folder is None:
         return []
     tls, now = files_in(Path(folder)), time.time()
@@ -269,17 +269,17 @@ def certificates(mission: Mission, folder: Path | None) -> list[Said]:
         try:
             theirs = shown_at(tls, *host_and_port(entry.address, DEFAULT_PORT))
         except ssl.SSLCertVerificationError as error:
-            text = f"{board} shows one at {entry.address} that our ca.pem does not believe: {error.verify_message}"
+            text = f"{board} presents one at {entry.address} that our ca.pem does not accept: {error.verify_message}"
             said.append(Said("error", "certificates", text, UNBELIEVED))
             continue
         except OSError as error:
-            text = f"{board} shows none at {entry.address}: {error.strerror or error}"
-            do = f"is {board} there, and its commd with its keys?"
+            text = f"{board} presents none at {entry.address}: {error.strerror or error}"
+            do = f"is {board} running, with its keys?"
             said.append(Said("error", "certificates", text, do))
             continue
         seen.append(theirs.ends)
         if theirs.name != board:
-            text = f"who answers for {board} at {entry.address} is `{theirs.name}`"
+            text = f"`{theirs.name}` answers for {board} at {entry.address}"
             said.append(Said("error", "certificates", text, "two boards have each other's address or keys"))
         said += _dates(f"{board}'s", theirs, now)
     if not said:
@@ -289,7 +289,7 @@ def certificates(mission: Mission, folder: Path | None) -> list[Said]:
 
 
 def shown_at(tls: Tls, host: str, port: int) -> Identity:
-    """Call a board and return what its certificate says, whatever its dates. Raises OSError."""
+    """Connect to a board and return its certificate's identity, valid or expired. Raises OSError."""
     with (
         socket.create_connection((host.strip("[]"), port), CALL_PATIENCE) as plain,
         shown_by(plain, tls) as (theirs, _),
@@ -300,11 +300,11 @@ def shown_at(tls: Tls, host: str, port: int) -> Identity:
 def _dates(whose: str, identity: Identity, now: float) -> list[Said]:
     if now < identity.begins:
         text = f"{whose} certificate: {out_of_date(identity, now)}"
-        return [Said("error", "certificates", text, "compare the clocks: no other machine lets that one in")]
+        return [Said("error", "certificates", text, "compare the clocks: every other machine refuses it")]
     if identity.ends - now > SOON:
         return []
     left = (identity.ends - now) / 86_400
     text = f"{whose} certificate (`{identity.name}`) ends on {day(identity.ends)}, in {left:.0f} days"
     if left <= 0:
-        text = f"{whose} certificate (`{identity.name}`) expired on {day(identity.ends)}: no other machine lets it in"
+        text = f"{whose} certificate (`{identity.name}`) expired on {day(identity.ends)}: other machines refuse it"
     return [Said("warning" if left > 0 else "error", "certificates", text, RENEW)]

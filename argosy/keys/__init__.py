@@ -1,1 +1,1 @@
-"""`argosy keys`: the certificate authority of a fleet. No key expressions: those are `schemas.wire.keys`."""
+"""`argosy keys`: the certificate authority of a fleet. Key expressions are in `schemas.wire.keys`."""

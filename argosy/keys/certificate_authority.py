@@ -1,8 +1,8 @@
-"""The fleet's certificate authority: one secret key, and what is signed by it (docs/guides/security.md).
+"""The fleet's certificate authority: one secret key that signs all certificates (docs/guides/security.md).
 
-A machine believes a certificate when one of the *anchors* in its `ca.pem` signed it. Every anchor holds the public half
-of the same key, under a name of its own: one for each machine of the fleet. So a machine is disowned by leaving its
-anchor out of the others' `ca.pem`; Zenoh knows no revocation lists.
+A machine accepts a certificate that was signed by one of the *anchors* in its `ca.pem`. All anchors hold the public key
+of the authority, each under its own name: one for each machine of the fleet. A machine is revoked by removing its
+anchor from the `ca.pem` of all others; Zenoh does not support revocation lists.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 ANCHOR_DAYS = 20 * 365
-"""An anchor ends when it is left out, not by its date."""
+"""Validity of an anchor: in practice it ends when it is removed."""
 BACK_DAYS = 2 * 365
-"""Certificates are valid since so long ago: a board without a clock of its own starts somewhere in the past."""
+"""How far in the past certificates begin: a board without a real-time clock starts in the past."""
 _DNS = re.compile(
     r"(?:[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?\.)*[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
 )
@@ -28,16 +28,16 @@ _DNS = re.compile(
 
 @dataclass(frozen=True)
 class Machine:
-    """Whom a certificate is about."""
+    """The subject of a certificate."""
 
     fleet: str
     name: str
     generation: int
-    """Which of the machines of that name, from 1: who was revoked has no further one."""
+    """Counts the machines that had this name, from 1; a revoked one is replaced by the next."""
     serves: bool
-    """Whether others dial it: a board; people only dial."""
+    """Whether others dial it: true for boards, false for operators and observers."""
     addresses: tuple[str, ...]
-    """Host names and IP addresses by which others dial it."""
+    """Its host names and IP addresses."""
 
 
 @dataclass(frozen=True)
@@ -49,35 +49,35 @@ class Pair:
 
 
 class Authority:
-    """Signs with the fleet's key."""
+    """Signs certificates with the fleet's key."""
 
     def __init__(self, key: ec.EllipticCurvePrivateKey, now: datetime | None = None) -> None:
         self._key, self._now = key, now or datetime.now(UTC)
 
     @classmethod
     def new(cls) -> Authority:
-        """Make a fleet's key."""
+        """Generate a fleet's key."""
         return cls(ec.generate_private_key(ec.SECP256R1()))
 
     @classmethod
     def read(cls, pem: bytes, password: bytes | None) -> Authority:
-        """Read a fleet's key. Raises ValueError in words, TypeError if a password is needed, or given in vain."""
+        """Read a fleet's key. Raises ValueError, and TypeError if a password is missing or not needed."""
         key = serialization.load_pem_private_key(pem, password)
         if not isinstance(key, ec.EllipticCurvePrivateKey):
             raise ValueError("expected a key on an elliptic curve")
         return cls(key)
 
     def at(self, now: datetime) -> Authority:
-        """Return the authority as it signs at another time."""
+        """Return the authority with another present time."""
         return Authority(self._key, now)
 
     def secret(self, password: bytes | None) -> bytes:
-        """Return the key in PEM, locked by a password if there is one."""
+        """Return the key in PEM, encrypted if there is a password."""
         lock = serialization.BestAvailableEncryption(password) if password else serialization.NoEncryption()
         return _key_pem(self._key, lock)
 
     def anchor(self, machine: Machine) -> bytes:
-        """Return the fleet's key under the name of a machine's anchor, in PEM: who has it believes that machine."""
+        """Return a machine's anchor in PEM: whoever has it accepts that machine."""
         usage = x509.KeyUsage(False, False, False, False, False, True, True, False, False)  # signs certificates
         name, key = _anchor_name(machine), self._key.public_key()
         made = (
@@ -90,7 +90,7 @@ class Authority:
         return made.public_bytes(serialization.Encoding.PEM)
 
     def certify(self, machine: Machine, ends: datetime) -> Pair:
-        """Make a key for a machine, and sign what it says of itself. Raises ValueError for an address that is none."""
+        """Generate a machine's key and certificate, valid until `ends`. Raises ValueError for an invalid address."""
         key = ec.generate_private_key(ec.SECP256R1())
         signs = x509.KeyUsage(True, False, False, False, False, False, False, False, False)
         uses = [ExtendedKeyUsageOID.CLIENT_AUTH, *([ExtendedKeyUsageOID.SERVER_AUTH] if machine.serves else [])]

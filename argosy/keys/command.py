@@ -34,7 +34,7 @@ from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission, load_mission
 
 if TYPE_CHECKING:
-    from argosy.keys.key_store import KeyStore  # and with it cryptography, for who makes keys
+    from argosy.keys.key_store import KeyStore  # imports cryptography
 
 COMMANDS = {
     "init": (
@@ -58,9 +58,9 @@ COMMANDS = {
     ),
 }
 DAYS = 400
-"""For which certificates are made: a year, and a month to think of it."""
+"""Default validity of certificates: a year and a month."""
 PASSWORD = "ARGOSY_KEYS_PASSWORD"
-"""Environment variable with the password of the fleet's secret, where nobody can be asked for it."""
+"""Environment variable with the password of the fleet's secret, instead of a prompt."""
 
 
 def main(given: list[str]) -> int:
@@ -93,7 +93,7 @@ def add_dir(parser: ArgumentParser) -> None:
 
 
 def key_directory(args: Namespace, mission: Mission) -> Path:
-    """Return the operator's folder of the fleet's keys."""
+    """Return the folder of the fleet's keys."""
     if args.dir is not None:
         return Path(args.dir)
     base = os.environ.get("XDG_DATA_HOME") or (Path.home() / ".local" / "share")
@@ -136,12 +136,12 @@ def _add_address(parser: ArgumentParser) -> None:
 
 
 def init(args: Namespace) -> int:
-    """Make a fleet's authority, and a folder of keys for everybody in its mission."""
+    """Create a fleet's authority, and a folder of keys for everybody in its mission."""
     from argosy.keys.key_store import alone, create
 
     mission = load_mission(args.mission)
     if not mission.boards:
-        raise wrong(mission.path, "the mission declares no boards: keys are for boards that reach each other")
+        raise wrong(mission.path, "the mission declares no `boards`: only boards need keys")
     path = key_directory(args, mission)
     password = _new_password() if args.password else None
     with alone(path):
@@ -150,12 +150,12 @@ def init(args: Namespace) -> int:
             folder.add(name, kind, hosts_of(mission, name))
     _tell_members(folder, list(everybody(mission)))
     print(f"copy each folder in {machine_folder(path, '')} to its machine, and to no other (docs/guides/security.md)")
-    print(f"{path / 'ca.key'} is the fleet's secret: it stays here, and in your backup")
+    print(f"{path / 'ca.key'} is the fleet's secret: keep it here and in your backup only")
     return EXIT_DONE
 
 
 def add(args: Namespace, kind: str) -> int:
-    """Make certificates for members of a kind that have none."""
+    """Create certificates for members of a kind that have none."""
     mission = load_mission(args.mission)
     known = [name for name, its in everybody(mission).items() if its == kind]
     _check_names(mission, args.names, known, kind)
@@ -165,16 +165,18 @@ def add(args: Namespace, kind: str) -> int:
         _tell_members(folder, args.names)
         others = [name for name in _boards(folder) if name not in args.names]
         whom = _and(args.names)
-        _tell_anchors(folder, others, f"a board knows {whom} when it has this and its commd started again:")
+        _tell_anchors(folder, others, f"copy these files to the boards and restart commd, so that they accept {whom}:")
         if kind == "board":
-            _tell_anchors(folder, _people(folder), f"operators and observers believe {whom} when they have this:")
+            _tell_anchors(
+                folder, _people(folder), f"copy these files to operators and observers, who then accept {whom}:"
+            )
         if others:
-            print(f"with it each of these boards needs a new router.json5, which says what {whom} may: argosy units")
+            print(f"each of these boards also needs a new router.json5 with the rights of {whom}: argosy units")
     return EXIT_DONE
 
 
 def renew(args: Namespace) -> int:
-    """Make new certificates for some members, or for those whose old ones end soon."""
+    """Replace the certificates of some members, or those that end soon."""
     mission = load_mission(args.mission)
     with _opened(args, mission) as folder:
         believed = folder.record.believed
@@ -188,12 +190,12 @@ def renew(args: Namespace) -> int:
             print(f"no certificate ends within {SOON_DAYS} days")
         for name in names:
             files = f"{KEY} and {CERTIFICATE} of {folder.machine(name)}"
-            print(f"copy {files} to `{name}` and start its commd again; nobody else needs anything")
+            print(f"copy {files} to `{name}` and restart its commd; other machines need nothing")
     return EXIT_DONE
 
 
 def revoke(args: Namespace) -> int:
-    """Disown members: whoever has the new anchors refuses them."""
+    """Revoke members: machines with the new anchors refuse them."""
     mission = load_mission(args.mission)
     with _opened(args, mission) as folder:
         _check_names(mission, args.names, list(folder.record.members), "machine that was given a certificate")
@@ -202,24 +204,24 @@ def revoke(args: Namespace) -> int:
         whom = _and(args.names)
         print(f"revoked: {whom}")
         _tell_anchors(
-            folder, _boards(folder), f"a board refuses {whom} when it has this and its commd was started again:"
+            folder, _boards(folder), f"copy these files to the boards and restart commd, so that they refuse {whom}:"
         )
         if any(its.kind == "board" for name, its in folder.record.members.items() if name in args.names):
             _tell_anchors(
-                folder, _people(folder), f"operators and observers take nobody for {whom} when they have this:"
+                folder, _people(folder), f"copy these files to operators and observers, who then refuse {whom}:"
             )
     return EXIT_DONE
 
 
 def everybody(mission: Mission) -> dict[str, Kind]:
-    """Return everybody who is to have a certificate by the mission."""
+    """Return everybody in the mission who needs a certificate."""
     kinds: dict[str, Kind] = dict.fromkeys(mission.boards, "board")
     kinds |= dict.fromkeys(mission.security.operators, "operator")
     return kinds | dict.fromkeys(mission.security.observers, "observer")
 
 
 def hosts_of(mission: Mission, name: str) -> tuple[str, ...]:
-    """Return where others dial a board: the address that the mission says, its name, and that in the local network."""
+    """Return the hosts of a board: its address in the mission, NAME and NAME.local."""
     from argosy.keys.certificate_authority import is_host
 
     board = mission.boards.get(name)
@@ -231,7 +233,7 @@ def hosts_of(mission: Mission, name: str) -> tuple[str, ...]:
 
 @contextmanager
 def _opened(args: Namespace, mission: Mission) -> Iterator[KeyStore]:
-    """Open the fleet's keys for a change, alone. Raises Findings in words."""
+    """Open and lock the fleet's keys. Raises Findings."""
     from argosy.keys.certificate_authority import Authority
     from argosy.keys.key_store import KeyStore, alone, read_secret
 
@@ -242,12 +244,13 @@ def _opened(args: Namespace, mission: Mission) -> Iterator[KeyStore]:
         try:
             authority = Authority.read(pem, _password() if b"ENCRYPTED" in pem else None)
         except (ValueError, TypeError):
-            text = "is no such key, or is locked by another password"
-            raise wrong(path / SECRET, f"the fleet's secret cannot be used: it {text}") from None
+            raise wrong(
+                path / SECRET, "the fleet's secret cannot be used: wrong password, or an invalid file"
+            ) from None
         folder = KeyStore(path, read_record(path, mission.fleet), authority)
         if behind := folder.record.out_of_step(path):
             folder.spread()
-            _tell_anchors(folder, behind, "an earlier command was interrupted; finished now, and to be copied:")
+            _tell_anchors(folder, behind, "completed an interrupted command; copy these files to their machines:")
         yield folder
 
 
@@ -272,7 +275,7 @@ def _tell_members(folder: KeyStore, names: Sequence[str]) -> None:
 
 
 def described(member: Member) -> str:
-    """Return in words what a certificate is."""
+    """Return a certificate's kind, end and hosts as text."""
     hosts = f", for {', '.join(member.hosts)}" if member.hosts else ""
     which = f" ({member.generation}. of its name)" if member.generation > 1 else ""
     return f"{member.kind}{which} until {member.ends:%Y-%m-%d}{hosts}"
@@ -296,7 +299,7 @@ def _password() -> bytes:
 def _new_password() -> bytes:
     first = _asked("new password of the fleet's secret: ", getpass)
     if PASSWORD not in os.environ and first != _asked("once more: ", getpass):
-        raise wrong(Path("--password"), "the two are not the same: nothing was done")
+        raise wrong(Path("--password"), "the passwords differ: nothing was changed")
     if not first:
         raise wrong(Path("--password"), "an empty password locks nothing: nothing was done")
     return first.encode()
@@ -323,7 +326,7 @@ def add_show_arguments(parser: ArgumentParser) -> None:
 
 
 def show(args: Namespace) -> int:
-    """Print who has which certificate. Returns 1 if something is to be done about one."""
+    """Print all certificates. Returns 1 if one needs attention."""
     if Path(args.mission).is_dir():
         return _show_folder(Path(args.mission))
     mission = load_mission(args.mission)
@@ -343,8 +346,8 @@ def show(args: Namespace) -> int:
             todo = True
             print(f"  {name:{wide}}  {kind:8}  has no certificate: `argosy keys add-{kind} {args.mission} {name}`")
     if behind:
-        text = "a command was interrupted; the next `add-...`, `renew` or `revoke` (again) finishes it"
-        print(f"  {ROOT} of {', '.join(behind)}: believes others than it is to: {text}")
+        text = "a command was interrupted; the next `add-...`, `renew` or `revoke` completes it"
+        print(f"  {ROOT} of {', '.join(behind)} is not up to date: {text}")
     return EXIT_FAILED if todo or behind else EXIT_DONE
 
 
@@ -368,32 +371,32 @@ def _state(member: Member) -> str:
 
 
 def _halves(path: Path, name: str, member: Member) -> str:
-    """Return in words that a key and its certificate are not of one another, as after an interrupted `renew`."""
+    """Return the problem of a key that does not match its certificate, as after an interrupted `renew`, or ""."""
     files = files_in(machine_folder(path, name))
     if member.revoked is not None or not (files.key.exists() and files.certificate.exists()):
         return ""  # such as after a copy
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(files.certificate, files.key)
     except (OSError, ssl.SSLError):
-        return f"{KEY} and {CERTIFICATE} are not of one another: `argosy keys renew` of it makes new ones"
+        return f"{KEY} does not match {CERTIFICATE}: replace both with `argosy keys renew`"
     return ""
 
 
 def _problem(mission: Mission, record: Record, name: str, member: Member) -> str:
-    """Return in words what is to be done about a member, if anything is."""
+    """Return what to do about a member; empty = nothing."""
     if member.revoked is not None:
         return f"add it again: `argosy keys add-{member.kind}`" if name in everybody(mission) else ""
     if name not in everybody(mission):
-        return "is not in the mission any more: `argosy keys revoke` disowns it"
+        return "is no longer in the mission: revoke it with `argosy keys revoke`"
     if everybody(mission)[name] != member.kind:
         return f"is an {everybody(mission)[name]} in the mission: revoke it, and add it as that"
     left = member.ends - datetime.now(UTC)
     if left <= timedelta(0):
-        return "EXPIRED: no machine lets it in; `argosy keys renew` makes it a new one"
+        return "EXPIRED: every machine refuses it; replace it with `argosy keys renew`"
     if left < timedelta(days=SOON_DAYS):
-        return "ends soon: `argosy keys renew` makes it a new one"
+        return "ends soon: replace it with `argosy keys renew`"
     address = mission.boards[name].address if name in mission.boards else ""
     host = host_and_port(address, DEFAULT_PORT)[0].strip("[]") if address else ""
     if host and host not in member.hosts:
-        return f"the mission says it is at {host}: `argosy keys renew` makes it a certificate for that"
+        return f"its address in the mission is {host}: replace the certificate with `argosy keys renew`"
     return ""

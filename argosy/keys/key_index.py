@@ -1,4 +1,4 @@
-"""Who of a fleet was given keys: the operator's record, and whom a machine's own folder believes."""
+"""The operator's record of issued certificates, and the anchors in a machine's own folder."""
 
 from __future__ import annotations
 
@@ -14,47 +14,47 @@ from schemas.files.findings import Finding, Findings
 
 RECORD, SECRET, MACHINES = "fleet.json", "ca.key", "machines"
 SOON_DAYS = round(SOON / 86_400)
-"""A certificate that ends within so many days is to be made anew."""
+"""Days before its end at which a certificate should be renewed."""
 
 Kind: TypeAlias = Literal["board", "operator", "observer"]
 
 
 class Member(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A machine that was given a certificate."""
+    """A machine with a certificate."""
 
     kind: Kind
     generation: Annotated[int, msgspec.Meta(ge=1)]
     hosts: tuple[str, ...] = ()
-    """Host names and IP addresses that its certificate is for."""
+    """Host names and IP addresses in its certificate."""
     addresses: tuple[str, ...] = ()
-    """Those of them that the mission does not say."""
+    """Those of them that are not in the mission."""
     ends: datetime
     revoked: datetime | None = None
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Who was given what."""
+    """All certificates of a fleet."""
 
     fleet: str
     days: int
-    """For which certificates are made."""
+    """Validity of new certificates in days."""
     members: dict[str, Member] = {}
 
     @property
     def believed(self) -> dict[str, Member]:
-        """Those that are not revoked."""
+        """The members that are not revoked."""
         return {name: member for name, member in self.members.items() if member.revoked is None}
 
     def anchors(self, name: str) -> dict[str, Member]:
-        """Whom a machine is to believe: boards believe everybody, people the boards alone."""
+        """Return the members that a machine should accept: a board accepts all, a person only boards."""
         if self.believed[name].kind == "board":
             return self.believed
         return {other: its for other, its in self.believed.items() if its.kind == "board" or other == name}
 
     def out_of_step(self, path: Path) -> list[str]:
-        """Return whose `ca.pem` is not as the record says, as after a command that was interrupted.
+        """Return the machines whose `ca.pem` differs from the record, as after an interrupted command.
 
-        Folders that are no longer there, such as after a copy, are not looked at.
+        Ignores folders that no longer exist: they may be deleted after the copy.
         """
         return [
             name
@@ -66,31 +66,33 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def machine_folder(path: Path, name: str) -> Path:
-    """Return the folder that is copied to a machine."""
+    """Return the folder to copy to a machine."""
     return path / MACHINES / name
 
 
 def read_record(path: Path, fleet: str) -> Record:
-    """Read who was given what. Raises Findings in words."""
+    """Read the record. Raises Findings."""
     try:
         record = msgspec.json.decode((path / RECORD).read_bytes(), type=Record)
     except FileNotFoundError:
         if (path / SECRET).exists():
-            text = f"is missing, and {SECRET} is there: take it from your backup, or begin anew in another folder"
+            text = f"is missing, but {SECRET} exists: restore it from your backup, or start again in another folder"
             raise wrong(path / RECORD, text) from None
-        text = f"no keys of fleet `{fleet}` are here: `argosy keys init` makes them, --dir says where they are"
+        text = (
+            f"no keys of fleet `{fleet}` are here: create them with `argosy keys init`, or name their folder by --dir"
+        )
         raise wrong(path, text) from None
     except OSError as error:
         raise wrong(path / RECORD, f"cannot be read: {error.strerror}") from None
     except msgspec.DecodeError as error:
-        raise wrong(path / RECORD, f"is not what `argosy keys` wrote: {error}") from None
+        raise wrong(path / RECORD, f"was not written by `argosy keys`: {error}") from None
     if record.fleet != fleet:
-        raise wrong(path, f"the keys here are of fleet `{record.fleet}`, and the mission's is `{fleet}`")
+        raise wrong(path, f"the keys here belong to fleet `{record.fleet}`, the mission has fleet `{fleet}`")
     return record
 
 
 def believed_in(file: Path) -> list[str]:
-    """Return whom a machine believes, by its `ca.pem`. Raises ssl.SSLError or OSError for a file of something else."""
+    """Return the machines accepted by a `ca.pem`. Raises ssl.SSLError or OSError for an invalid file."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.load_verify_locations(file)
     names = []
@@ -114,5 +116,5 @@ def _believes(file: Path) -> list[str] | None:
 
 
 def wrong(file: Path, text: str) -> Findings:
-    """Return an error about a file or folder."""
+    """Return the error of a file or folder."""
     return Findings([Finding(str(file), 0, 0, text)])

@@ -1,7 +1,7 @@
-"""The folder where the operator keeps the fleet's keys: the secret, who has a certificate, and a folder for each.
+"""The operator's folder of the fleet's keys.
 
-`ca.key` is the fleet's secret and leaves this folder never; `fleet.json` says who was given what; `machines/NAME` is
-what is copied to the machine of that name. Each file appears whole or not at all, and can be read by its owner alone.
+`ca.key` is the fleet's secret and never leaves this folder; `fleet.json` records all certificates; `machines/NAME` is
+copied to the machine of that name. Files are written atomically, and readable by their owner alone.
 """
 
 from __future__ import annotations
@@ -29,33 +29,33 @@ class KeyStore:
         self.path, self.record, self._authority = path, record, authority
 
     def machine(self, name: str) -> Path:
-        """Return the folder that is copied to a machine."""
+        """Return the folder to copy to a machine."""
         return machine_folder(self.path, name)
 
     def add(self, name: str, kind: Kind, hosts: tuple[str, ...], addresses: tuple[str, ...] = ()) -> None:
-        """Make a certificate for somebody new, or for who has the name of somebody revoked.
+        """Create a certificate for a new member, or for one that replaces a revoked one.
 
-        It is for the `hosts` of the mission and for further `addresses`. Raises Findings for a name that is taken.
+        It is valid for the `hosts` of the mission and for further `addresses`. Raises Findings if the name has one.
         """
         before = self.record.members.get(name)
         if before is not None and before.revoked is None:
-            text = f"`{name}` has a certificate already: `argosy keys renew` makes it a new one, `revoke` disowns it"
+            text = f"`{name}` already has a certificate: replace it with `argosy keys renew`, or `revoke` it first"
             raise wrong(self.machine(name), text)
         generation = 1 if before is None else before.generation + 1
         self._certify(name, kind, generation, hosts, addresses)
         self.spread()
 
     def renew(self, name: str, hosts: tuple[str, ...], addresses: tuple[str, ...] | None = None) -> None:
-        """Make a new key and certificate for somebody; nobody else needs anything new.
+        """Create a new key and certificate of a member; the other machines need no change.
 
-        Further `addresses` are as they were unless others are given.
+        Keeps its further `addresses` unless others are given.
         """
         member = self.record.members[name]
         kept = member.addresses if addresses is None else addresses
         self._certify(name, member.kind, member.generation, hosts, kept)
 
     def revoke(self, name: str) -> None:
-        """Disown somebody: the folders of all others no longer hold the anchor. To do so again finishes it."""
+        """Revoke a member: remove its anchor from the folders of all others. Repeat it after an interruption."""
         if self.record.members[name].revoked is None:
             now = datetime.now(UTC).replace(microsecond=0)
             self._keep(name, msgspec.structs.replace(self.record.members[name], revoked=now))
@@ -63,7 +63,7 @@ class KeyStore:
         shutil.rmtree(self.machine(name), ignore_errors=True)
 
     def spread(self) -> None:
-        """Write whom to believe into the folder of each machine."""
+        """Write the `ca.pem` of each machine."""
         believed = sorted(self.record.believed.items())
         anchors = {name: self._authority.anchor(self._machine(name, its)) for name, its in believed}
         for name in anchors:
@@ -93,14 +93,14 @@ class KeyStore:
 
 
 def create(path: Path, fleet: str, days: int, password: bytes | None) -> KeyStore:
-    """Make the fleet's secret in a folder that is ours `alone`.
+    """Create the fleet's secret in a folder that is locked by `alone`.
 
-    Raises Findings if there is one already: it is never overwritten. The record is written before it, so that one
-    without a secret is of a command that was interrupted, and nothing was made with it.
+    Raises Findings if there is one: it is never overwritten. The record is written first, so a record without a secret
+    comes from an interrupted command, and no certificate exists.
     """
     if (path / SECRET).exists() or ((path / RECORD).exists() and read_record(path, fleet).members):
-        text = "a fleet's keys are here already, and whoever has certificates of them would be lost: nothing was done"
-        raise wrong(path, f"{text}; `argosy keys show` says whether any are missing")
+        text = "a fleet's keys are here already; new ones would invalidate all its certificates: nothing was changed"
+        raise wrong(path, f"{text}; `argosy keys show` lists missing certificates")
     authority = Authority.new()
     folder = KeyStore(path, Record(fleet=fleet, days=days), authority)
     _write(path / RECORD, msgspec.json.format(msgspec.json.encode(folder.record)) + b"\n")
@@ -109,29 +109,29 @@ def create(path: Path, fleet: str, days: int, password: bytes | None) -> KeyStor
 
 
 def read_secret(path: Path) -> bytes:
-    """Return what is in the file of the fleet's secret. Raises Findings if others may read it, too."""
+    """Return the content of the secret's file. Raises Findings if it is readable by others."""
     file = path / SECRET
     try:
         pem = file.read_bytes()
         mode = stat.S_IMODE(file.stat().st_mode)
     except OSError as error:
-        text = f"the fleet's secret cannot be read ({error.strerror}): no certificate can be made without it"
+        text = f"the fleet's secret cannot be read ({error.strerror}): it is needed to create certificates"
         raise wrong(file, text) from None
     if mode & 0o077:
-        raise wrong(file, f"others on this machine may read the fleet's secret: `chmod 600 {file}`")
+        raise wrong(file, f"other users of this machine can read the fleet's secret: `chmod 600 {file}`")
     return pem
 
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Keep a second `argosy keys` from the folder, which is made if need be. Raises Findings if one is at work."""
+    """Lock the folder against a second `argosy keys`; create it if needed. Raises Findings if it is locked."""
     _folder(path)
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
     except BlockingIOError:
-        raise wrong(path, "another `argosy keys` is at work here: wait for it") from None
+        raise wrong(path, "another `argosy keys` is using this folder: wait for it") from None
     finally:
         os.close(descriptor)
 
@@ -142,11 +142,11 @@ def _folder(path: Path) -> None:
         path.mkdir(mode=0o700, exist_ok=True)
         path.chmod(0o700)
     except OSError as error:
-        raise wrong(path, f"cannot be made: {error.strerror}") from None
+        raise wrong(path, f"cannot be created: {error.strerror}") from None
 
 
 def _write(file: Path, content: bytes) -> None:
-    """Put a file in place whole, for its owner alone. Raises Findings."""
+    """Write a file atomically, readable by its owner alone. Raises Findings."""
     part = file.with_name(f".{file.name}.part")
     _folder(file.parent)
     try:

@@ -1,1 +1,1 @@
-"""What people look in with and act by hand with: `argosy act`, `echo`, `hz`, `list`, and the codec for zenoh-cli."""
+"""Tools on the bus: `argosy act`, `echo`, `hz` and `list`."""

@@ -1,4 +1,4 @@
-"""`argosy act`: one action of an agent's robot by hand, followed to its end, where the mission says `inject: true`."""
+"""`argosy act`: command one action of an agent's robot and follow it to its end; the mission needs `inject: true`."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from schemas.wire.term_text import BadTerm
 from schemas.wire.terms import Term
 
 AT_MOST = 3600.0
-"""Wall seconds of one query; then it is asked again with the same id."""
+"""Wall seconds of one query; after that it is repeated with the same id."""
 CANCEL_PATIENCE = 5.0
-"""Wall seconds that a bridge has to say what became of an action that is cancelled."""
+"""Wall seconds for a bridge to confirm a cancelled action."""
 RETRY = 0.2
 
 
 class Lost(Exception):
-    """How the action ended is not known, and why."""
+    """The outcome of the action is unknown; the text says why."""
 
 
 async def follow(bus: Bus, fleet: str, action: Action) -> AsyncGenerator[ActionStatus, None]:
-    """Ask for an action and yield what becomes of it; the last status is final. Raises Lost."""
+    """Request an action and yield its statuses; the last one is final. Raises Lost."""
     loop, key = asyncio.get_running_loop(), keys.action(fleet, action.agent, action.name)
     heard, reason, taken = loop.time(), "nobody answers for it: is its bridge there?", False
     while True:
@@ -63,13 +63,13 @@ async def follow(bus: Bus, fleet: str, action: Action) -> AsyncGenerator[ActionS
             reason = str(closed)
         if loop.time() - heard > (ROUTER_GRACE if taken else 0):
             raise Lost(reason)
-        if taken:  # asked again it is answered, and never begun anew
+        if taken:  # the same id joins the running action, it never starts it again
             action = replace(action, attempt=action.attempt + 1)
         await asyncio.sleep(RETRY)
 
 
 async def cancel(bus: Bus, fleet: str, agent: str, identity: str) -> ActionStatus | str:
-    """End an action. Returns its final status, or why that is not known."""
+    """Cancel an action. Returns its final status, or why that is unknown."""
     try:
         return await bus.ask_one(keys.cancel(fleet, agent), Cancel(id=identity), ActionStatus, CANCEL_PATIENCE)
     except BusError as error:
@@ -77,9 +77,9 @@ async def cancel(bus: Bus, fleet: str, agent: str, identity: str) -> ActionStatu
 
 
 LOOK = 3.0
-"""Wall seconds that a bridge has to say which actions there are."""
+"""Wall seconds for a bridge to list its actions."""
 OVERTAKEN = 1.0
-"""Wall seconds after which an action that was not known yet is cancelled once more: the order may have come first."""
+"""Wall seconds before an unknown action is cancelled once more: the cancellation may have overtaken the request."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -96,7 +96,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Let a robot act, and print what becomes of it. Returns 0 only if it has succeeded."""
+    """Command an action and print its statuses. Returns 0 only if it has succeeded."""
     try:
         wanted, parameters = read_action(args.action, args.arguments) if args.action else ("", ())
     except BadTerm as bad:
@@ -122,7 +122,7 @@ def run(args: Namespace) -> int:
 
 
 async def _session(bus: Bus, where: Where, agent: str) -> Bus:
-    """Return the session with the board whose bridge moves the agent's robot: a router passes on nobody's requests."""
+    """Return the session with the board of the agent's robot: routers do not forward requests of operators."""
     mission = where.mission
     if not isinstance(bus, FleetBus) or mission is None:
         return bus
@@ -140,7 +140,7 @@ async def _session(bus: Bus, where: Where, agent: str) -> Bus:
 
 
 async def actions(bus: Bus, where: Where, agent: str) -> tuple[str, list[ActionDescription]]:
-    """Return the fleet of an agent, and what its robot can do. Raises Unanswered."""
+    """Return the fleet of an agent, and its robot's actions. Raises Unanswered."""
     found: dict[str, list[ActionDescription]] = {}
     key = keys.action(where.fleet, agent, "*")
     async with aclosing(Bus.query(bus, key, None, ActionDescription, LOOK)) as replies:
@@ -155,7 +155,7 @@ async def actions(bus: Bus, where: Where, agent: str) -> tuple[str, list[ActionD
 
 
 async def _nobody(bus: Bus, where: Where, agent: str) -> str:
-    """Say why nobody answers for an agent's robot, as far as the tokens on the bus tell."""
+    """Return why no bridge answers for an agent's robot, by the tokens on the bus."""
     tokens = await Bus.tokens(bus, keys.alive(where.fleet, "*", "*", "*"))
     parsed = [found for token in tokens if (found := keys.parse(token)) is not None]
     there = {name for _, name, rest in parsed if rest[1] in ("agentd", "client")}
@@ -172,7 +172,7 @@ async def _nobody(bus: Bus, where: Where, agent: str) -> str:
 async def _perform(
     bus: Bus, fleet: str, agent: str, name: str, parameters: tuple[Term, ...], deadline: float | None
 ) -> int:
-    """Ask, and tell each status. Ctrl-C, SIGTERM and SIGHUP cancel the action, and it is said what became of it."""
+    """Request the action and print each status. Ctrl-C, SIGTERM and SIGHUP cancel it and print the outcome."""
     identity, head = f"{bus.name}:{bus.boot}:1", f"{agent}: {called(name, parameters)}"
     known_as = f"; its id is {identity}"
     action = Action(
@@ -206,7 +206,7 @@ async def _perform(
 
 @contextmanager
 def _ending_as_ctrl_c_does() -> Iterator[list[signal.Signals]]:
-    """Let what ends a process, or closes its terminal, cancel this task once; the list has the signal then."""
+    """Let SIGTERM and SIGHUP cancel this task once, like ctrl-C; the list then holds the signal."""
     loop, task, got = asyncio.get_running_loop(), asyncio.current_task(), list[signal.Signals]()
 
     def end(number: signal.Signals) -> None:
@@ -217,7 +217,7 @@ def _ending_as_ctrl_c_does() -> Iterator[list[signal.Signals]]:
     taken: list[signal.Signals] = []
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:  # ignored: under nohup
-            with suppress(RuntimeError, ValueError):  # not in the main thread: whoever calls has its own
+            with suppress(RuntimeError, ValueError):  # not in the main thread: the caller handles signals
                 loop.add_signal_handler(number, end, number)
                 taken.append(number)
     try:
@@ -228,7 +228,7 @@ def _ending_as_ctrl_c_does() -> Iterator[list[signal.Signals]]:
 
 
 def in_words(status: ActionStatus) -> str:
-    """Return what has become of an action: `running, altitude 3.2`, `refused: busy: goto is running`."""
+    """Return a status as text: `running, altitude 3.2`, `refused: busy: goto is running`."""
     said = status.state.replace("_", " ")
     if status.state == "accepted" and status.deadline is not None:
         said += f", {status.deadline:g} s at most"
@@ -240,7 +240,7 @@ def in_words(status: ActionStatus) -> str:
 
 
 def say(line: str) -> None:
-    """Print a line, if anybody still reads: the action goes on without readers."""
+    """Print a line; without a reader the action continues all the same."""
     try:
         put_out(printable(line))
     except Unanswered as lost:

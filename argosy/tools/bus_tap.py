@@ -1,4 +1,4 @@
-"""What is said on the bus, as bytes, for tools that show it: of one router, or of all boards of a fleet with keys."""
+"""Samples on the bus as bytes, from one router or from all boards of a secured fleet."""
 
 from __future__ import annotations
 
@@ -25,40 +25,40 @@ from schemas.wire.codec import codec
 from schemas.wire.records import Perception
 
 ROOM = 10_000
-"""Samples that wait to be shown; of more the newest are dropped, and counted."""
+"""Queued samples; further ones are dropped and counted."""
 REMEMBERED = 10_000
-"""Samples by which is known what another board has told already."""
+"""Samples remembered to recognize copies from other boards."""
 ANSWER_TIMEOUT = 5.0
-"""Wall seconds that bridges have to say what holds now."""
+"""Wall seconds for bridges to answer with their present percepts."""
 LATER = 2.0
-"""Wall seconds by which another board may tell the same later; the same after that is said anew."""
+"""Wall seconds within which an equal sample from another board is a copy."""
 TURN = 64
-"""Samples that are shown in one go before the event loop turns to others, such as ctrl-C."""
+"""Samples shown before the event loop turns to other tasks, such as ctrl-C."""
 QUIET = 3.0
-"""Wall seconds without a word after which it is said who is there."""
+"""Wall seconds of silence before a note that says which daemons are running."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """Something that was put."""
+    """A sample that was put."""
 
     key: str
     payload: bytes
     encoding: str
     at: float
-    """Unix seconds of its arrival."""
+    """Arrival in Unix seconds."""
     arrived: float
-    """The same by the clock of the event loop, which nobody sets."""
+    """Arrival by the monotonic clock of the event loop."""
     deleted: bool = False
     board: str = ""
-    """Whose router has passed it on, where several boards are listened to."""
+    """The board whose router delivered it; empty = there is one router."""
     last_known: bool = False
-    """It was put before, holds still, and was asked for."""
+    """Whether it is the answer to a query for the present value."""
 
 
 def add_key_argument(parser: ArgumentParser) -> None:
-    """Declare what is listened to."""
+    """Declare the key to listen to."""
     what = "a key expression such as 'argosy/*/*/status/**' or 'uav/percept/*', or the name of an agent, robot or board"
     parser.add_argument(
         "key", nargs="?", type=_key, metavar="KEY", help=f"{what} (default: everything except traces of minds)"
@@ -74,7 +74,7 @@ def _key(text: str) -> str:
 
 
 def key_expressions(text: str | None, fleet: str) -> list[str]:
-    """Return what to listen to for what a user names."""
+    """Return the key expressions of a KEY argument."""
     within = f"{keys.ROOT}/{fleet}"
     if text is None or _NAME.fullmatch(text):
         return what_is_told(fleet, text or "*")
@@ -86,18 +86,18 @@ def key_expressions(text: str | None, fleet: str) -> list[str]:
 
 
 def what_is_told(fleet: str, name: str = "*") -> list[str]:
-    """Return the keys on which something is put under a name, but for the course of minds, told only to who listens."""
+    """Return the keys that are put under a name, except traces of minds, which are put only for subscribers."""
     rests = [channel.key.split("/")[1:] for channel in keys.CHANNELS if channel.kind == "put"]
     kinds = {rest[0]: "/**" if len(rest) > 1 else "" for rest in rests if rest[0] != "trace"}
     return [f"{keys.ROOT}/{fleet}/{name}/{kind}{further}" for kind, further in kinds.items()]
 
 
 class BusTap:
-    """Hears what is put on some keys, in the order in which it comes."""
+    """Receives what is put on some keys, in order of arrival."""
 
     def __init__(self, bus: Bus, expressions: Sequence[str]) -> None:
         self.dropped = 0
-        """Samples that did not fit: more was said than could be shown."""
+        """Samples that did not fit in the queue."""
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[Heard] = deque()
         self._lock, self._called = Lock(), asyncio.Event()
@@ -109,7 +109,7 @@ class BusTap:
             self._listen("", bus)
 
     async def samples(self, until: float | None = None) -> AsyncIterator[Heard]:
-        """Yield what is heard, for ever or until a time of the event loop."""
+        """Yield samples, for ever or `until` a time of the event loop."""
         taken = 0
         while until is None or self._loop.time() < until:
             with self._lock:
@@ -135,7 +135,7 @@ class BusTap:
             self._held.append(bus.raw.tap(expression, partial(self._take, board, overlapping)))
 
     def _take(self, board: str, overlapping: Sequence[zenoh.KeyExpr], sample: zenoh.Sample) -> None:
-        """Queue a sample, unless the subscription of an overlapping expression does; runs on a thread of Zenoh's."""
+        """Queue a sample, unless an overlapping subscription does. Runs on a thread of Zenoh's."""
         if any(expression.intersects(sample.key_expr) for expression in overlapping):
             return
         deleted = sample.kind == zenoh.SampleKind.DELETE
@@ -155,7 +155,7 @@ class BusTap:
                 self._loop.call_soon_threadsafe(self._called.set)
 
     async def ask_last_known(self, bus: Bus, fleet: str) -> None:
-        """Ask the bridges for the percepts listened to that hold now: they put a percept only when it changes."""
+        """Query the present percepts on these keys: bridges put a percept only when it changes."""
         every, encoder = zenoh.KeyExpr(keys.percept(fleet, "*", "**")), codec(Perception)
         wanted = [one for one in map(zenoh.KeyExpr, self._expressions) if one.intersects(every)]
         asked = {str(one if every.includes(one) else every) for one in wanted}
@@ -176,15 +176,15 @@ class BusTap:
 
 
 class Copies:
-    """Tells what several boards pass on of the same record from what somebody says again in the same words."""
+    """Distinguishes copies of a record, delivered by several boards, from a record that is put again."""
 
     def __init__(self) -> None:
         self._said: dict[tuple[str, bool, bytes], deque[set[str]]] = {}
-        """Of each payload on a key, for each time that it was said lately: the boards by which it came."""
+        """For each recent payload on a key, the boards that delivered it, for each time it was put."""
         self._order: deque[tuple[float, tuple[str, bool, bytes]]] = deque()
 
     def is_new(self, heard: Heard) -> bool:
-        """Whether no other board has told this already: each board tells a record once."""
+        """Whether no other board has delivered this sample: each board delivers a record once."""
         while self._order and (len(self._order) >= REMEMBERED or self._order[0][0] < heard.arrived - LATER):
             _, old = self._order.popleft()
             self._said[old].popleft()
@@ -202,7 +202,7 @@ class Copies:
 
 
 async def names_there(bus: Bus, fleet: str) -> dict[tuple[str, str], set[str]]:
-    """Return who holds a name: fleet and name to the daemons."""
+    """Return the daemons of each name, by fleet and name."""
     found: dict[tuple[str, str], set[str]] = {}
     for token in await bus.tokens(keys.alive(fleet, "*", "*", "*")):
         if (parsed := keys.parse(token)) is not None and len(parsed[2]) == 3:
@@ -211,13 +211,13 @@ async def names_there(bus: Bus, fleet: str) -> dict[tuple[str, str], set[str]]:
 
 
 async def tell_unreached(bus: Bus) -> None:
-    """Say on stderr which boards of the fleet are not listened to."""
+    """Print on stderr which boards are not reached."""
     for line in await unreached(bus):
         note(line)
 
 
 async def tell_who_is_there(bus: Bus, where: Where, text: str | None, seconds: float = QUIET) -> None:
-    """Say on stderr that nothing was heard for so long of what a user named, and who could say something."""
+    """Print on stderr that nothing was received for `seconds`, and which names are on the bus."""
     there = await names_there(bus, where.fleet)
     of = "" if text is None else f" by or to `{text}`" if _NAME.fullmatch(text) else f" on {text}"
     quiet = f"nothing was said{of} within {seconds:g} s"

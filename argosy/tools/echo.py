@@ -1,4 +1,4 @@
-"""`argosy echo`: what is said on the bus, one line each, for people."""
+"""`argosy echo`: print messages on the bus, one line each."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Print what is said until ctrl-C, or until nobody reads any more."""
+    """Print messages until ctrl-C, or until the reader is gone."""
 
     async def echo(bus: Bus, where: Where) -> int:
         ears = BusTap(bus, key_expressions(args.key, where.fleet))
@@ -69,7 +69,7 @@ async def _echo(ears: BusTap, show: Callable[[Heard], str], count: int | None, n
     shown, changed = 0, set[str]()
     async for heard in ears.samples():
         noticing.cancel()
-        if heard.last_known and heard.key in changed:  # an older value: it has changed since it was asked for
+        if heard.last_known and heard.key in changed:  # it has changed since the query
             continue
         if not heard.last_known and len(changed) < ROOM:
             changed.add(heard.key)
@@ -81,7 +81,7 @@ async def _echo(ears: BusTap, show: Callable[[Heard], str], count: int | None, n
 
 
 async def _notice(bus: Bus, where: Where, text: str | None) -> None:
-    """Say who is there if nothing is heard."""
+    """Print who is on the bus if nothing is received."""
     await asyncio.sleep(QUIET)
     await tell_who_is_there(bus, where, text)
 
@@ -101,7 +101,7 @@ def _raw_on_a_terminal(heard: Heard) -> str:
 
 
 def _json(heard: Heard) -> str:
-    """One line, whatever was said; what JSON cannot say is there as text."""
+    """Return one line of JSON; a payload that JSON cannot express is text in it."""
     said: dict[str, Any] = {"key": heard.key, "encoding": heard.encoding, "at": round(heard.at, 6)}
     if heard.last_known:
         said["last_known"] = True

@@ -1,4 +1,4 @@
-"""`argosy list`: who is on the bus, what each serves by the table of channels, and what is said on which keys."""
+"""`argosy list`: names on the bus, the queries each serves by the table of channels, and the keys that are put."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ from schemas.wire.keys import ROOT, Channel
 from schemas.wire.records import Perception
 
 WAIT = 2.5
-"""Wall seconds of listening, if nobody says otherwise: health is told once a second."""
+"""Default wall seconds of listening: health is put once a second."""
 ASK = 2.0
-"""Wall seconds that bridges have to say what they serve."""
+"""Wall seconds for bridges to answer."""
 MOST = 20_000
-"""Keys that are listed; what is said on further ones is only counted."""
+"""Listed keys; messages on further ones are only counted."""
 _CHUNK = re.compile(r"\{\w+\}")
-"""A chunk of a key in the table that may be any."""
+"""A variable chunk of a key in the table."""
 NOUNS = {"agentd": "agent", "client": "client", "bridged": "robot", "commd": "board"}
 
 
 @dataclass
 class Name:
-    """An agent, robot, board or whatever else has keys of its own."""
+    """What is known of one name: an agent, robot, board or client."""
 
     daemons: set[str] = field(default_factory=set)
     acts: set[str] = field(default_factory=set)
-    """Actions that its robot has."""
+    """Actions of its robot."""
     perceives: bool = False
-    """Whether a bridge answers what it perceives."""
+    """Whether a bridge answers with its percepts."""
     said: dict[str, list[int]] = field(default_factory=dict)
-    """Keys below the name to how often something was put, and how much at last."""
+    """Keys below the name: count of messages, and bytes of the last one."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -55,7 +55,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Print what there is. Returns 1 if nobody is there and nothing is said."""
+    """Print the list. Returns 1 if it is empty."""
 
     async def look(bus: Bus, where: Where) -> int:
         names, left_out = await look_around(bus, where.fleet, args.wait)
@@ -75,7 +75,7 @@ def run(args: Namespace) -> int:
 
 
 async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[str, str], Name], int]:
-    """Listen for so many wall seconds, and ask who is there. Returns the names, and how many records were left out."""
+    """Listen for `seconds` of wall time, and query. Returns the names, and the number of records left out."""
     names: dict[tuple[str, str], Name] = {}
     ears, known, left_out = BusTap(bus, what_is_told(fleet)), 0, 0
     until = asyncio.get_running_loop().time() + seconds
@@ -104,7 +104,7 @@ async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[
             if (parsed := keys.parse(key)) is not None:
                 names.setdefault(parsed[:2], Name()).perceives = True
 
-        with suppress(BusClosed):  # what was heard is shown all the same
+        with suppress(BusClosed):  # show what was received
             await bus.ask_all(keys.action(fleet, "*", "*"), ActionDescription, ASK, acts)
             await bus.ask_all(keys.percept(fleet, "*", "**"), Perception, ASK, perceives)
 
@@ -113,7 +113,7 @@ async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[
 
 
 def lines_of(fleet: str, name: str, found: Name, seconds: float, types: bool) -> Iterator[str]:
-    """The lines of one name: what it is, what is served under it, what was said."""
+    """Yield the lines of one name: its kind, the queries it serves, the keys it puts."""
     nouns = [noun for daemon, noun in NOUNS.items() if daemon in found.daemons]
     at = f"{ROOT}/{fleet}/{name}"
     yield f"{at}  {', '.join(nouns) or ', '.join(sorted(found.daemons)) or 'no token'}"
@@ -138,7 +138,7 @@ def _record(key: str) -> str:
 
 
 def _serves(channel: Channel, found: Name) -> bool:
-    """Whether somebody who is there serves a row under this name, by the table."""
+    """Whether a running daemon serves this channel under this name, by the table."""
     named, acts = channel.key.partition("/")[0], bool(found.acts) or found.perceives
     match channel.source:
         case "bridged":
@@ -151,7 +151,7 @@ def _serves(channel: Channel, found: Name) -> bool:
             )
     if named == "{board}":
         return "commd" in found.daemons
-    return bool({"agentd", "client"} & found.daemons)  # commd serves it for whoever lives on its board
+    return bool({"agentd", "client"} & found.daemons)  # commd serves it for the names of its board
 
 
 def _types(channel: Channel, types: bool) -> str:

@@ -1,4 +1,4 @@
-"""`argosy hz`: how often something is said on each key, how evenly, and how much it is."""
+"""`argosy hz`: rate, jitter and bandwidth of each key."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import columns, shortened
 
 WINDOW = 5.0
-"""Wall seconds that the figures are of, if nobody says otherwise."""
+"""Default window in wall seconds."""
 MOST_KEYS = 5_000
-"""Keys of which there are figures; of more, those that are silent make room, or else the new ones are only counted."""
+"""Measured keys; a further one replaces a silent one, or is only counted."""
 MOST_SAMPLES = 10_000
-"""Samples of one key in a window; of more the oldest are left out, and the figures are of the rest."""
+"""Samples of one key in a window; the oldest are left out."""
 TABLE_EVERY = 1.0
 """Wall seconds between two tables on a terminal."""
 HEAD = ("key", "Hz", "min ms", "max ms", "jitter ms", "B/s", "n", "last s ago")
 
 
 class Rates:
-    """What was heard in the last seconds, key by key, and what was heard before and is silent now."""
+    """Samples of each key within the window, and the last one of silent keys."""
 
     def __init__(self, window: float) -> None:
         self.left_out = 0
-        """Samples on more keys than are kept."""
+        """Samples on keys beyond `MOST_KEYS`."""
         self._window = window
         self._keys: dict[str, deque[tuple[float, int]]] = {}
-        """Ordered by when each was heard last."""
+        """Arrival and bytes of samples; keys in order of their last sample."""
 
     def add(self, key: str, at: float, size: int) -> None:
-        """Take in a sample of so many bytes."""
+        """Add a sample of `size` bytes, received `at` this second of the event loop's clock."""
         known = self._keys.pop(key, None)
         if known is None:
             if len(self._keys) >= MOST_KEYS and not self._make_room(at):
@@ -50,7 +50,7 @@ class Rates:
         self._keys[key] = known
 
     def _make_room(self, now: float) -> bool:
-        """Forget the key that is silent longest, if it is silent."""
+        """Remove the key that was silent for longest, if it is silent for a window."""
         silent = next(iter(self._keys))
         if self._keys[silent][-1][0] >= now - self._window:
             return False
@@ -58,10 +58,7 @@ class Rates:
         return True
 
     def rows(self, now: float, since: float) -> list[tuple[str, ...]]:
-        """Return a row for each key: of the window that ends now, and since when it is silent.
-
-        Listening began at `since`.
-        """
+        """Return the figures of each key in the window that ends `now`; listening began at `since`."""
         span = min(self._window, max(now - since, 1e-9))
         rows = []
         for key, known in sorted(self._keys.items()):
@@ -73,14 +70,14 @@ class Rates:
         return rows
 
     def silent(self, now: float) -> bool:
-        """Whether nothing was heard in the window that ends now."""
+        """Whether no key has a sample in the window that ends `now`."""
         return all(known[-1][0] < now - self._window for known in self._keys.values())
 
 
 def figures(times: list[float], size: int, span: float) -> tuple[str, ...]:
-    """Return rate, shortest and longest interval, its standard deviation, bytes a second, and how many there were.
+    """Return rate in Hz, shortest and longest interval and their standard deviation in ms, bytes/s, and the count.
 
-    Rate and bytes are those of the whole span, in seconds, of which a channel may have been silent for a part.
+    Rate and bytes/s are over the whole `span`, in seconds.
     """
     gaps = [later - earlier for earlier, later in pairwise(times)]
     rate, many = f"{len(times) / span:.2f}", (f"{size / span:.0f}", str(len(times)))
@@ -107,7 +104,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Print figures until ctrl-C; with `--once` returns 1 if nothing was heard."""
+    """Print figures until ctrl-C; with `--once` return 1 if nothing was received."""
 
     async def measure(bus: Bus, where: Where) -> int:
         ears, rates = BusTap(bus, key_expressions(args.key, where.fleet)), Rates(args.window)

@@ -1,4 +1,7 @@
-"""A record in one line for people, as programs write it where they do: the one way in which all tools show records."""
+"""Records as text: decode a payload by its Encoding or key, print a record in one line, read an action that was typed.
+
+All tools print records by `line_of`. Terms are written as in programs.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ SIGNS = {"replace": "", "add": "+", "remove": "-"}
 
 
 def line_of(key: str, payload: bytes, encoding: str = "") -> str:
-    """Return what was put or answered on a key in one line; never raises."""
+    """Return a payload of a key as one line; never raises."""
     try:
         record = read_record(key, payload, encoding)
         if record is None:
@@ -56,7 +59,7 @@ def line_of(key: str, payload: bytes, encoding: str = "") -> str:
 
 
 def in_words(record: Record) -> str:
-    """Return a record in words."""
+    """Return a record as text."""
     match record:
         case Perception():
             return f"{SIGNS[record.update]}{called(record.name or '?', record.parameters)}"
@@ -181,7 +184,7 @@ def _list(before: str, items: Iterable[str], between: str = ", ") -> str:
 
 
 def _unknown(payload: bytes, encoding: str) -> str:
-    """What is no record of ours: JSON as it is, text, or how much it is."""
+    """Return a payload that is not one of our records: as JSON, as text, or its size."""
     if not payload:
         return "(empty)"
     try:
@@ -202,18 +205,18 @@ def _json(value: Any) -> str:
 
 
 MSGPACK = frozenset((*range(0x80, 0x90), 0xDE, 0xDF))
-"""With one of these bytes begins a MessagePack map, which every record is, and no JSON."""
+"""First bytes of a MessagePack map, as every record is; JSON does not begin so."""
 
 
 def wire_of(payload: bytes, encoding: str = "") -> Wire:
-    """Return how a payload is written."""
+    """Return the format of a payload."""
     if encoding.partition(";")[0] == MEDIA["msgpack"]:
         return "msgpack"
     return "msgpack" if payload[:1] and payload[0] in MSGPACK else "json"
 
 
 def read_record(key: str, payload: bytes, encoding: str = "") -> Record | None:
-    """Return the record, None if the payload is none of ours. Raises BadRecord for one that does not decode."""
+    """Return the record of a payload; None if it is not one of ours. Raises BadRecord if it does not decode."""
     name, wire = _named(encoding), wire_of(payload, encoding)
     media = MEDIA[wire]
     if name:
@@ -225,7 +228,7 @@ def read_record(key: str, payload: bytes, encoding: str = "") -> Record | None:
     fitting = [(_knows(kind, fields), kind) for kind in candidates(key) if _required(kind) <= fields]
     problem: BadRecord | None = None
     for knows_all, kind in fitting:
-        if knows_all or len(fitting) == 1:  # of a newer sender none may know all
+        if knows_all or len(fitting) == 1:  # a newer sender may use unknown fields
             try:
                 return codec(kind).decode(payload, media)
             except BadRecord as bad:
@@ -236,7 +239,7 @@ def read_record(key: str, payload: bytes, encoding: str = "") -> Record | None:
 
 
 def plain(payload: bytes, encoding: str = "") -> Any:
-    """Return what a payload says as Python values. Raises BadRecord if it is neither JSON nor MessagePack."""
+    """Return a payload as Python values. Raises BadRecord if it is neither JSON nor MessagePack."""
     try:
         if wire_of(payload, encoding) == "msgpack":
             return msgspec.msgpack.decode(payload)
@@ -279,7 +282,7 @@ def _named(encoding: str) -> str:
 
 
 def _fields(payload: bytes, wire: Wire) -> set[str] | None:
-    """Return the names of the fields of a payload, None if it is no map."""
+    """Return the field names of a payload; None if it is not a map."""
     try:
         if wire == "msgpack":
             return set(msgspec.msgpack.decode(payload, type=dict[str, msgspec.Raw]))
@@ -289,13 +292,13 @@ def _fields(payload: bytes, wire: Wire) -> set[str] | None:
 
 
 def _knows(kind: type[Record], fields: set[str]) -> bool:
-    """Whether a record of this kind may have all these fields."""
+    """Whether a record type has all these fields."""
     return fields <= {one.encode_name for one in msgspec.structs.fields(kind)}
 
 
 @cache
 def _required(kind: type[Record]) -> set[str]:
-    """Return the fields without which there is no record of this kind."""
+    """Return the required fields of a record type."""
     return {one.encode_name for one in msgspec.structs.fields(kind) if one.required}
 
 
@@ -317,7 +320,7 @@ def read_action(text: str, words: Sequence[str]) -> tuple[str, tuple[Term, ...]]
 
 
 def read_argument(word: str, what: str) -> Term:
-    """Return the value that a word says, as a program writes it. Raises BadTerm."""
+    """Return the value of a word, written as in a program. Raises BadTerm."""
     try:
         term = read(word)
     except BadTerm as bad:
@@ -346,6 +349,6 @@ def _value(term: Term, what: str) -> Term:
 
 
 def unknown(what: str, name: str, there: Sequence[str]) -> str:
-    """Say that there is nothing of a name, and what there is."""
+    """Return the error for an unknown name, with a hint or the known names."""
     hint = did_you_mean(name, there)
     return f"there is no {what} `{name}`{hint}" + (f" Known are {', '.join(sorted(there))}" if "?" in hint else "")

@@ -87,8 +87,8 @@ def test_the_doctor_says_what_a_router_lets_through_against_the_mission(world: W
     assert said[0].text.startswith(
         "the router of pi1 denies pi3, against the mission, to put on argosy/three/b/health/argosy"
     )
-    assert said[1].text.startswith("the router of pi1 lets pi3, against the mission, put on argosy/three/c/")
-    assert said[0].do == "make its configuration anew (`argosy units MISSION --board pi1`) and start its commd again"
+    assert said[1].text.startswith("the router of pi1 allows pi3, against the mission, to put on argosy/three/c/")
+    assert said[0].do == "write its configuration again (`argosy units MISSION --board pi1`) and restart its commd"
 
 
 def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(world: World) -> None:

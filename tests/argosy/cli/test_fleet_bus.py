@@ -45,7 +45,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, *, opening: Exception | None = None, 
 
 def test_a_session_that_closes_while_it_is_asked_is_told_for_each_board(monkeypatch: pytest.MonkeyPatch) -> None:
     said = asked(monkeypatch, asking=BusClosed("session closed"))
-    assert said == [f"board {board} is reached no longer: session closed" for board in ("pi1", "pi2")]
+    assert said == [f"board {board} is no longer reached: session closed" for board in ("pi1", "pi2")]
 
 
 def test_a_defect_while_boards_are_asked_is_raised_and_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:

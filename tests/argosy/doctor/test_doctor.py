@@ -80,7 +80,7 @@ def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -
     assert "(of one process: `board@trial`)" in found.do
     both = [row("pi2", "commd", "pi2", standing="missing"), row("b", board="pi2", standing="missing"), row()]
     dark = only(daemons(replace(facts, rows=both)), "error")
-    assert dark.text == "nothing of pi2 is there: commd pi2, agentd b"
+    assert dark.text == "all daemons of pi2 are missing: commd pi2, agentd b"
     assert "`systemctl status argosy-trial.target`" in dark.do
     for standing in ("silent", "twice", "unclaimed"):
         assert only(daemons(replace(facts, rows=[row(standing=standing)])), "error").text.startswith("agentd a on pi1")
@@ -90,9 +90,9 @@ def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -
     ("more", "told"),
     [
         ({"notes": (Note("slow", "the disk is slow"),)}, "agentd a: the disk is slow"),
-        ({"restarts": 3, "last_error": "killed"}, "agentd a was started again 3 times since its board started; killed"),
+        ({"restarts": 3, "last_error": "killed"}, "agentd a was restarted 3 times since its board started; killed"),
         ({"errors": 2, "last_error": "disk full", "last_error_age": 7.2}, "2 errors, the last 7 s ago: disk full"),
-        ({"drops": 60}, "agentd a is dropping: 50 within 10 s"),
+        ({"drops": 60}, "agentd a dropped 50 messages within 10 s"),
         ({"lag": 4.2}, "agentd a is 4.2 s behind"),
     ],
 )
@@ -134,9 +134,9 @@ def test_vehicles_without_a_declared_failsafe_are_told_of_once(facts: Facts, tmp
     path.write_text(f"mission: m\nagents: {{x: {{program: x.asl, robot: a}}}}\nrobots:\n{robots}")
     rows = [row(name, "bridged", counters={"messages": 100.0}) for name in declared]
     said = failsafes(replace(facts, mission=load_mission(path), rows=rows, earlier=rows))
-    assert only(said, "ok").text == "b: watches heartbeats of `bridge`"
+    assert only(said, "ok").text == "b: monitors heartbeats of `bridge`"
     found = only(said, "warning")
-    assert found.text == "a, d: none declared: if the bridge dies, nothing brings the vehicle home"
+    assert found.text == "a, d: none declared: the vehicle does not return if its bridge dies"
     assert "`failsafe: {gcs: bridge}`" in found.do
 
 
@@ -159,7 +159,7 @@ def test_what_was_dropped_before_is_no_warning_and_neither_is_an_agent_made_at_r
 def test_versions_that_differ_are_named_and_another_major_one_is_an_error(facts: Facts) -> None:
     assert only(versions(replace(facts, rows=[row()])), "ok").text.startswith(f"all run {RELEASE}")
     mixed = only(versions(replace(facts, rows=[row(), row("b", version="0.0.9"), row("c", version="")])), "warning")
-    assert mixed.text == f"0.0.9: b; {RELEASE}: a; an older one that does not say: c; this machine: {RELEASE}"
+    assert mixed.text == f"0.0.9: b; {RELEASE}: a; unknown, older: c; this machine: {RELEASE}"
     assert only(versions(replace(facts, rows=[row(), row("b", version="7.0.0")])), "error")
 
 
@@ -188,9 +188,9 @@ def test_a_skew_within_what_a_slow_link_leaves_open_is_none(facts: Facts) -> Non
     ("free", "level", "told"),
     [
         (50_000_000_000, "ok", "at least 50.0 GB are free for state (pi1)"),
-        (800_000_000, "warning", "pi1: 800 MB of 64.0 GB are left at /var/lib/argosy"),
-        (10_000_000, "error", "pi1: 10 MB of 64.0 GB are left"),
-        (None, "error", "pi1: /var/lib/argosy cannot be looked at"),
+        (800_000_000, "warning", "pi1: 800 MB of 64.0 GB are free at /var/lib/argosy"),
+        (10_000_000, "error", "pi1: 10 MB of 64.0 GB are free"),
+        (None, "error", "pi1: /var/lib/argosy cannot be read"),
     ],
 )
 def test_disks_that_fill_are_told(facts: Facts, free: int | None, level: str, told: str) -> None:
@@ -218,16 +218,16 @@ def test_a_board_that_does_not_answer_is_an_error(facts: Facts) -> None:
     found = only(links(replace(facts, boards={"pi2": "no answer within 3 s"})), "error")
     assert found.text == "pi2 is not reached from here: no answer within 3 s"
     there = replace(facts, boards={"pi2": "its commd does not answer"}, rows=[row("pi2", "commd", "pi2")])
-    assert only(links(there), "warning").text.startswith("pi2 is there and answers no checkup")
+    assert only(links(there), "warning").text.startswith("pi2 runs but answers no checkup")
 
 
 @pytest.mark.parametrize(
     ("messages", "bad", "level", "told"),
     [
         (1000, 0, "ok", "uav: 100 messages/s on udpin:127.0.0.1:1"),
-        (0, 0, "error", "uav: nothing is heard on udpin:127.0.0.1:1"),
+        (0, 0, "error", "uav: nothing is received on udpin:127.0.0.1:1"),
         (12, 0, "warning", "uav: only 1.2 messages/s"),
-        (1000, 100, "warning", "uav: 10.0 of 110 packets/s come damaged"),
+        (1000, 100, "warning", "uav: 10.0 of 110 packets/s on"),
     ],
 )
 def test_links_to_vehicles_are_judged_by_what_comes(
@@ -253,13 +253,13 @@ def test_percepts_with_a_live_source_that_are_not_told_are_named_with_their_sour
     at = 1_000_000_000_000
     some = RobotFacts({"altitude": at}, declared)
     known = replace(facts, now=at + 2_500_000_000, robots={"uav": some})
-    assert only(percepts(known), "warning").text == "uav: not told now: gps (from GPS_RAW_INT)"
+    assert only(percepts(known), "warning").text == "uav: missing: gps (from GPS_RAW_INT)"
     full = replace(known, robots={"uav": RobotFacts({"altitude": at, "gps": at - 10}, declared)})
-    assert only(percepts(full), "ok").text == "uav: 2 percepts, the newest told 2.5 s ago"
+    assert only(percepts(full), "ok").text == "uav: 2 percepts, the newest 2.5 s old"
     ahead = replace(full, from_here={"pi2": LinkReport(board="pi2", ahead=1.0)})
-    assert only(percepts(ahead), "ok").text == "uav: 2 percepts, the newest told 3.5 s ago"
-    mute = replace(known, robots={"uav": RobotFacts({}, {}, "its bridge does not tell its manifest")})
-    assert only(percepts(mute), "warning").text == "uav: its bridge does not tell its manifest"
+    assert only(percepts(ahead), "ok").text == "uav: 2 percepts, the newest 3.5 s old"
+    mute = replace(known, robots={"uav": RobotFacts({}, {}, "its bridge does not answer with its manifest")})
+    assert only(percepts(mute), "warning").text == "uav: its bridge does not answer with its manifest"
 
 
 def test_mail_that_waits_long_or_was_given_up_is_told(facts: Facts) -> None:
@@ -278,7 +278,7 @@ def test_mail_that_waits_long_or_was_given_up_is_told(facts: Facts) -> None:
 
 def test_of_nothing_known_nothing_is_said_to_be_well(facts: Facts) -> None:
     said = [one for check in CHECKS for one in check(facts)]
-    assert [one.text for one in said] == ["nobody is there"]
+    assert [one.text for one in said] == ["no daemon is running"]
 
 
 def test_findings_are_shown_with_what_to_do_and_counted(capsys: pytest.CaptureFixture[str]) -> None:

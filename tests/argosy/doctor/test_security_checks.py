@@ -67,7 +67,7 @@ def test_dates_are_seen_on_this_machine_and_from_the_boards_that_show_them(
     with kept.board("pi1"):
         (absent,) = kept.seen()
         assert absent.level == "error"
-        assert absent.text.startswith(f"pi2 shows none at {kept.mission.boards['pi2'].address}: ")
+        assert absent.text.startswith(f"pi2 presents none at {kept.mission.boards['pi2'].address}: ")
         with kept.board("pi2"):
             (fine,) = kept.seen()
             assert fine.level == "ok"
@@ -96,8 +96,8 @@ def test_an_old_list_of_whom_this_machine_believes_is_told_for_what_it_is(
         assert len(kept.seen()) == 1, "pi2 alone is not there"
         anchors.write_bytes(old)
         found = kept.seen()[0]
-    assert found.text.startswith("pi1 shows one at ")
-    assert "that our ca.pem does not believe" in found.text
+    assert found.text.startswith("pi1 presents one at ")
+    assert "that our ca.pem does not accept" in found.text
     assert found.do.startswith("copy this machine's new ca.pem here")
 
 
@@ -149,8 +149,8 @@ def test_an_operator_with_keys_looks_a_secured_fleet_over(capsys: pytest.Capture
     levels = {(one["what"], one["level"]) for one in told}
     assert {("versions", "ok"), ("clocks", "ok"), ("disks", "ok"), ("access", "ok")} <= levels, told
     errors = [one["text"] for one in told if one["level"] == "error"]
-    assert any(text.startswith("pi3 shows none at ") for text in errors)
-    assert "nothing of pi3 is there: commd pi3, bridged r3, agentd c" in errors
+    assert any(text.startswith("pi3 presents none at ") for text in errors)
+    assert "all daemons of pi3 are missing: commd pi3, bridged r3, agentd c" in errors
     assert {"up commd pi1", "up commd pi2", "up agentd a", "missing commd pi3"} <= {
         " ".join(line.split()[:3]) for line in seen
     }

@@ -135,7 +135,7 @@ def test_a_full_disk_does_not_end_a_flight() -> None:
         journal.add("uav", "again")
         assert [entry.text for entry in journal.entries] == [
             "hello",
-            "the log cannot be written any more: No space left on device",
+            "writing the log has failed and stops: No space left on device",
             "again",
         ]
         with suppress(OSError):
