@@ -98,7 +98,7 @@ def test_an_old_list_of_whom_this_machine_believes_is_told_for_what_it_is(
         found = kept.seen()[0]
     assert found.text.startswith("pi1 presents one at ")
     assert "that our ca.pem does not accept" in found.text
-    assert found.do.startswith("copy this machine's new ca.pem here")
+    assert found.do.startswith("if boards were added")
 
 
 def test_a_board_whose_certificate_has_expired_is_there_and_told(
