@@ -282,8 +282,6 @@ class _View(Protocol):
 
 def _view(status: Status, plain: bool) -> _View:
     if plain or not sys.stdout.isatty() or os.environ.get("TERM", "") in ("", "dumb", "unknown"):
-        from argosy.run.plain_screen import PlainView
-
         return PlainView(sys.stdout)
     from rich.console import Console
 
@@ -304,3 +302,26 @@ class _JournalHandler(logging.Handler):
 def _bus_log_to(journal: Journal) -> None:
     """Show log lines of our own bus in the view, not across it."""
     logging.basicConfig(handlers=[_JournalHandler(journal)], level=logging.WARNING, force=True)
+
+
+class PlainView:
+    """Writes each entry of the journal as one line."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+
+    def __enter__(self) -> PlainView:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def show(self, entry: Entry) -> None:
+        """Write one line."""
+        try:
+            print(entry, file=self._out, flush=True)
+        except OSError:  # the reader is gone; vehicles still have to be brought home
+            self.show = lambda entry: None  # type: ignore[method-assign]
+
+    def refresh(self) -> None:
+        """Do nothing: lines are written as they come."""

@@ -124,7 +124,7 @@ class Screen:
         actions = model.open_actions(agent.name)
         for intention in () if agent.mind is None else agent.mind.intentions:
             stack = printable(" ‹ ".join(intention.stack)) or f"intention {intention.id}"
-            waits = "" if intention.waits_for is None else f" for {awaited(intention.waits_for)}"
+            waits = awaited(intention.waits_for, " for ")
             why = "" if actions or intention.state == "running" else f"  {intention.state}{waits}"
             place = intention.at.rpartition("/")[2]
             table.add_row(name, Text.assemble(stack, (printable(f"  {place}{why}"), "dim")))

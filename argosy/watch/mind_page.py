@@ -97,12 +97,11 @@ def mind(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Row]:
 def _intention(intention: IntentionView, view: MindView, glyphs: Glyphs) -> list[Row]:
     since = span(view.time - intention.since) if intention.since is not None else ""
     style = {"running": GOOD, "suspended": WARN}.get(intention.state, "")
-    waits = "" if intention.waits_for is None else f" for {awaited(intention.waits_for)}"
     rows = [
         Row(
             joined(
                 (f"  {intention.id}", DIM),
-                (intention.state + waits, style),
+                (intention.state + awaited(intention.waits_for, " for "), style),
                 (since, DIM),
                 (place(intention.at), DIM),
             ),

@@ -153,7 +153,7 @@ def _agent(model: FleetModel, agent: FleetAgent, glyphs: Glyphs) -> list[Text]:
 def _does(stack: tuple[str, ...], waits_for: WaitView | None, action: str) -> Text:
     if not stack:
         return joined(rounded(action)) if action else Text("no intentions", DIM)
-    waits = "" if waits_for is None else f"waits for {awaited(waits_for)}"
+    waits = awaited(waits_for, "waits for ")
     return joined(rounded(stack[0]), (rounded(action) if action else waits, DIM))
 
 

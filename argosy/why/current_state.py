@@ -93,7 +93,7 @@ def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
     match intention.state:
         case "waiting":
             what = f"has waited{since}" if since else "waits"
-            what += "" if intention.waits_for is None else f" for {awaited(intention.waits_for)}"
+            what += awaited(intention.waits_for, " for ")
         case "suspended":
             what = f"is suspended{since}"
         case _:

@@ -130,7 +130,7 @@ def _running(memory: Memory, made: DecisionView) -> Line:
 def _waits(intention: IntentionView) -> str:
     if intention.state == "suspended":
         return ", suspended"
-    return "" if intention.waits_for is None else f" and waits for {awaited(intention.waits_for)}"
+    return awaited(intention.waits_for, " and waits for ")
 
 
 def failure_lines(memory: Memory, failure: FailureView) -> Iterator[Line]:

@@ -133,8 +133,7 @@ def _decided(receiver: str, made: DecisionView, mind: MindView) -> Iterator[tupl
         intention = next((one for one in mind.intentions if one.id == made.intention), None)
         doing = ""
         if intention is not None:
-            waits = "" if intention.waits_for is None else f", and waits for {awaited(intention.waits_for)}"
-            doing = f": it is at {intention.at}{waits}"
+            doing = f": it is at {intention.at}{awaited(intention.waits_for, ', and waits for ')}"
         yield f"{receiver} got it and chose the plan {plan}, which still runs{doing}.", place
     elif made.outcome == "failed" and made.failure is not None:
         at = made.failure.position

@@ -116,8 +116,12 @@ def with_values(bindings: Mapping[str, str]) -> str:
     return f", with {shown(', '.join(pairs))}" if pairs else ""
 
 
-def awaited(wait: WaitView) -> str:
-    """Return what an intention waits for, as text after "for"."""
+def awaited(wait: WaitView | None, before: str) -> str:
+    """Return what an intention waits for, after `before`; empty if it waits for nothing."""
+    return "" if wait is None else before + _awaited(wait)
+
+
+def _awaited(wait: WaitView) -> str:
     match wait.kind:
         case "action":
             return f"the action {shown(wait.name)}"

@@ -225,7 +225,7 @@ def test_the_timeline_answers_what_came_since_a_number_and_keeps_the_newest() ->
 
 def test_everything_that_may_grow_is_bounded() -> None:
     fleet = rescue()
-    for number in range(5000):
+    for number in range(2100):
         fleet.percept("scout", "global_pos", HOME[0] + number * 1e-6, HOME[1])
         fleet.percept("scout", "seen", number, HOME[0], HOME[1], update="add")
         fleet.deed("scout", Deed(kind="sent", id=str(number), other="a", performative="tell", text="x"))
@@ -238,6 +238,15 @@ def test_everything_that_may_grow_is_bounded() -> None:
     assert len(model.letters) == 2000
     assert len(model.agents) == 500
     assert model.forgotten > 0
+
+
+def test_strangers_push_no_member_of_the_mission_out() -> None:
+    fleet = Fleet(MISSION)
+    for number in range(600):
+        fleet.model.token(keys.alive(FLEET, f"a{number}", "agentd", "b"), alive=True)
+    fleet.model.tick()
+    assert list(fleet.model.agents)[: len(MISSION.agents)] == list(MISSION.agents)
+    assert len(fleet.model.agents) == 500 + len(MISSION.agents)
 
 
 def test_no_text_of_a_program_reaches_a_terminal_as_a_command() -> None:
