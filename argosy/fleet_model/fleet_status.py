@@ -25,12 +25,12 @@ Who = tuple[str, str, str]
 Standing = Literal["up", "coming", "silent", "twice", "unclaimed", "missing"]
 WELL: frozenset[Standing] = frozenset({"up", "coming"})
 MEANING: dict[Standing, str] = {
-    "up": "it holds its name and tells how it is",
-    "coming": "it holds its name and has not told yet how it is",
-    "silent": "it holds its name, and tells nothing: it hangs, or its records do not come through",
-    "twice": "two hold this name at once: one of them is to be ended",
-    "unclaimed": "it tells how it is, and does not hold its name: its token does not come through",
-    "missing": "the mission has it, and it is not there",
+    "up": "it holds its name and reports its health",
+    "coming": "it holds its name and has not reported its health yet",
+    "silent": "it holds its name and reports no health: it hangs, or its messages are not arriving",
+    "twice": "two daemons hold this name: end one of them",
+    "unclaimed": "it reports its health and does not hold its name: its liveliness token is not arriving",
+    "missing": "it is in the mission and not on the bus",
 }
 
 

@@ -131,7 +131,7 @@ def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[
     if fleet is not None and fleet not in fleets:
         raise NothingToPlot(f"there is no fleet {fleet} in it; there are {', '.join(fleets) or 'none'}")
     if fleet is None and len(fleets) > 1:
-        raise NothingToPlot(f"there are several fleets in it, say which by --fleet: {', '.join(fleets)}")
+        raise NothingToPlot(f"it has several fleets, choose one with --fleet: {', '.join(fleets)}")
     whose = fleet or (fleets[0] if fleets else "*")
     title, robot_of, agents, mission = _team(recording, whose)
     robots = dict.fromkeys(robot_of.values())

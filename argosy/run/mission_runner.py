@@ -278,7 +278,7 @@ class MissionRunner:
         for robot in self.status.robots.values():
             if old := age(self.status, robot):
                 self.status.frozen.add(robot.name)
-                self._journal.add(robot.name, f"what is known of it is {old:.0f} s old", "warning")
+                self._journal.add(robot.name, f"its last known state is {old:.0f} s old", "warning")
         await self._stop(self._supervisor.of_kind("agentd"), LEAVE)
         bridges = self._supervisor.of_kind("bridged")
         for bridge in bridges:

@@ -120,7 +120,7 @@ def last_words(status: Status, ending: Ending) -> list[str]:
         if entry.level in ("warning", "error") and entry.text not in ending.text:
             told.pop((entry.who, entry.text), None)  # keep the last place of repeated entries
             told[entry.who, entry.text] = str(entry)
-    lines = ["  last words", *(f"  {text}" for text in list(told.values())[-MOST:])] if told else []
+    lines = ["  last warnings", *(f"  {text}" for text in list(told.values())[-MOST:])] if told else []
     for child in status.children:
         if not child.dead:
             continue

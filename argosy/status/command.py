@@ -52,7 +52,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Print the status. Returns 0 if every expected daemon is up, 1 if not."""
     if args.mission and args.fleet:
-        print("error: argosy status: a mission has its fleet: leave out --fleet", file=sys.stderr)
+        print("error: argosy status: the mission names its fleet: leave out --fleet", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
         mission = load_mission(args.mission) if args.mission else None
@@ -185,9 +185,9 @@ def summary(fleet: str, rows: Sequence[Row]) -> str:
     whose = f"fleet {fleet}" if fleet != ANY_FLEET else "all fleets"
     there = f"{whose}: {len(rows) - len(ill)} of {len(rows)} daemons are up"
     if not rows:
-        return f"{whose}: nobody is there"
+        return f"{whose}: no daemon is there"
     if not ill:
-        return there if fleet != ANY_FLEET else f"{there}; who else should be, a mission says: `argosy status MISSION`"
+        return there if fleet != ANY_FLEET else f"{there}; `argosy status MISSION` shows missing ones, too"
     standings = dict.fromkeys(row.standing for row in ill)
     kinds = (f"{one}: {', '.join(f'{r.daemon} {r.title}' for r in ill if r.standing == one)}" for one in standings)
     return printable(f"{there}; {'; '.join(kinds)}")

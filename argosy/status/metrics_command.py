@@ -56,7 +56,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Serve until ctrl-C."""
     if args.mission and args.fleet:
-        print("error: argosy metrics: a mission has its fleet: leave out --fleet", file=sys.stderr)
+        print("error: argosy metrics: the mission names its fleet: leave out --fleet", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
         mission = load_mission(args.mission) if args.mission else None
@@ -76,7 +76,10 @@ def run(args: Namespace) -> int:
             return EXIT_FAILED
         print(f"serving http://{args.listen}/metrics", flush=True)
         if not _is_loopback(host):
-            print(f"warning: whoever reaches {args.listen} reads it: no password, no TLS", file=sys.stderr)
+            print(
+                f"warning: everyone who reaches {args.listen} can read the metrics: no password, no TLS",
+                file=sys.stderr,
+            )
         async with server:
             await server.serve_forever()
         return EXIT_FAILED

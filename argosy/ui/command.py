@@ -153,7 +153,9 @@ def _socket(host: str, port: int) -> socket.socket:
 def _tell(args: Namespace, auth: AuthGuard) -> None:
     print(f"open {auth.url}", flush=True)
     if not is_loopback(args.listen):
-        text = "other machines reach this page, without TLS: whoever reads the address on its way has all its buttons"
+        text = (
+            "other machines can reach this page without TLS: whoever reads the address on the network can give orders"
+        )
         print(f"warning: {text}", file=sys.stderr, flush=True)
     if args.browser:
         webbrowser.open(auth.once())

@@ -191,7 +191,7 @@ class FleetSession:
     def _rights(self) -> str:
         """Return why orders are not allowed; empty if they are."""
         if self.mission is not None and self.identity in self.mission.security.observers:
-            return f"`{self.identity}` is an observer by the mission: it sees, and orders nothing"
+            return f"`{self.identity}` is an observer in the mission: it may not give orders"
         return ""
 
     async def stop(self, wish: StopWish) -> OrderedView:

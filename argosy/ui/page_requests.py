@@ -27,8 +27,8 @@ from schemas.wire.mind_records import MindOrder
 from schemas.wire.records import OperatorOrder, Outcome
 
 WAITING = ("waiting", "")
-CUT = ("NOT confirmed", "it was cut off: NOT known whether it was done")
-NOBODY = "the router is not reached, so nobody was told"
+CUT = ("NOT confirmed", "interrupted: NOT known whether it was carried out")
+NOBODY = "the router is not reached: the order was not sent"
 ROBOTS = 200
 """Robots of one order."""
 KEPT = 20
@@ -144,7 +144,7 @@ class ControlRequests:
         try:
             return await bus.ask_one(keys.control(fleet, wish.agent), order, Outcome, CONTROL_PATIENCE)
         except QueryTimeout:
-            return Outcome(ok=False, reason=f"`{wish.agent}` did not answer: is it there?")
+            return Outcome(ok=False, reason=f"`{wish.agent}` did not answer: is it running?")
         except BusError as error:
             return Outcome(ok=False, reason=str(error))
 
@@ -167,7 +167,7 @@ def late(at: float) -> str:
     if abs(age) <= LATE:
         return ""
     when = f"{age:.0f} s after it was given" if age > 0 else f"{-age:.0f} s before it was given, by our clock"
-    return f"it came {when}, and may not be meant any more: order again"
+    return f"it came {when} and was not carried out: order again"
 
 
 def misnamed(names: Sequence[str], what: str) -> str:

@@ -224,7 +224,7 @@ def banner(link: FleetLink, model: FleetModel, paused: bool) -> list[Text]:
     elif not live.router_up:
         lost = now - (live.router_since or now)
         lines.append(
-            said(f"ROUTER LOST for {span(lost)}: all below is as it was; it comes back by itself", "reverse bold red")
+            said(f"ROUTER LOST for {span(lost)}: the last known state is shown; reconnecting", "reverse bold red")
         )
     elif not any(one.there for members in (live.agents, live.robots, live.boards) for one in members.values()):
         who = f"nobody of fleet {live.fleet}" if live.fleet else "nobody"
@@ -237,9 +237,11 @@ def banner(link: FleetLink, model: FleetModel, paused: bool) -> list[Text]:
             )
             lines.append(said(f"{others}is it started (argosy run, or its units)? argosy doctor tells more", WARN))
     if live.run_silent is not None:
-        lines.append(said(f"argosy run is not heard for {span(live.run_silent)}: nobody watches over this run", WARN))
+        lines.append(
+            said(f"argosy run is not heard for {span(live.run_silent)}: it does not watch over this run any more", WARN)
+        )
     if paused:
-        text = f"PAUSED as it was at {clock(model.now())}: the fleet goes on without you; space to go on"
+        text = f"PAUSED as it was at {clock(model.now())}: the fleet goes on; space resumes the view"
         lines.append(said(text, "reverse yellow"))
     return lines
 

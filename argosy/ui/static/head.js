@@ -107,7 +107,7 @@ function banners(head, wire, actions) {
     found.push([phase === "done" ? "good" : "bad", `${text} ${kept}`, null, "run"]);
   } else if ((head.router ?? "never") !== "up") {
     const since = wall(wire, wire.now() - head.router_since);
-    const text = head.router === "away" ? `The router at ${head.endpoint} is lost for ${since}; it is tried for. Below is what was known last` : `${head.problem} (for ${since}); it is tried again`;
+    const text = head.router === "away" ? `The router at ${head.endpoint} is lost for ${since}; reconnecting. The last known state is shown` : `${head.problem} (for ${since}); trying again`;
     found.push(["bad", text, null, "router"]);
   } else if (head.fleets?.length) {
     const choices = head.fleets.map((fleet) => ({ text: fleet, act: () => actions.fleet(fleet) }));
@@ -119,7 +119,7 @@ function banners(head, wire, actions) {
   }
   const defect = wire.get("defect");
   if (defect) found.push(["bad", `${defect.text}. What is below does not change any more`, null, "defect"]);
-  if (head.run?.silent && !wire.problem) found.push(["warn", `argosy run has not been heard for ${wall(wire, wire.now() - head.run.silent)}: nobody watches over this run`, null, "watched"]);
+  if (head.run?.silent && !wire.problem) found.push(["warn", `argosy run has not been heard for ${wall(wire, wire.now() - head.run.silent)}: it does not watch over this run any more`, null, "watched"]);
   if (head.mission_differs) found.push(["warn", `The fleet runs another mission than ${head.mission_differs}, with which argosy ui was started: that of the fleet counts here`, null, "mission"]);
   for (const alarm of head.alarms ?? []) found.push(["bad", `${alarm.names.join(", ")}: ${alarm.text}`, null, `alarm ${noteKey(alarm)}`]);
   for (const line of head.unreached ?? []) found.push(["warn", line]);

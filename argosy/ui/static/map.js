@@ -21,7 +21,7 @@ export class FleetMap {
     this.follow = button("◎", "keep everything in view", () => this._fit());
     const tools = el("div", { class: "tools" }, button("+", "closer", () => this.map.zoomIn()), button("−", "farther", () => this.map.zoomOut()), this.follow, button("⤢", "larger or smaller", () => actions.enlarge("map")));
     const legend = el("div", { class: "legend" }, el("span", { class: "mark victim missing" }, "▲"), "missing", el("span", { class: "mark victim promised" }, "▲"), "promised", el("span", { class: "mark victim rescued" }, "✓"), "rescued", el("span", { class: "mark target" }, "✛"), "target", el("span", { class: "mark home" }, "⌂"), "home");
-    this.empty = el("p", { class: "empty" }, "no vehicle has told where it is");
+    this.empty = el("p", { class: "empty" }, "no vehicle has reported its position");
     this.legend = legend;
     element.append(canvas, tools, el("div", { class: "under" }, this.scale, legend, this.cursor), this.empty);
     this.map = L.map(canvas, { zoomControl: false, attributionControl: false, preferCanvas: true, zoomSnap: 0.25, maxZoom: 23, minZoom: 3, wheelPxPerZoomLevel: 90, fadeAnimation: false });

@@ -132,7 +132,7 @@ export class Wire {
       this.problem = answer.ok
         ? "the connection to argosy ui was cut: connecting again"
         : answer.status === 401
-          ? "argosy ui was started anew: open the address that it has printed"
+          ? "argosy ui was restarted: open the address that it has printed"
           : `argosy ui refuses this page: ${(await answer.text()).trim()}`;
     } catch {
       this.problem = "argosy ui does not answer: it has ended or hangs, or this machine cannot reach it";

@@ -75,7 +75,7 @@ def only(said: list[Said], level: str) -> Said:
 def test_daemons_that_are_not_well_are_errors_with_where_to_look(facts: Facts) -> None:
     assert only(daemons(replace(facts, rows=[row()])), "ok").text == "all 1 are up, heard within 0.2 s"
     found = only(daemons(replace(facts, rows=[row(), row("b", board="pi2", standing="missing")])), "error")
-    assert found.text == "agentd b on pi2 is missing: the mission has it, and it is not there"
+    assert found.text == "agentd b on pi2 is missing: it is in the mission and not on the bus"
     assert "on pi2: `systemctl status agentd@trial`" in found.do
     assert "(of one process: `board@trial`)" in found.do
     both = [row("pi2", "commd", "pi2", standing="missing"), row("b", board="pi2", standing="missing"), row()]

@@ -254,7 +254,7 @@ def recordings(flown: Path, tmp_path: Path) -> None:
         ("empty.mcap", 1, "it has no positions: no percept global_pos(Latitude, Longitude); 2 robots, 0 actions"),
         ("empty.mcap --panels actions", 1, "it has no actions; 2 robots, 0 actions, 0 messages"),
         ("empty.mcap --csv tables", 1, "it has no positions"),
-        ("two.mcap", 2, "there are several fleets in it, say which by --fleet: other, sar"),
+        ("two.mcap", 2, "it has several fleets, choose one with --fleet: other, sar"),
         ("text.mcap", 2, "text.mcap: not an MCAP file"),
         ("none.mcap", 2, "none.mcap: No such file or directory"),
     ],

@@ -155,10 +155,10 @@ def test_a_run_that_is_not_done_tells_its_last_errors_and_warnings_once_and_with
     recording.status.journal.add("bridged uav1", "problem 11", "warning")
     recording.status.journal.add("argosy", "failed: all is lost", "error")
     told = summary(recording.status, Ending(1, "failed: all is lost"), [("startup", 1.0)])
-    assert "  last words\n" in told
+    assert "  last warnings\n" in told
     assert re.findall(r"problem (\d+)", told) == [str(number) for number in range(2, 12)]
     assert told.count("all is lost") == 1
-    assert "last words" not in summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
+    assert "last warnings" not in summary(recording.status, Ending(0, "done"), [("startup", 1.0)])
 
 
 def test_a_run_ends_with_the_formulas_of_its_mission_and_says_what_the_agent_believes() -> None:

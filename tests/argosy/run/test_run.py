@@ -190,7 +190,7 @@ def test_a_mission_whose_agents_have_nothing_left_to_do_is_told_once(start: Star
     single_uav.write_text(single_uav.read_text().replace("timeout: 10min", "timeout: 100s"))
     code, out, err = ended(start(single_uav, "--speed", "10", fault="aimless"))
     assert code == 1
-    happened, _, last_words = out.partition("last words")
+    happened, _, last_words = out.partition("last warnings")
     told = "argosy: no agent has anything left to do; the mission ends at its timeout in "
     assert happened.count(told) == 1
     assert last_words.count(told) == 1

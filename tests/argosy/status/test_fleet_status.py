@@ -113,12 +113,12 @@ def test_who_is_not_in_the_mission_is_shown_and_a_client_need_not_tell_how_it_is
 
 def test_without_a_mission_all_that_is_there_is_shown() -> None:
     trial = Trial(None)
-    assert summary("any", trial.fleet_status.rows()) == "all fleets: nobody is there"
+    assert summary("any", trial.fleet_status.rows()) == "all fleets: no daemon is there"
     trial.alive("pi1", "commd")
     trial.tells("pi1", "commd")
     (row,) = trial.fleet_status.rows()
     assert (row.board, row.in_mission, row.standing) == ("pi1", True, "up")
-    told = "all fleets: 1 of 1 daemons are up; who else should be, a mission says: `argosy status MISSION`"
+    told = "all fleets: 1 of 1 daemons are up; `argosy status MISSION` shows missing ones, too"
     assert summary("any", [row]) == told
 
 
@@ -209,10 +209,10 @@ def test_the_table_fits_a_terminal_and_tells_what_is_wrong_below_it(mission: Mis
     text = shown(trial.fleet_status.rows())
     assert max(map(len, text.splitlines())) <= 80
     assert "agentd a: last error 75 s ago: disk full" in text
-    assert "commd pi1, pi2: the mission has it, and it is not there" in text
+    assert "commd pi1, pi2: it is in the mission and not on the bus" in text
     assert re.search(r"● up +0\.1\.0 +0\.0 s +3\.0 s +0 +2", text)
     assert text.startswith("fleet trial: 1 of 5 daemons are up; missing: commd pi1"), "what matters most stands first"
-    assert text.count("it is not there") == 3, "what several have in common is said once"
+    assert text.count("not on the bus") == 3, "what several have in common is said once"
     assert "this is what was known last" in shown(trial.fleet_status.rows(), away=True)
 
 
@@ -269,4 +269,4 @@ def test_real_daemons_that_are_up_dead_and_started_again(tmp_path: Path, endpoin
 
 def test_a_mission_and_a_fleet_at_once_are_refused(capsys: pytest.CaptureFixture[str], mission: Mission) -> None:
     assert main(["status", str(mission.path), "--fleet", "x"]) == 2
-    assert "a mission has its fleet" in capsys.readouterr().err
+    assert "the mission names its fleet" in capsys.readouterr().err

@@ -257,7 +257,7 @@ def test_an_observer_is_told_why_the_buttons_do_nothing(endpoint: str, tmp_path:
             await seen.shows(".row[data-agent=scout]", "waiting")
             await seen.shows("header [data-order=rtl][aria-disabled=true]")
             await seen.page.locator("header [data-order=rtl]").click(force=True)
-            await seen.shows(".outcome.bad", "`eye` is an observer by the mission: it sees, and orders nothing")
+            await seen.shows(".outcome.bad", "`eye` is an observer in the mission: it may not give orders")
             await seen.page.click("#tab-act")
             await seen.shows("#pane-act .hint", "Not allowed: `eye` is an observer")
             assert uav1.orders == []

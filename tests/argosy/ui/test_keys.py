@@ -65,7 +65,7 @@ def test_an_operator_orders_and_is_told_of_boards_that_are_not_reached(boards: S
 def test_an_observer_sees_robots_and_the_server_says_why_it_orders_nothing(boards: Secured) -> None:
     async def body() -> None:
         async with page_of(boards, "eye") as (browser, feed, robot):
-            why = "`eye` is an observer by the mission: it sees, and orders nothing"
+            why = "`eye` is an observer in the mission: it may not give orders"
             assert feed.parts["head"]["observer"] == why
             _, text = await browser.post("/stop", {"order": "hold", "robots": None})
             assert json.loads(text)["problem"] == why

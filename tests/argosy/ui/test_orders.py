@@ -109,10 +109,10 @@ def test_without_a_router_nobody_was_told(endpoint: str) -> None:
         async with served(Where("sar", endpoint)) as browser:
             await browser.enter()
             told = await posted(browser, "/stop", {"order": "hold", "robots": None})
-            assert told["problem"] == "the router is not reached, so nobody was told"
+            assert told["problem"] == "the router is not reached: the order was not sent"
             assert "outcomes" not in told
             answer = await posted(browser, "/control", {"agent": "scout", "do": "pause"})
-            assert answer == {"ok": False, "reason": "the router is not reached, so nobody was told"}
+            assert answer == {"ok": False, "reason": "the router is not reached: the order was not sent"}
             assert (await posted(browser, "/why", {"agent": "scout"}))["error"] == "the router is not reached"
 
     asyncio.run(body())
@@ -130,7 +130,7 @@ def test_when_no_robot_is_there_an_order_to_all_says_so(endpoint: str) -> None:
 def test_an_observer_sees_and_orders_nothing(endpoint: str, tmp_path: Path) -> None:
     (tmp_path / "mission.yaml").write_text(MISSION)
     mission = load_mission(tmp_path / "mission.yaml")
-    why = "`eye` is an observer by the mission: it sees, and orders nothing"
+    why = "`eye` is an observer in the mission: it may not give orders"
 
     async def body() -> None:
         async with (
@@ -175,7 +175,7 @@ def test_what_no_mind_can_take_is_refused_before_it_is_sent(endpoint: str) -> No
             long = await posted(browser, "/control", {"agent": "scout", "do": "belief", "text": "x" * 4_001})
             assert long == {"ok": False, "reason": "4001 characters, expected at most 4000"}
             nobody = await posted(browser, "/control", {"agent": "ghost", "do": "pause"})
-            assert nobody == {"ok": False, "reason": "`ghost` did not answer: is it there?"}
+            assert nobody == {"ok": False, "reason": "`ghost` did not answer: is it running?"}
             assert scout.ordered == []
 
     asyncio.run(body())
@@ -223,7 +223,7 @@ def test_an_order_that_comes_late_or_from_a_clock_that_is_not_ours_is_refused_in
             await linked(browser, "uav1", "scout")
             told = await posted(browser, "/stop", {"order": "hold", "at": steady_clock() - 8})
             assert told["state"] == "NOT ordered"
-            assert told["problem"] == "it came 8 s after it was given, and may not be meant any more: order again"
+            assert told["problem"] == "it came 8 s after it was given and was not carried out: order again"
             told = await posted(browser, "/stop", {"order": "hold", "at": steady_clock() + 60})
             assert "60 s before it was given, by our clock" in str(told["problem"])
             told = await posted(browser, "/control", {"agent": "scout", "do": "pause", "at": steady_clock() - 8})
@@ -248,6 +248,6 @@ def test_an_order_that_was_cut_off_is_not_waited_for_by_its_pages(
             assert (await browser.post("/stop", {"order": "hold"}))[0] == 500
             [view] = browser.following.orders.last
             assert view.state == "NOT confirmed"
-            assert view.outcomes == {"uav1": ("NOT confirmed", "it was cut off: NOT known whether it was done")}
+            assert view.outcomes == {"uav1": ("NOT confirmed", "interrupted: NOT known whether it was carried out")}
 
     asyncio.run(body())
