@@ -15,15 +15,7 @@ from bridged.bridge.bus_endpoints import Service
 from bridged.bridge.robot_setup import RobotSetup, chosen, prepare_all
 from commd.bus.bus import Bus, open_bus
 from commd.common.clock import Clock
-from commd.process.process import (
-    EXIT_DONE,
-    EXIT_FAILED,
-    add_router_argument,
-    greet,
-    report_health,
-    run_daemon,
-    tls_of,
-)
+from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, greet, report_health, run_daemon, tls_of
 from commd.process.restart_counter import begin_life
 from commd.process.state_dir import state_directory
 from commd.process.systemd import Member, Unit
@@ -71,7 +63,7 @@ def run(args: Namespace) -> int:
 
 
 def _settle() -> None:
-    """What is loaded by now stays: to look through it for garbage again and again delays percepts by milliseconds."""
+    """Exempt what is loaded from garbage collection: looking through it delays percepts by milliseconds."""
     gc.collect()
     gc.freeze()
 
@@ -105,7 +97,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         bus.restarts, bus.former_failure = begin_life(folder, "bridged", parts[0].name)
         for bridge in bridges:
             bridge.driver.alone = len(bridges) == 1
-        work = [asyncio.create_task(bridge.driver.run()) for bridge in bridges]
+        work = [asyncio.create_task(bridge.run()) for bridge in bridges]
         for part, bridge in zip(parts, bridges, strict=True):
             work.append(asyncio.create_task(report_health(bus, part.name, clock, bridge.health)))
             work.append(asyncio.create_task(watch_agents(bus, part, mission.mailboxes, bridge, clock)))
@@ -126,7 +118,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
 async def bind(
     bus: Bus, mission: Mission, part: RobotSetup, clock: Clock, args: Namespace, shared: dict[str, Any], unit: Member
 ) -> Bridge:
-    """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning, and Findings in words."""
+    """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning or Findings."""
     await bus.claim(part.name)
     service = Service(bus, part.name, part.agents, mission.inject)
     ledger = state_directory(args.state) / mission.fleet / f"{part.name}.actions"
@@ -155,20 +147,20 @@ async def bind(
 
 
 def told_of(bus: Bus, part: RobotSetup) -> list[str]:
-    """The keys on which a robot is told of: those of its agents, and its own."""
+    """Return the keys on which a bridge publishes for a robot."""
     of_agents = [build(bus.fleet, agent, "any") for agent in part.agents for build in (keys.percept, keys.status)]
     return [*of_agents, keys.health(bus.fleet, part.name, bus.daemon), keys.manifest(bus.fleet, part.name)]
 
 
 def in_words(bridges: list[Bridge], bus: Bus) -> str:
-    """Return what the bridges do now, and their warnings, for the service manager."""
+    """Return what the bridges do and their warnings, as a line for the service manager."""
     away = "" if bus.router_up else "; the router is lost"
     notes = "".join(f"; {bridge.name}: {note.text}" for bridge in bridges for note in bridge.notes())
     return f"serving {', '.join(bridge.name for bridge in bridges)}{away}{notes}"
 
 
 async def tell(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
-    """Tell the service manager for ever how the bridges are."""
+    """Report to the service manager for ever."""
     loop = unit.loop()
     while True:
         loop.beat()
@@ -177,7 +169,7 @@ async def tell(unit: Member, bridges: list[Bridge], bus: Bus) -> None:
 
 
 async def leave(bridge: Bridge, mission: Mission, stay: float, told_again: asyncio.Event) -> None:
-    """Leave a robot as the mission's `on_shutdown` says, staying for `stay` mission seconds at most; tell how."""
+    """Leave a robot as the mission's `on_shutdown` says, within `stay` mission seconds, and log how."""
     try:
         left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown, stay, told_again)
     except Exception as error:  # one robot's defect must not keep the others from their way home

@@ -34,10 +34,10 @@ from argosy.recording.write_queue import Heard
 from argosy.recording.writer import COMPRESSIONS
 from argosy.why.explain import tell
 from argosy.why.from_recording import NotRecorded, recorded_view
-from bridged.drivers import check_manifest
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
 from bridged.drivers.mavlink.vehicle.commands import Identity
+from bridged.drivers.registry import check_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.gateway.gateway import TOLD_SOURCES, Gateway
 from commd.gateway.paper_node import Allowance, BadDatagram, read_message

@@ -26,8 +26,8 @@ from argosy.check.belief_mentions import beliefs_of, mentioned
 from argosy.check.fleet_rules import check_boards, check_team
 from argosy.processes.mavlink_links import check_links, group_of
 from argosy.processes.simulators import check_simulations, only_real
-from bridged.bridge.manifest_loader import load_robot_manifest
 from bridged.bridge.robot_setup import prepare
+from bridged.drivers.registry import load_robot_manifest
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.shipped_files import mission_file
@@ -140,7 +140,7 @@ def _manifest(named: Outline, robot: str, mission: Mission | None, findings: lis
     name = named.robots[robot]
     try:
         if mission is not None:
-            return prepare(mission, robot, None, 1.0)[1]
+            return prepare(mission, robot, None, 1.0)[1].manifest
         return load_robot_manifest(name, named.folder)
     except Findings as found:
         findings += [_placed(finding, where, name, named) for finding in found.findings]

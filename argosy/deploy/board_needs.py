@@ -16,9 +16,8 @@ from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Program
 from agentd.runtime.program_loader import compose
-from bridged.bridge.manifest_loader import load_robot_manifest
-from bridged.drivers import OURS
 from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
+from bridged.drivers.registry import OURS, load_robot_manifest
 from schemas.files.findings import Finding, Findings
 from schemas.files.yaml_positions import Steps
 from schemas.mission.model import Mission, Robot

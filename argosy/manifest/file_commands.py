@@ -7,8 +7,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from bridged.bridge.manifest_loader import load_robot_manifest
-from bridged.drivers import check_manifest
+from bridged.drivers.registry import check_manifest, load_robot_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.findings import Finding, Findings

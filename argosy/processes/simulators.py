@@ -11,8 +11,7 @@ from pathlib import Path
 
 from argosy.processes.mavlink_links import MEETING, address_of, group_of, peer_of
 from bridged.drivers.mavlink.transport.address import LinkAddress
-from bridged.drivers.python.manifest_validation import names
-from bridged.drivers.python.plugins import TWINS, has_plugin
+from bridged.drivers.python.plugins import TWINS, has_plugin, names
 from bridged.simulation.copter.fault_injection import Faults
 from bridged.simulation.copter.protocol.parameters import Parameters
 from bridged.simulation.copter.world import Area, Victim, victims_of

@@ -32,7 +32,7 @@ from argosy.run.end_conditions import Ending
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.run_status import Status
 from argosy.run.summary import FIGURE, summary, write_report
-from bridged.bridge.manifest_loader import load_robot_manifest
+from bridged.drivers.registry import load_robot_manifest
 from commd.common.clock import Clock
 from commd.process.local_runs import announced, starting
 from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED

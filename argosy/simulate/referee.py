@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from argosy.processes.simulators import servo_log, vehicle_of, victims
-from bridged.bridge.manifest_loader import load_robot_manifest
+from bridged.drivers.registry import load_robot_manifest
 from bridged.simulation.copter.world import ServoMove, Victim, read_moves
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Findings

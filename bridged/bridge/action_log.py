@@ -1,7 +1,7 @@
-"""The action ids of the last hour and who has the robot, on disk: a bridge that is killed goes on from there.
+"""The action log on disk: ids of the last hour, the holder of the robot, the operator's order.
 
-An id is executed once, whatever happens to the bridge in between; what the operator ordered stands. It is a file of
-lines, not SQLite, which takes 1.5 MB of a bridge's memory, and syncs in the thread that serves heartbeats.
+A new bridge continues by it: an id is executed once, also if the bridge is killed in between. The log is a file of
+lines: SQLite takes 1.5 MB of a bridge's memory, and syncs in the thread that sends heartbeats.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ REWRITE_AT = 4 * 1024 * 1024
 """Bytes of the file below which it is not worth leaving out what is older than an hour; then it is when the file has
 doubled."""
 _STANDING = ""
-"""In the place of an id: the line tells who has the robot, agent and operator. The last such line counts."""
+"""The id of lines that say who has the robot, agent and operator. The last such line counts."""
 log = logging.getLogger("ledger")
 
 
@@ -42,24 +42,24 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     """Unix time in seconds."""
     agent: str = ""
     name: str = ""
-    """Of the action that the id was used for."""
+    """Name of the action."""
     state: State = "accepted"
     """`accepted` = begun; else how it ended."""
     cause: Cause | None = None
     reason: str = ""
     after: int | None = None
-    """Seq of the last percept before its end, in the life of the bridge that `boot` names."""
+    """Seq of the last percept before its end, of the run of the bridge that `boot` names."""
     boot: str = ""
     holder: str = ""
     """Of a line without an id: which agent answers for the robot, since `at`."""
     free: bool = False
     """Whether any other agent may take it."""
     order: Order | None = None
-    """The operator's order that stands until `release`; of a line with an id: the order that stood above it."""
+    """The operator's order until `release`; in a line with an id: the order that overrode it."""
     paused: bool = False
     """Whether the operator has paused the robot."""
     machine: str = ""
-    """The life of the machine in which the operator said so last."""
+    """The boot of the machine in which the operator ordered or paused last."""
 
     @property
     def final(self) -> ActionStatus | None:
@@ -83,17 +83,17 @@ _NOBODY = Entry(_STANDING, 0.0)
 
 
 class ActionLog:
-    """Append-only file of ids; a line that was cut off by a power loss is left out when it is read.
+    """Append-only file of ids; a line that a power loss cut off is skipped when the file is read.
 
-    What is written outlives the process at once. The disk is told to keep it through a power loss by a thread, of which
-    at most one sync runs and one waits: a slow card must not hold up heartbeats. It leaves out what is old, too.
+    A line outlives the process when it is written. A thread syncs it for power losses, at most one sync running and one
+    waiting: a slow card must not delay heartbeats. The thread also rewrites the file without old lines.
     """
 
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
         """Open the file, or make it with its directory. Raises OSError."""
         self.path = path
         self.note: Note | None = None
-        """What was wrong with the file at the start, in words."""
+        """What was wrong with the file at the start."""
         self._wall = wall
         self._standing = _NOBODY
         """Who has the robot."""
@@ -114,7 +114,7 @@ class ActionLog:
         self._rewrite_at = max(REWRITE_AT, 2 * self._file.tell())
 
     def begin(self, action: Action) -> None:
-        """Note that an id is about to be executed; it outlives this process when this returns. Raises OSError.
+        """Record that an id is about to be executed; the record outlives this process. Raises OSError.
 
         `keep` is to be called soon.
         """
@@ -122,13 +122,13 @@ class ActionLog:
         self._append(Entry(action.id, self._wall(), action.agent, action.name))
 
     def keep(self) -> None:
-        """Let what was noted outlive a power loss too, soon. Raises OSError."""
+        """Sync the records soon, so that they outlive a power loss. Raises OSError."""
         if self._unsynced:
             self._unsynced = False
             self._keep_through_power_loss()
 
     def finish(self, agent: str, status: ActionStatus) -> None:
-        """Note how an id of an agent ended: no more of it than whoever asks again must know. Raises OSError."""
+        """Record how an id ended, as much as the answer to a repeated request needs. Raises OSError."""
         entry = Entry(
             status.id,
             self._wall(),
@@ -144,15 +144,15 @@ class ActionLog:
         self._append(entry)
 
     def find(self, action: str) -> Entry | None:
-        """Return what is known of an id, None if it was not begun within the last hour."""
+        """Return the record of an id, None if it was not begun within the last hour."""
         return self._entries.get(action) if action else None
 
     def hold(self, agent: str, free: bool) -> None:
-        """Note which agent answers for the robot from now on, and whether another may take it. Raises OSError."""
+        """Record which agent answers for the robot, and whether another may take it. Raises OSError."""
         self._append(replace(self._standing, at=self._wall(), holder=agent, free=free))
 
     def held(self) -> tuple[str, bool]:
-        """Return what was noted by `hold`; if that is older than an hour, whose action was begun last."""
+        """Return what `hold` recorded; if that is older than an hour, the agent whose action was begun last."""
         if self._standing.at and self._standing.at >= self._wall() - KEEP:
             return self._standing.holder, self._standing.free
         for entry in reversed(self._entries.values()):
@@ -162,12 +162,12 @@ class ActionLog:
 
     @property
     def ordered(self) -> Order | None:
-        """The operator's order that stands until `release`, of this life or one before, however old."""
+        """The operator's order until `release`, of this run of the bridge or one before, however old."""
         return self._standing.order
 
     @property
     def paused(self) -> bool:
-        """Whether the operator has paused the robot, in this life or one before, however long ago."""
+        """Whether the operator has paused the robot, in this run of the bridge or one before."""
         return self._standing.paused
 
     @property
@@ -176,15 +176,15 @@ class ActionLog:
         return self._standing.machine != machine_life()
 
     def order(self, order: Order | None) -> None:
-        """Note which order of the operator stands from now on; None: none does. Raises OSError."""
+        """Record the operator's order, None = none. Raises OSError."""
         self._stand(replace(self._standing, order=order))
 
     def pause(self, paused: bool) -> None:
-        """Note whether the operator has paused the robot. Raises OSError."""
+        """Record whether the operator has paused the robot. Raises OSError."""
         self._stand(replace(self._standing, paused=paused))
 
     def _stand(self, standing: Entry) -> None:
-        """Note what the operator has said, if it is news; it is to outlive a power loss, too."""
+        """Record what the operator ordered, if it is new, and sync it."""
         if standing != self._standing:
             self._append(replace(standing, machine=machine_life()))
             self._keep_through_power_loss()
@@ -247,7 +247,7 @@ class ActionLog:
             log.error("ledger_damaged %s", text)
 
     def _replace(self, rewriting: Future[None]) -> None:
-        """Put the new file, with what was noted meanwhile, in the place of the old one, which stays on an error."""
+        """Replace the old file by the new one with the records made meanwhile; on an error keep the old one."""
         before = self._file
         try:
             rewriting.result()

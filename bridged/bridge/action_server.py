@@ -1,44 +1,45 @@
-"""The life of actions (design section 5): asked for, checked, carried out, and answered with exactly one final status.
+"""The action server of one robot (design section 5): each action is checked, carried out, and gets one final status.
 
-Pure: requests and the time (mission seconds) go in, statuses come out. The ledger alone touches the disk.
+Requests, the ends of executions and the time (mission seconds) go in, statuses come out; the action log is the only
+I/O. An execution pushes its end; `step` is for what time alone brings: feedback, deadlines, the lease.
 """
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import logging
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import MappingProxyType
 
 from msgspec.structs import replace
 
 from bridged.bridge.action_log import ActionLog
-from bridged.bridge.action_status import MAX_ID, MAX_REASON, Statuses, legible
 from bridged.bridge.composite_driver import CompositeDriver
-from bridged.bridge.error_boundary import ErrorBoundary
-from bridged.bridge.feedback import Progress
 from bridged.bridge.lease import Lease
 from bridged.bridge.pause import Pause
 from bridged.bridge.percepts import PerceptPublisher
-from bridged.bridge.running_action import Follower, RunningAction
-from bridged.drivers import OURS
+from bridged.bridge.running_action import MAX_ID, MAX_REASON, Follower, RunningAction, Statuses, legible
 from bridged.drivers.api import Execution, Order, Outcome, defers
 from bridged.drivers.argument_check import BadArgument, read_arguments
+from bridged.drivers.registry import OURS
+from commd.common.clock import Clock
 from schemas.liveness import STATUS_EVERY
 from schemas.manifest.loader import ActionEntry, Argument, Manifest
 from schemas.manifest.rules import BRIDGE_ACTIONS
 from schemas.wire.records import Action, ActionStatus
 
 CAUSE_AFTER = 1.5
-"""Wall seconds after which what hinders an action is worth a line of the log."""
+"""Wall seconds after which what hinders an action is logged."""
 MAX_RUNNING = 8
-"""Actions that may run at once, counted over all agents."""
+"""Actions that may run at a time, over all agents."""
 log = logging.getLogger("actions")
 
 
 class ActionServer:
-    """Takes the agents' requests and the operator's orders for one robot."""
+    """Carries out the agents' requests and the operator's orders for one robot."""
 
     def __init__(
         self,
@@ -51,27 +52,26 @@ class ActionServer:
         *,
         robot: str,
         boot: str,
-        stamp: Callable[[], int],
-        now: Callable[[], float],
-        speed: float = 1.0,
+        clock: Clock,
+        wake: asyncio.Event,
     ) -> None:
+        """`wake` is set when an action begins: steps are due soon then."""
         self.blocked: Outcome | None = None
-        """Why no action is taken now (the operator, or the end of the bridge); None = they are."""
+        """Why no action is accepted now (the operator, or the end of the bridge); None = they are."""
         self.lease = lease
         """Which agent has the robot."""
         self.on_control: Callable[[], None] = lambda: None
         """Called when an action that moves the robot or sets its mode is accepted, before it begins."""
         self.by_hand = False
-        """Whether the last such action was asked for by hand: somebody flies the robot in the name of an agent."""
+        """Whether the last such action was requested by hand: somebody flies the robot in the name of an agent."""
         self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
-        self._calls = ErrorBoundary(driver)
-        self._statuses = Statuses(robot, boot, stamp, board)
-        self._publish = publish
-        self.robot, self._boot, self._now = robot, boot, now
-        self._pause = Pause(ledger, board, robot, now)
+        self._statuses = Statuses(robot, boot, clock, board)
+        self._publish, self._wake = publish, wake
+        self.robot, self._boot, self._now = robot, boot, clock.now
+        self._pause = Pause(ledger, board, robot, clock.now)
         self._holding: Execution | None = None
         """What holds the robot while it is paused."""
-        self._feedback_every = STATUS_EVERY * speed
+        self._feedback_every = STATUS_EVERY * clock.speed
         self._jobs: dict[str, RunningAction] = {}
         self._by_hand = 0
 
@@ -91,14 +91,12 @@ class ActionServer:
         return self._pause.lasts
 
     def ask(self, agent: str, name: str, request: Action, follower: Follower) -> None:
-        """Answer a request: `follower` hears the present status of a known id, or the whole life of a new one."""
+        """Answer a request: `follower` gets the present status of a known id, or all statuses of a new one."""
         request = self._identified(agent, request)
         action = replace(request, agent=agent, name=name[:MAX_ID])
         if len(action.id) > MAX_ID:
             action = replace(action, id=action.id[:MAX_ID])
             self._deny(action, _bad(f"an id has {MAX_ID} characters at most, got {len(request.id)}"), follower)
-        elif used := self._used_otherwise(action):
-            self._deny(action, _bad(used), follower)
         elif self._known(action, follower):
             pass
         elif request.attempt > 1:
@@ -110,16 +108,16 @@ class ActionServer:
             self._begin(action, follower)
 
     def turn_away(self, agent: str, name: str, request: Action, reason: str, follower: Follower) -> None:
-        """Refuse a request of somebody who may not ask; its id is not used up by that."""
+        """Refuse a request without the right to it; its id is not used up by that."""
         action = replace(self._identified(agent, request), agent=agent, name=name[:MAX_ID])
         self._deny(replace(action, id=action.id[:MAX_ID]), Outcome("refused", reason, "rights"), follower)
 
     def adopt(self, manifest: Manifest) -> None:
-        """Take actions by another manifest from now on; those that run go on by their old entry."""
+        """Accept actions by another manifest; those that run keep their old entry."""
         self._manifest = manifest
 
     def cancel(self, agent: str, action: str, by: str = "") -> ActionStatus:
-        """End a running action of an agent, who asks for it, or somebody else does.
+        """End a running action of an agent, on its own request or `by` somebody else's.
 
         Returns its final status, also if it had ended already.
         """
@@ -136,43 +134,43 @@ class ActionServer:
         return self._statuses.ended(unknown, _bad(f"no action {unknown.id} of {agent}"))
 
     def leave(self, agent: str, action: str, reason: str) -> ActionStatus:
-        """Refuse to end an action for somebody who may not ask."""
+        """Refuse a cancel without the right to it."""
         log.info("robot=%s cancel of %s refused: %s", self.robot, action[:MAX_ID], reason)
         unasked = Action(id=action[:MAX_ID], agent=agent)
         return self._statuses.ended(unasked, Outcome("refused", reason, "rights"))
 
     def order(self, order: Order, ending: Outcome, *, block: bool, insist: bool) -> Execution:
-        """Begin an order from above: every action that runs ends as `ending`; `block` refuses new ones after it.
+        """Begin an order above the agents: running actions end as `ending`; `block` refuses new ones after it.
 
-        It goes on against a pilot only if it `insist`s.
+        Only one that `insist`s overrides a pilot.
         """
         if block:
             self.block(ending)
         self._pause.end()
-        execution = self._calls.order(order, ending, insist=insist)
-        self.step()
+        execution = self._driver.order(order, ending, insist=insist)
         for job in list(self._jobs.values()):
             self._end(job, ending, hold=False)
+        self.step()
         return execution
 
     def block(self, why: Outcome) -> None:
-        """Take no action from now on."""
+        """Accept no action from now on."""
         self.blocked = dataclasses.replace(why, state="refused")
 
     @property
     def ordered(self) -> Order | None:
-        """The operator's order that stands until `release`, of this life of the bridge or one before."""
+        """The operator's order until `release`, of this run of the bridge or one before."""
         return self._ledger.ordered
 
     def stand(self, order: Order | None) -> None:
-        """Keep the operator's order that stands from now on: it outlives a bridge that is killed; None: none does."""
+        """Keep the operator's order (None = none) on disk: it outlives a bridge that is killed."""
         try:
             self._ledger.order(order)
         except OSError as error:
             log.error("robot=%s the operator's order cannot be kept on disk: %s", self.robot, error.strerror)
 
     def end_pause(self) -> None:
-        """End a pause without asking for anything again."""
+        """End a pause without beginning the interrupted actions again."""
         self._pause.end()
 
     @property
@@ -183,9 +181,8 @@ class ActionServer:
     def pause(self) -> Execution:
         """Hold the robot until `resume`: what moves, arms or sets the mode is interrupted, and nothing begins.
 
-        Returns what holds it. Other actions that run go on.
+        Returns the execution that holds it. Other actions continue.
         """
-        self.step()
         self._pause.begin()
         interrupted = []
         if "hold" in self._driver.orders:
@@ -194,16 +191,16 @@ class ActionServer:
                     interrupted.append(job.execution)
                     job.execution = _held(job.action.name, job.execution.feedback)
                     job.held = True
-        self._holding = self._calls.pause(interrupted)
+        self._holding = self._driver.pause(interrupted)
         self._tell_all()
         return self._holding
 
     def resume(self) -> Execution:
-        """Bring the robot back into the state before the pause; `go_on` is to follow when it is."""
-        return self._calls.resume()
+        """Bring the robot back into the state before the pause; call `go_on` when it is."""
+        return self._driver.resume()
 
     def go_on(self) -> None:
-        """End the pause: what it has interrupted is asked for again by the same rules, what has waited begins."""
+        """End the pause: interrupted actions begin again by the same rules, and so do those that waited."""
         self._pause.end()
         for job in [job for job in self._jobs.values() if job.held]:
             if refusal := self._driver.refuses(job.entry):
@@ -213,23 +210,21 @@ class ActionServer:
         self._tell_all()
 
     def _tell_all(self) -> None:
-        """Tell of every action how it is, whenever that was told last."""
+        """Publish the status of every action, however recent the last one is."""
         for job in self._jobs.values():
             job.told_at = -math.inf
         self.step()
 
     def end_all(self, agent: str, outcome: Outcome) -> None:
-        """End every action of an agent that is no more; an empty name is every agent."""
+        """End every action of an agent, or of all if the name is empty."""
         for job in [job for job in self._jobs.values() if agent in ("", job.action.agent)]:
             self._end(job, outcome, hold=False)
 
     def step(self) -> None:
-        """Pass on what executions have come to, feedback, and deadlines that are over."""
+        """Let time pass: publish feedback, end what is over its deadline, look at the lease and the pause."""
         now, elapsed = self._now(), self._pause.elapsed
         for job in list(self._jobs.values()):
-            if job.execution.outcome is not None:
-                self._finish(job, job.execution.outcome)
-            elif elapsed >= job.deadline_at:
+            if elapsed >= job.deadline_at:
                 waits = f"; it waited for {job.execution.waits_for}" if job.execution.waits_for else ""
                 outcome = Outcome("timed_out", f"not done within {job.deadline:g} s{waits}", "deadline")
                 holds = job.entry.cancel == "hold" and not defers("hold", self._driver.under_way)
@@ -238,48 +233,46 @@ class ActionServer:
                 job.told_at, job.cause = now, job.execution.cause
                 running = self._statuses.make(job.action, "running", job.execution.waits_for, job.execution.feedback)
                 self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - elapsed), paused=job.held))
-                job.progress.show(running.feedback, legible(job.cause, MAX_REASON))
+                job.show(self._board, running.feedback, legible(job.cause, MAX_REASON))
                 self._log_cause(job, elapsed)
-        self.lease.step(
-            active=self._driver.active, heard=self._driver.heard, busy=bool(self._jobs) or self.paused, now=now
-        )
+        self._look_at_lease()
         self._look_at_pause()
 
+    def _look_at_lease(self) -> None:
+        busy = bool(self._jobs) or self.paused
+        self.lease.step(active=self._driver.active, heard=self._driver.heard, busy=busy, now=self._now())
+
     def _identified(self, agent: str, request: Action) -> Action:
-        """Return a request with an id: by hand there may be none."""
+        """Return the request with an id: requests by hand may have none."""
         if request.id:
             return request
         self._by_hand += 1
         return replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
 
     def _asker(self, action: Action) -> str:
-        """Name who asked for an action: an agent, or somebody in its name, by hand."""
+        """Return who requested an action, for people: an agent, or somebody by hand in its name."""
         return f"{action.agent}, by hand" if self._is_by_hand(action) else action.agent
 
     def _is_by_hand(self, action: Action) -> bool:
         unsigned = action.id.startswith(f"{action.agent}:{self._boot}:hand")
         return unsigned or action.header.source not in ("", action.agent)
 
-    def _used_otherwise(self, action: Action) -> str:
-        """Say what else an id was used for, empty if for nothing: the answer to another action is none to this one."""
+    def _known(self, action: Action, follower: Follower) -> bool:
+        """Answer a request whose id was begun before; for another action than this one it is refused."""
         job, entry = self._jobs.get(action.id), self._ledger.find(action.id)
         if job is not None:
-            agent, name = job.action.agent, job.action.name
+            used_by, used_for = job.action.agent, job.action.name
         elif entry is not None:
-            agent, name = entry.agent, entry.name
+            used_by, used_for = entry.agent, entry.name
         else:
-            return ""
-        return "" if (agent, name) == (action.agent, action.name) else f"the id was used for {name} of {agent}"
-
-    def _known(self, action: Action, follower: Follower) -> bool:
-        """Answer a request for an id that was begun before."""
-        if (job := self._jobs.get(action.id)) is not None:
-            job.join(action.header.source, follower)
-            return True
-        if (entry := self._ledger.find(action.id)) is None:
             return False
-        unknown = Outcome("failed", "the bridge restarted while it ran; how it ended is not known", "restart")
-        follower(entry.final or self._statuses.ended(action, unknown))
+        if (used_by, used_for) != (action.agent, action.name):
+            self._deny(action, _bad(f"the id was used for {used_for} of {used_by}"), follower)
+        elif job is not None:
+            job.join(action.header.source, follower)
+        elif entry is not None:
+            unknown = Outcome("failed", "the bridge restarted while it ran; how it ended is not known", "restart")
+            follower(entry.final or self._statuses.ended(action, unknown))
         return True
 
     def _begin(self, action: Action, follower: Follower) -> None:
@@ -330,11 +323,11 @@ class ActionServer:
         accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline, paused=self.paused)
         follower(accepted)
         self._publish(action.agent, accepted)
-        progress, until = Progress(self._board, action.agent, action.name, entry), self._pause.elapsed + deadline
-        held = _held(action.name)
-        job = RunningAction(action, entry, held, until, deadline, accepted, now, progress, arguments, held=True)
+        until, held = self._pause.elapsed + deadline, _held(action.name)
+        job = RunningAction(action, entry, held, until, deadline, accepted, now, arguments, held=True)
         job.followers.append((action.header.source, follower))
         self._jobs[action.id] = job
+        self._wake.set()
         if not self.paused:
             self._perform(job)
         if job.execution.outcome is not None and job.execution.outcome.state != "succeeded":
@@ -347,14 +340,25 @@ class ActionServer:
             log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, action.id, error.strerror)
 
     def _perform(self, job: RunningAction) -> None:
-        """Let the driver carry an action out: now that it is asked for, or when a pause is over."""
+        """Let the driver carry an action out, when it is accepted or when a pause is over."""
         action, entry, job.held = job.action, job.entry, False
         if self._manifest.driver_of(entry) not in OURS:
-            self._note(job)  # first: should its driver not return, the log names the action
-        job.execution = self._calls.perform(action.name, entry, job.arguments)
+            self._note(job)  # first: if its driver does not return, the log names the action
+        job.execution = execution = self._driver.perform(action.name, entry, job.arguments)
+        execution.on_end(partial(self._ended, job, execution))
+
+    def _ended(self, job: RunningAction, execution: Execution) -> None:
+        """Take in that an execution has ended, unless a pause has interrupted it."""
+        if job.execution is not execution or execution.outcome is None:
+            return
+        try:
+            self._finish(job, execution.outcome)
+            self._look_at_lease()
+        except Exception:  # the driver that pushes the end must not suffer for a defect here
+            log.exception("robot=%s defect at the end of action %s", self.robot, job.action.id)
 
     def _look_at_pause(self) -> None:
-        """End a pause when others fly the robot: it is theirs, and what has waited has failed."""
+        """End a pause when others fly the robot; the actions that waited have failed."""
         if not self.paused or not (mode := self._driver.overridden):
             return
         if self._holding is not None and not self._holding.over:
@@ -369,7 +373,7 @@ class ActionServer:
     def _answer_built_in(
         self, action: Action, arguments: dict[str, Argument], refusal: Outcome | None, follower: Follower
     ) -> None:
-        """`release` and `hand_over`: done at once, and never while an action of the holder runs."""
+        """Carry out `release` or `hand_over`, which end immediately; not while an action of the holder runs."""
         if refusal is None and self.lease.holder == action.agent and self._jobs:
             said = f"busy: {', '.join(self.running)} is running; cancel it first, or wait for its end"
             refusal = Outcome("refused", said, "busy")
@@ -389,7 +393,7 @@ class ActionServer:
         self._record(action, status)
 
     def _take(self, action: Action, entry: ActionEntry) -> list[RunningAction]:
-        """Take the robot from an agent of lower rank: what runs for it fails. Returns what moved the robot."""
+        """Take the robot from an agent of lower rank: its actions fail. Returns those that moved the robot."""
         taken = list(self._jobs.values())
         for job in taken:
             self._end(job, Outcome("failed", f"lease taken by {action.agent}", "lease"), hold=False)
@@ -400,12 +404,12 @@ class ActionServer:
         return moving
 
     def _hold_for(self, taken: list[RunningAction]) -> None:
-        """Let the robot stay where it is: whoever has taken it does not move it."""
+        """Let the robot stay where it is: the agent that has taken it does not move it."""
         for job in taken:
-            self._calls.hold(job.execution, Outcome("failed", job.status.reason, "lease"))
+            self._driver.hold(job.execution, Outcome("failed", job.status.reason, "lease"))
 
     def _busy(self, action: Action, entry: ActionEntry, rival: bool) -> Outcome | None:
-        """Why an action cannot begin beside those that run; None if it can. What runs for a `rival` would end."""
+        """Why an action cannot begin beside those that run; None if it can. Actions of a `rival` would end."""
         if rival:
             return None
         ending = self._superseded(entry)
@@ -424,7 +428,7 @@ class ActionServer:
         self._record(action, self._deny(action, refusal, follower))
 
     def _deny(self, action: Action, refusal: Outcome, follower: Follower) -> ActionStatus:
-        """Refuse an action whose id stands for another one, or for none."""
+        """Refuse an action without recording its id."""
         status = self._statuses.ended(action, refusal)
         log.info("robot=%s action %s %s refused: %s", self.robot, action.id, action.name, status.reason)
         follower(status)
@@ -432,15 +436,16 @@ class ActionServer:
         return status
 
     def _end(self, job: RunningAction, outcome: Outcome, *, hold: bool) -> ActionStatus:
-        self._calls.stop(job.execution, outcome, hold=hold and not job.held)
+        job.execution.ended = None  # stopping may still add to the reason
+        self._driver.stop(job.execution, outcome, hold=hold and not job.held)
         return self._finish(job, job.execution.outcome or outcome)
 
     def _finish(self, job: RunningAction, outcome: Outcome) -> ActionStatus:
         if job.action.id not in self._jobs:
             return job.status
         del self._jobs[job.action.id]
-        job.progress.end()
-        self._board.flush(self._now())
+        job.show(self._board, {})
+        self._board.flush()
         status = self._statuses.ended(job.action, outcome, job.execution.feedback)
         self._tell(job, status)  # first: its agent waits for it
         self._record(job.action, status)
@@ -449,20 +454,18 @@ class ActionServer:
         return status
 
     def _log_cause(self, job: RunningAction, elapsed: float) -> None:
-        """Write into the log what hinders an action, and each change of it; what is over in a moment is left out."""
+        """Log what hinders an action, and each change of it, but no cause that is over in a moment."""
         begun = job.deadline_at - job.deadline
         if job.cause and job.cause != job.logged_cause and elapsed - begun >= CAUSE_AFTER * self._feedback_every:
             job.logged_cause = job.cause
             log.warning("robot=%s action %s %s waits: %s", self.robot, job.action.id, job.action.name, job.cause)
 
     def _note(self, job: RunningAction) -> None:
-        """Write into the log that an action has begun; of one that is over at once, after its agent was told."""
+        """Log that an action has begun; if it ends immediately, after its agent got the status."""
         if not job.noted:
             job.noted = True
-            self._say_begun(job.action, job.arguments)
-
-    def _say_begun(self, action: Action, arguments: dict[str, Argument]) -> None:
-        log.info("robot=%s action %s %s%s", self.robot, action.id, action.name, list(arguments.values()))
+            action, values = job.action, list(job.arguments.values())
+            log.info("robot=%s action %s %s%s", self.robot, action.id, action.name, values)
 
     def _tell(self, job: RunningAction, status: ActionStatus) -> None:
         job.tell(status)
@@ -476,10 +479,10 @@ class ActionServer:
 
 
 def _bad(reason: str) -> Outcome:
-    """Refuse a request for what is in it."""
+    """Return the refusal of a request for its content."""
     return Outcome("refused", reason, "request")
 
 
 def _held(name: str, feedback: Mapping[str, float] = MappingProxyType({})) -> Execution:
-    """What stands for an action that waits for the end of a pause."""
+    """Return the execution of an action that waits for the end of a pause."""
     return Execution(name, feedback=dict(feedback), waits_for="paused by the operator")

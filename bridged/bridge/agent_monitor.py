@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from bridged.bridge.bridge import Bridge
-from bridged.bridge.idle_monitor import Idleness
 from bridged.bridge.robot_setup import RobotSetup
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
@@ -15,6 +14,47 @@ from commd.common.tasks import wait_at_most
 from commd.liveness.presence import Presence, Silence
 from schemas.wire import keys
 from schemas.wire.records import Health
+
+LEAST = 3.0
+"""Wall seconds at least, at any speed: agents report once a second whether they are idle."""
+
+
+class Idleness:
+    """Judges the agents of one robot: they are idle when each one present reports that it is idle.
+
+    A client of `commd.client` never reports it: it may act at any time.
+    """
+
+    def __init__(self, after: float) -> None:
+        """`after`: mission seconds."""
+        self._after = after
+        self._idle: dict[str, bool] = {}
+        self._since: tuple[float, float] | None = None
+        """Mission and wall seconds."""
+
+    def told(self, agent: str, idle: bool | None) -> None:
+        """Take in the health of an agent; None: it does not report whether it is idle."""
+        self._idle[agent] = idle is True
+
+    def gone(self, agent: str) -> None:
+        """Forget what an agent reported: it has ended."""
+        self._idle.pop(agent, None)
+
+    def look(self, there: Collection[str], unattended: bool, now: float, wall: float, *, lost: bool = False) -> float:
+        """Return for how many mission seconds the robot has been unattended; 0 until `after` is over.
+
+        `lost`: the agent that answers for it is lost; the others' intentions then do not count.
+        """
+        idle = bool(there) and all(self._idle.get(agent, False) for agent in there)
+        if not (unattended and (lost or idle)):
+            self._since = None
+            return 0.0
+        if self._since is None:
+            self._since = now, wall
+        begun, begun_wall = self._since
+        over = now - begun >= self._after and wall - begun_wall >= LEAST
+        return now - begun if over else 0.0
+
 
 WATCH_EVERY = 0.5
 """Wall seconds between two looks at who is there."""
@@ -24,12 +64,12 @@ log = logging.getLogger("bridged")
 async def watch_agents(bus: Bus, part: RobotSetup, boards: Mapping[str, str], bridge: Bridge, clock: Clock) -> None:
     """Do what the mission says when the agent that acted last is gone, or none intends anything with a flying robot.
 
-    `boards` says where each agent lives. One that says nothing for the robot's `agent_silence` is as good as gone.
+    `boards` is the board of each agent. One that is silent for the robot's `agent_silence` counts as lost.
     """
     agents, patience = part.agents, part.silence
     presence, silence, changed = Presence(agents, boards.get), Silence(patience), asyncio.Event()
     idleness = Idleness(part.idle_after)
-    presence.expect(bridge.lease.answers, clock.wall())  # who had the robot in our last life may have died with it
+    presence.expect(bridge.lease.answers, clock.wall())  # the holder may have ended together with our last run
 
     def token(key: str, alive: bool) -> None:
         if parsed := keys.parse(key):

@@ -1,7 +1,8 @@
-"""The bridge of one robot, put together: driver, percepts, actions. No bus: what it says goes to two callbacks."""
+"""The bridge of one robot, put together: driver, percepts, actions. It has no bus but two callbacks that publish."""
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Callable
 from functools import partial
@@ -19,6 +20,7 @@ from bridged.bridge.safety_orders import SafetyOrders
 from bridged.drivers.api import Setup
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
+from commd.common.tasks import wait_at_most
 from commd.process.systemd import Loop
 from schemas.manifest.loader import Manifest
 from schemas.manifest.rules import FUNCTOR
@@ -26,6 +28,10 @@ from schemas.mission.model import Mission
 from schemas.wire.records import ActionStatus, Health, Note
 from schemas.wire.terms import Atom
 
+TICK, TICKS = 0.05, 20.0
+"""Most wall seconds between two steps, and least steps in a mission second."""
+TICK_IDLE = 1.0
+"""Wall seconds between two steps while nothing is due soon: each step wakes the process."""
 UNREADABLE = ("bad_checksums", "unreadable_packets", "samples_unreadable")
 """Counters of drivers that are bad input."""
 log = logging.getLogger("bridged")
@@ -50,16 +56,17 @@ class Bridge:
         shared: dict[str, Any] | None = None,
         loop: Loop | None = None,
     ) -> None:
-        """`shared` is what the drivers of one process share; each look at the robot is a beat of `loop`.
+        """`shared` is what the drivers of one process share; each turn of the robot's own driver is a beat of `loop`.
 
-        Raises OSError if the ledger cannot be opened, ValueError for what a driver cannot use.
+        Raises OSError if the action log cannot be opened, ValueError for what a driver cannot use.
         """
         self.name = robot
-        self._clock = clock
+        self._clock, loop = clock, loop or Loop.unwatched()
+        self._wake = asyncio.Event()
+        """Set when something begins that steps are due for soon."""
         agents = mission.agents_of(robot)
-        speed = clock.speed
         self.board = PerceptPublisher(
-            manifest, agents, publish_percept, robot=robot, boot=boot, stamp=clock.stamp, speed=speed
+            manifest, agents, publish_percept, robot=robot, boot=boot, clock=clock, wake=self._wake
         )
         self.driver = CompositeDriver(
             Setup(
@@ -68,14 +75,14 @@ class Bridge:
                 robot=mission.robots[robot],
                 folder=mission.path.parent,
                 clock=clock,
-                on_reading=lambda reading: self.board.take(reading, clock.now()),
-                on_step=self.step,
+                on_reading=self.board.take,
+                on_turn=loop.beat,
                 bus=bus,
                 state=ledger.parent,
                 simulated=simulated,
                 shared={} if shared is None else shared,
             ),
-            loop or Loop.unwatched(),
+            loop,
         )
         self.ledger = ActionLog(ledger)
         self.lease = Lease(agents, mission.robots[robot].lease.priority, self._lease_changed, arms=self.driver.arms)
@@ -88,19 +95,18 @@ class Bridge:
             self.lease,
             robot=robot,
             boot=boot,
-            stamp=clock.stamp,
-            now=clock.now,
-            speed=speed,
+            clock=clock,
+            wake=self._wake,
         )
         self.live = RunningManifest(manifest, self._adopt, partial(order_findings, mission, robot))
         self.orders = SafetyOrders(self.action_server, self.driver, clock, mission.robots[robot].idle_after)
-        self.lease.restore(*self.ledger.held())  # whoever had the robot in our last life is still answered for
+        self.lease.restore(*self.ledger.held())  # the agent of our last run still has the robot
         if self.lease.answers:
             self.driver.may_be_moving()
         self._tell_holder()
 
     def _adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest. Raises what the drivers raise, before anything else has changed."""
+        """Continue by another manifest. Raises what the drivers raise, before anything else has changed."""
         self.driver.adopt(manifest)
         self.board.adopt(manifest)
         self.action_server.adopt(manifest)
@@ -114,7 +120,7 @@ class Bridge:
         self._tell_holder()
 
     def _tell_holder(self) -> None:
-        """Let the agents that share the robot perceive which of them has it."""
+        """Publish to the agents that share the robot which of them has it."""
         if len(self.board.sets) < 2:
             return
         holder = self.lease.holder
@@ -124,16 +130,43 @@ class Bridge:
             else:
                 self.board.withdraw(agent, "holder")
 
-    def step(self) -> None:
-        """After the driver has looked at the robot: age percepts, pass on what became of actions."""
-        self.board.tick(self._clock.now())
+    async def run(self) -> None:
+        """Run the drivers, and let time pass, until cancelled. Raises what `CompositeDriver.run` raises."""
+        passing = asyncio.create_task(self._pass_time())
+        try:
+            await self.driver.run()
+        finally:
+            passing.cancel()
+            await asyncio.gather(passing, return_exceptions=True)
+
+    async def _pass_time(self) -> None:
+        """Step by the clock, independently of what the robot sends."""
+        pause = min(TICK, 1 / (TICKS * self._clock.speed))
+        while True:
+            self._wake.clear()
+            soon = True
+            try:
+                soon = self.step()
+            except Exception as error:  # a defect must not end the bridge, and with it the way home
+                what = {"message": f"looking at {self.name}", "exception": error}
+                asyncio.get_running_loop().call_exception_handler(what)
+            if soon:
+                await asyncio.sleep(pause)
+            else:
+                await wait_at_most(self._wake, TICK_IDLE)
+
+    def step(self) -> bool:
+        """Let time pass for orders, percepts and actions. Returns whether the next step is due soon."""
+        self.driver.step()
+        held_back = self.board.tick()
         self.action_server.step()
+        return held_back or bool(self.action_server.running) or self.driver.active
 
     def health(self) -> Health:
         """Figures and warnings for the bus."""
         counters = self.driver.counters() | {
             "percepts_expired": self.board.expired,
-            "percepts_unreadable": self.board.translator.unreadable,
+            "percepts_unreadable": self.board.unreadable,
             "actions_running": len(self.action_server.running),
             "manifest_version": self.live.version,
         }

@@ -37,7 +37,7 @@ from schemas.wire.records import (
 ACTION_BYTES = 128 * 1024
 """A larger request is refused unread: a mission of 700 items, each of eight long numbers, has 100 kB."""
 FOLLOW_AT_MOST = 3600.0
-"""Wall seconds for which a query follows an action; whoever still waits asks again with the same id."""
+"""Wall seconds for which a query follows an action; who waits longer asks again with the same id."""
 BY_HAND = "asked by hand, which this mission does not allow; say `inject: true` in the mission file to allow it"
 log = logging.getLogger("bridged")
 
@@ -50,24 +50,22 @@ class Service:
         self._bus, self._robot = bus, robot
         self._agents, self._inject = tuple(agents), inject
         self._stops = 0
-        """Orders to stop that have come and are not begun."""
+        """Orders that have arrived and are not begun."""
 
     def publish_percept(self, agent: str, perception: Perception) -> None:
         """Put one change of what an agent perceives."""
         self._bus.put(keys.percept(self._bus.fleet, agent, perception.name), perception)
 
     def publish_status(self, agent: str, status: ActionStatus) -> None:
-        """Put a status for observers, in the order of all statuses, when what is under way now is done: the agent's
-        own answer does not wait for them.
-        """
+        """Put a status for observers, after the agent's own answer has been sent."""
         key = keys.status(self._bus.fleet, agent, status.name)
         asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
     def open(
         self, board: PerceptPublisher, action_server: ActionServer, orders: SafetyOrders, live: RunningManifest
     ) -> None:
-        """Begin to serve. What changes what an action meets is served `at_once` as actions are: in the order in which
-        it comes, an action behind a stop is refused."""
+        """Begin to serve. Orders and manifest changes are served `at_once` as actions are, in the order of arrival: an
+        action behind a stop is refused."""
         bus, fleet = self._bus, self._bus.fleet
         for agent in self._agents:
             bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, board.sets[agent]))
@@ -96,7 +94,7 @@ class Service:
     def _act(
         self, agent: str, action_server: ActionServer, live: RunningManifest, query: Query[Action]
     ) -> Awaitable[None] | None:
-        """Carry out an action asked for on a concrete key with a valid payload; describe it to anybody else."""
+        """Carry out a valid request on a concrete key; answer any other query with descriptions of actions."""
         if not query.concrete or query.record is None:
             self._describe(agent, live.manifest, query)
             return None
@@ -133,7 +131,7 @@ class Service:
             query.reply(action_server.leave(agent, query.record.id, BY_HAND))
 
     def _read_or_change(self, live: RunningManifest, query: Query[ManifestChange]) -> None:
-        """Answer with the running manifest, after the change that the query carries, if it carries one."""
+        """Answer with the running manifest, after the change in the query, if there is one."""
         key = keys.manifest(self._bus.fleet, self._robot)
         if query.error or (query.record is not None and not query.concrete):
             query.reply_error(query.error or "a change is for one robot: ask on its own key")
@@ -152,7 +150,7 @@ class Service:
     def _stop(
         self, action_server: ActionServer, orders: SafetyOrders, query: Query[StopOrder]
     ) -> Awaitable[None] | None:
-        """Let no action begin from now on, and carry the order out; or let them begin again; or pause and continue."""
+        """Block actions and carry the order out; or release them; or pause and continue."""
         if query.record is None or not query.concrete:
             query.reply_error(
                 query.error or 'expected an order: {"order": "hold"}, land, rtl, release, pause or continue'
@@ -188,17 +186,17 @@ def _tell_outcome(query: Query[StopOrder], outcome: OfOrder) -> None:
 
 
 class _Following:
-    """Answers one asker with each status of its action, at once: the final one is not kept waiting by anything."""
+    """Replies to one query with each status of its action, without waiting for anything else."""
 
     def __init__(self, query: Query[Action]) -> None:
         self._query = query
         self._first: ActionStatus | None = None
-        """What it was told while the desk still looks at its request: no news if that is over by then."""
+        """A status from within the request itself; not sent if the action is over when the request returns."""
         self._asked = False
         self._ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     def hear(self, status: ActionStatus | None) -> None:
-        """Hear of a status; None: a newer asker takes the place. Never raises."""
+        """Take in a status; None: a newer query takes the place. Never raises."""
         if self._ended.done():
             return
         try:
@@ -209,11 +207,11 @@ class _Following:
                 self._query.reply(status)
             if status is None or status.final:
                 self._ended.set_result(None)
-        except Exception as error:  # whoever tells is not to suffer for what cannot be sent
+        except Exception as error:  # a status that cannot be sent must not fail its publisher
             self._ended.set_exception(error)
 
     def to_its_end(self) -> Awaitable[None] | None:
-        """Follow the action to its end from now on; None if that has come. Raises what was wrong with a status."""
+        """Return the wait for the end of the action, None if it has ended. Raises what was wrong with a status."""
         self._asked = True
         if self._first is not None:
             self.hear(self._first)
@@ -230,5 +228,5 @@ class _Following:
 
 
 def is_by_hand(agent: str, request: Action) -> bool:
-    """Whether somebody else than the agent asks: an agent gives its requests an id and says who it is."""
+    """Whether a request is not the agent's own: an agent gives its requests an id and its name as source."""
     return not (request.id and request.header.source == agent)

@@ -1,28 +1,39 @@
-"""The body of a robot: its own driver, and those that some of its percepts and actions name, as one driver."""
+"""A robot's drivers as one: its own, and those that some of its percepts and actions name.
+
+A driver that raises has failed what it was asked for; nobody else is left without an answer or an order by that.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 import math
+import socket
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from weakref import WeakKeyDictionary
 
-from bridged.bridge.driver_supervisor import DriverSupervisor, may_come
-from bridged.drivers import find_driver
 from bridged.drivers.api import Driver, Execution, Order, Outcome, Pausable, Reading, Setup, Value, defers
 from bridged.drivers.argument_check import read_call
+from bridged.drivers.registry import find_driver
 from commd.process.systemd import Loop
 from schemas.files.findings import Findings
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
 
 HOLD_PATIENCE = 10.0
-"""Wall seconds in which a robot must hold that was told so by an action of its manifest."""
+"""Wall seconds in which a robot must hold that is ordered to by an action of its manifest."""
+PAUSES = (0.5, 5.0)
+"""First and longest wall seconds until a driver that could not open its link is run again."""
+LASTS = 1.0
+"""Wall seconds that a driver must have run until its last failure is no warning any more."""
+MAY_COME = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO})
+"""Errors of a device that is not plugged in."""
 log = logging.getLogger("orders")
+drivers_log = logging.getLogger("drivers")
 _PAUSED = Outcome("cancelled", "paused by the operator", "operator")
 
 
@@ -35,15 +46,16 @@ class _Begun:
 
 
 class CompositeDriver:
-    """A `bridged.drivers.api.Driver`: state and orders are the robot's own driver's, actions each one's own.
+    """A `bridged.drivers.api.Driver`: state and orders are those of the robot's own driver, actions of each one.
 
     A robot whose driver knows no order (a turtle has no mode to hold in) has actions of its manifest instead.
+    `perform`, `order`, `pause`, `resume`, `stop` and `hold` never raise.
     """
 
     def __init__(self, setup: Setup, loop: Loop | None = None) -> None:
-        """Make the drivers, of a manifest that nothing is wrong with; each look of the robot's own is a beat of `loop`.
+        """Make the drivers, of a manifest that nothing is wrong with; each turn of the robot's own is a beat of `loop`.
 
-        Raises OSError or ValueError, in words.
+        Raises OSError or ValueError.
         """
         self._setup, self._loop = setup, loop or Loop.unwatched()
         self._manifest = setup.manifest
@@ -69,7 +81,10 @@ class CompositeDriver:
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action by its driver."""
         driver = self._drivers[self._manifest.driver_of(entry)]
-        execution = driver.perform(name, entry, arguments)
+        try:
+            execution = driver.perform(name, entry, arguments)
+        except Exception as error:
+            return _defect(name, error)
         self._of[execution] = _Begun(driver, entry.motion)
         if entry.motion:
             self.may_be_moving()
@@ -100,24 +115,33 @@ class CompositeDriver:
         for execution, begun in list(self._of.items()):
             if not (by_itself and begun.driver is self.own):  # whose driver ends them itself
                 self._end(execution, ending)
-        return self.own.order(order, ending, insist=insist) if by_itself else self._by_action(order)
+        try:
+            return self.own.order(order, ending, insist=insist) if by_itself else self._by_action(order)
+        except Exception as error:
+            return _defect(order, error)
 
     def pause(self, interrupted: Collection[Execution]) -> Execution:
-        """Hold the robot until `resume`; `interrupted` end without a word, other actions go on."""
+        """Hold the robot until `resume`; `interrupted` end, their followers are not told; other actions go on."""
         for execution in interrupted:
             begun = self._of.get(execution)
             if begun is not None and not (begun.driver is self.own and isinstance(self.own, Pausable)):
                 self._end(execution, _PAUSED)
-        if isinstance(self.own, Pausable):
-            return self.own.pause(interrupted)
-        if "hold" in self.own.orders:
-            return self.own.order("hold", _PAUSED, insist=True)
-        return self._by_action("hold")
+        try:
+            if isinstance(self.own, Pausable):
+                return self.own.pause(interrupted)
+            if "hold" in self.own.orders:
+                return self.own.order("hold", _PAUSED, insist=True)
+            return self._by_action("hold")
+        except Exception as error:
+            return _defect("pause", error)
 
     def resume(self) -> Execution:
         """Bring the robot back into the state before the pause, if its driver can."""
         if isinstance(self.own, Pausable):
-            return self.own.resume()
+            try:
+                return self.own.resume()
+            except Exception as error:
+                return _defect("continue", error)
         execution = Execution("continue")
         execution.end(Outcome("succeeded"))
         return execution
@@ -128,18 +152,25 @@ class CompositeDriver:
         The reason of an execution that was to end in a hold says so if the robot does not hold yet.
         """
         ran, begun = not execution.over, self._of.get(execution)
-        (self.own if begun is None else begun.driver).stop(execution, outcome, hold=hold)
-        if ran and hold and self._holds_by_action:
-            said = self._hold(outcome)
-            if said and execution.outcome is not None:
-                execution.outcome = replace(execution.outcome, reason=f"{execution.outcome.reason}; {said}")
+        try:
+            (self.own if begun is None else begun.driver).stop(execution, outcome, hold=hold)
+            if ran and hold and self._holds_by_action:
+                said = self._hold(outcome)
+                if said and execution.outcome is not None:
+                    execution.outcome = replace(execution.outcome, reason=f"{execution.outcome.reason}; {said}")
+        except Exception:
+            log.exception("defect in the driver when %s was to end", execution.name)
+        execution.end(outcome)
 
     def hold(self, execution: Execution, ending: Outcome) -> None:
         """Let the robot stay where it is although what moved it has ended: whoever has it now does not move it."""
-        if self._holds_by_action:
-            self._hold(ending)
-        elif begun := self._of.get(execution):
-            begun.driver.stop(execution, ending, hold=True)
+        try:
+            if self._holds_by_action:
+                self._hold(ending)
+            elif begun := self._of.get(execution):
+                begun.driver.stop(execution, ending, hold=True)
+        except Exception:
+            log.exception("defect in the driver when the robot was to hold after %s", execution.name)
 
     @property
     def active(self) -> bool:
@@ -230,8 +261,8 @@ class CompositeDriver:
 
     def _make(self, name: str) -> None:
         own = name == self._manifest.robot.driver
-        step = self._own_step if own else self._step
-        setup = replace(self._setup, manifest=self._manifest.part(name), on_step=step)
+        on_turn = self._loop.beat if own else lambda: None
+        setup = replace(self._setup, manifest=self._manifest.part(name), on_turn=on_turn)
         if not own:
             tell = setup.on_reading
             setup = replace(setup, on_reading=lambda reading: tell(replace(reading, driver=name)))
@@ -245,45 +276,36 @@ class CompositeDriver:
         self._supervisor[name] = DriverSupervisor(self._setup.name, name, driver, partial(self._failed, name), loop)
 
     def _failed(self, name: str, why: str) -> None:
-        """A driver does not run: what it carries out has failed, and what an auxiliary one told holds no longer."""
-        for execution, begun in list(self._of.items()):
-            if begun.driver is self._drivers[name]:
-                self._end(execution, Outcome("failed", why))
+        """A driver does not run: percepts of an auxiliary one are withdrawn, and what it carries out has failed."""
         if name != self._manifest.robot.driver:
             for source in {entry.source for entry in self._manifest.part(name).percepts.values()}:
                 self._setup.on_reading(Reading(source, None, name))
-        self._step()
+        for execution, begun in list(self._of.items()):
+            if begun.driver is self._drivers[name]:
+                self._end(execution, Outcome("failed", why))
 
-    def _step(self) -> None:
-        """A driver has looked at its executions: also at a hold that nobody else waits for."""
+    def step(self) -> None:
+        """Let time pass: end a hold that has not happened in time and that nobody else waits for."""
         if self._halt is not None and self._setup.clock.wall() > self._halt_until:
             outcome = Outcome("timed_out", f"not done within {HOLD_PATIENCE:g} s", "deadline")
             self.stop(self._halt, outcome, hold=False)
-        self._setup.on_step()
-
-    def _own_step(self) -> None:
-        """The robot's own driver has come round."""
-        self._loop.beat()
-        self._step()
 
     def _end(self, execution: Execution, ending: Outcome) -> None:
         if not execution.over:
-            self._of[execution].driver.stop(execution, ending, hold=False)
+            self.stop(execution, ending, hold=False)
 
     @property
     def _holds_by_action(self) -> bool:
         return "hold" not in self.own.orders and "hold" in self._manifest.orders
 
     def _hold(self, ending: Outcome) -> str:
-        """End what moves the robot, and let it hold by its action. Returns in words why it does not hold yet."""
+        """End what moves the robot, and let it hold by its action. Returns why it does not hold yet, for people."""
         for execution, begun in list(self._of.items()):
             if begun.motion:
                 self._end(execution, ending)
         halt = self._by_action("hold")
         self._halt_until = self._setup.clock.wall() + HOLD_PATIENCE
-        halt.ended = lambda: self._tell_unheld(halt)
-        if halt.over:
-            self._tell_unheld(halt)
+        halt.on_end(partial(self._tell_unheld, halt))
         return _not_done(halt) or ("" if halt.over else "hold is not confirmed yet")
 
     def _tell_unheld(self, halt: Execution) -> None:
@@ -303,9 +325,80 @@ class CompositeDriver:
         return execution
 
 
+def _defect(name: str, error: Exception) -> Execution:
+    """Return an execution that has failed by an exception of its driver."""
+    log.error("defect in the driver at %s", name, exc_info=error)
+    execution = Execution(name)
+    execution.end(Outcome("failed", f"defect in the driver: {type(error).__name__}: {error}"))
+    return execution
+
+
 def _not_done(halt: Execution) -> str:
-    """In words that an order has ended without success; empty if it has not."""
+    """Say that an order has ended without success; empty if it has not."""
     outcome = halt.outcome
     if outcome is None or outcome.state == "succeeded":
         return ""
     return f"`{halt.name}` {outcome.state.replace('_', ' ')}: {outcome.reason}"
+
+
+class DriverSupervisor:
+    """Runs a driver for as long as the bridge does."""
+
+    def __init__(self, robot: str, name: str, driver: Driver, on_failure: Callable[[str], None], loop: Loop) -> None:
+        """`on_failure` is called with the reason each time that the driver has stopped.
+
+        The driver's turns are beats of `loop`, from the first one after it began to wait: opening a link may take long.
+        """
+        self._loop = loop
+        self._robot, self._name, self._driver, self._on_failure = robot, name, driver, on_failure
+        self.problem = ""
+        """Why the driver does not run; empty while it does."""
+
+    async def keep(self, worth_waiting: Callable[[OSError], bool]) -> None:
+        """Run it until cancelled, again after each OSError that is worth waiting for. Raises every other failure."""
+        loop, (pause, longest) = asyncio.get_running_loop(), PAUSES
+        while True:
+            running = loop.call_later(LASTS, self._runs)
+            loop.call_soon(self._loop.rest)  # after its first readings, when it waits for its link to open
+            try:
+                await self._driver.run()
+                raise RuntimeError(f"driver `{self._name}` of {self._robot} has ended by itself")
+            except OSError as error:
+                if not worth_waiting(error):
+                    raise
+                self._loop.rest()
+                self._failed(str(error) or type(error).__name__, "it is tried again")
+            finally:
+                running.cancel()
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, longest)
+
+    async def keep_apart(self) -> None:
+        """Run it until cancelled; its failure is nobody else's, and is left at a warning."""
+        try:
+            await self.keep(lambda error: True)
+        except Exception as error:
+            self._loop.end()
+            self._failed(f"{type(error).__name__}: {error}", "it is not run again before the bridge is restarted")
+            await asyncio.Event().wait()
+
+    def _runs(self) -> None:
+        if self.problem:
+            drivers_log.info("robot=%s driver `%s` runs again", self._robot, self._name)
+        self.problem = ""
+
+    def _failed(self, why: str, then: str) -> None:
+        problem = f"driver `{self._name}` does not run: {why}; {then}"
+        if problem != self.problem:
+            drivers_log.error("robot=%s %s", self._robot, problem)
+        self.problem = problem
+        try:
+            self._on_failure(problem)
+        except Exception as error:  # of the bridge: the driver is tried again all the same
+            asyncio.get_running_loop().call_exception_handler({"message": problem, "exception": error})
+
+
+def may_come(error: OSError) -> bool:
+    """Whether what a driver could not open may be there later: a device, a name; a port that is taken is not."""
+    cause = error.__cause__ if isinstance(error.__cause__, OSError) else error
+    return isinstance(cause, socket.gaierror) or cause.errno in MAY_COME

@@ -12,7 +12,7 @@ IDLE = 10.0
 
 
 class Lease:
-    """Who has a robot, and who answers for it."""
+    """Which agent has a robot, and which one answers for it."""
 
     def __init__(
         self,
@@ -24,11 +24,11 @@ class Lease:
     ) -> None:
         """`on_change` is called when somebody else has it, or nobody; `arms`: the robot shows whether it is in use."""
         self.answers = ""
-        """The agent whose action was taken last, until the robot is seen to be left; its loss is the pilot's loss."""
+        """The agent whose action was accepted last, until the robot is seen to be left: if it is lost, nobody flies."""
         self.free = False
         """Whether another agent may take it from the one that answers for it."""
         self.closed = ""
-        """Why no other agent may take it now although its holder is no more; empty = one may."""
+        """Why no other agent may take it now although its holder is lost; empty = one may."""
         self.present: Collection[str] | None = None
         """The agents that are alive; None while nobody looks."""
         self._agents, self._priority, self._on_change, self._arms = agents, list(priority), on_change, arms
@@ -42,12 +42,12 @@ class Lease:
         return "" if self.free else self.answers
 
     def restore(self, agent: str, free: bool) -> None:
-        """Go on as a former life of the bridge left it."""
+        """Restore the lease of a former run of the bridge."""
         if agent in self._agents:
             self.answers, self.free = agent, free
 
     def refuses(self, agent: str, doing: str, now: float) -> str:
-        """Why an agent may not act, empty if it may; `doing` is what runs for the holder."""
+        """Why an agent may not act, empty if it may; `doing`: the holder's running actions."""
         if agent == self.answers:
             return ""
         if self.closed:
@@ -81,7 +81,7 @@ class Lease:
         return ""
 
     def release(self, agent: str) -> str:
-        """The holder lets go of it; it goes on to answer for a robot in use until another takes it.
+        """Release the robot; its holder still answers for a robot in use until another agent takes it.
 
         Returns why it cannot, empty if it has, or if nobody held it.
         """
@@ -91,12 +91,12 @@ class Lease:
         return ""
 
     def let_go(self) -> None:
-        """From now on any agent may take the robot."""
+        """Let any agent take the robot."""
         if self.holder:
             self._become(self.answers, free=True)
 
     def step(self, *, active: bool, heard: bool, busy: bool, now: float) -> None:
-        """Look at the robot: one that is seen to be left is nobody's."""
+        """Look at the robot: the lease on one that is seen to be left ends."""
         if busy:
             self._acted = now
         idle = not busy and now - self._acted >= IDLE

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from bridged.drivers import check_manifest
+from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Finding, Findings
 from schemas.manifest.edit import changed
 from schemas.manifest.loader import Manifest, read_document
@@ -21,7 +21,7 @@ MAY_CHANGE = frozenset({"link_loss"})
 
 
 class RunningManifest:
-    """What one bridge runs by now."""
+    """The manifest of one bridge."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class RunningManifest:
         )
 
     def change(self, change: ManifestChange) -> list[str]:
-        """Put a change into effect. Returns everything that is wrong with it instead, and then nothing has changed."""
+        """Put a change into effect, as a whole or not at all. Returns everything that is wrong with it."""
         if change.version not in (None, self.version):
             return [f"the manifest is at version {self.version}, the change is for version {change.version}"]
         made, problems = changed(document(self.manifest), change)
@@ -68,7 +68,7 @@ class RunningManifest:
         return problems
 
     def _fixed(self, manifest: Manifest) -> Iterable[str]:
-        """Say what would be another robot, or would need a driver that does not run."""
+        """Yield what would make it another robot, or need a driver that does not run."""
         old, new = self.manifest.robot, manifest.robot
         for field in old.__struct_fields__:
             if field not in MAY_CHANGE and getattr(old, field) != getattr(new, field):

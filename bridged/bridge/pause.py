@@ -1,4 +1,4 @@
-"""The operator's pause of one robot: how long it lasts, who is told of it, the time of deadlines."""
+"""The operator's pause of one robot: its percept, its record on disk, and time without pauses for deadlines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ log = logging.getLogger("actions")
 
 
 class Pause:
-    """Begins and ends; one that a former life of the bridge has begun goes on."""
+    """A pause of the robot; one that a former run of the bridge has begun continues."""
 
     def __init__(self, ledger: ActionLog, board: PerceptPublisher, robot: str, now: Callable[[], float]) -> None:
         self._ledger, self._board, self._robot, self._now = ledger, board, robot, now
@@ -36,7 +36,7 @@ class Pause:
         return (self._now() if self._since is None else self._since) - self._over
 
     def begin(self) -> None:
-        """Pause; one that lasts goes on."""
+        """Begin a pause, unless one lasts."""
         if self._since is None:
             self._since = self._now()
             self._tell()

@@ -1,47 +1,62 @@
-"""What the agents of a robot perceive now: told when it changes, at most so often, and gone when its source is silent.
+"""The present percepts of a robot's agents, made of its driver's readings by the manifest (design section 4).
 
-Pure: beliefs and the time (mission seconds) go in, perceptions come out (design section 4).
+A percept is published when it changes, no more often than its rate, and removed when its source is silent for its
+`ttl`. Pure but for the clock: readings go in, perceptions come out.
 """
 
 from __future__ import annotations
 
+import asyncio
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import msgspec
 
-from bridged.bridge.translation import Belief, Translator
 from bridged.drivers.api import Reading
-from schemas.manifest.loader import Manifest, PerceptEntry
+from bridged.paper_format.text_values import percept_value
+from commd.common.clock import Clock
+from schemas.manifest.loader import Field, Manifest, PerceptEntry
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Perception
-from schemas.wire.terms import Term, to_float
+from schemas.wire.terms import Atom, Term, number, to_float
 
 MAX_BELIEFS = 1000
-"""Beliefs that a robot may give at once; the oldest goes first, and is counted."""
+"""Beliefs that a robot may give at a time; the oldest goes first, and is counted."""
 MAX_SOURCES = 256
 """Sources whose last reading is kept."""
 JITTER = 0.25
 """Part of the period by which a change may come too soon or too late and count as on time: a 10 Hz source must not be
-halved by its jitter. On average no more than the rate is told."""
-
+halved by its jitter. On average the rate is kept."""
+DIGITS = 12
+"""Significant digits kept after a conversion: -276036830 * 1e-7 is -27.603683 and nothing beyond."""
+LARGEST = 65_536
+"""Bytes of the largest belief that is published; an agent must be able to take in each of them."""
+_LISTS, _NUMBERS = (list, tuple), (int, float)
+"""Made once: a union written in a function is built for each value of each reading."""
 _ENCODE = msgspec.msgpack.Encoder().encode
 
 Parameters = tuple[Term, ...]
 Update = Literal["replace", "add", "remove"]
 Publish = Callable[[str, Perception], None]
-"""Called with the agent and what it is to perceive."""
+"""Called with the agent and its perception."""
+ToTerm = Callable[[object], Term]
+"""Makes a term of a plain value, as the robot's `values` say."""
+Source = tuple[str, str]
+"""A driver (empty: the robot's own) and its source."""
 
 
 @dataclass(slots=True)
 class _Slot:
+    """One belief that holds."""
+
     name: str
     entry: PerceptEntry
-    told: Parameters
+    published: Parameters
     due: float
-    """When the next change may be told, in mission seconds."""
+    """When the next change may be published, in mission seconds."""
     heard_at: float
     waiting: Parameters | None = None
     """The newest value, held back by the rate."""
@@ -58,121 +73,151 @@ class PerceptPublisher:
         *,
         robot: str,
         boot: str,
-        stamp: Callable[[], int],
-        speed: float = 1.0,
+        clock: Clock,
+        wake: asyncio.Event | None = None,
     ) -> None:
-        self.translator = Translator(manifest)
-        self._percepts = manifest.percepts
+        """`wake` is set when a change is held back: ticks are due soon then."""
         self.expired = 0
         """Beliefs removed so far because their source fell silent."""
         self.dropped = 0
         """Beliefs removed so far because there were too many."""
+        self.unreadable = 0
+        """Readings so far that lacked a field which the manifest names, or had one of which no term can be made."""
         self.sets = {agent: PerceptSet() for agent in agents}
         self._publish = publish
-        self._robot, self._boot, self._stamp = robot, boot, stamp
-        self._patience = max(1.0, speed)
+        self._robot, self._boot, self._clock, self._wake = robot, boot, clock, wake or asyncio.Event()
+        self._ttl_scale = max(1.0, clock.speed)
         self._slots: dict[tuple[object, ...], _Slot] = {}
-        self._last: dict[tuple[str, str], tuple[Reading, float]] = {}
+        self._last: dict[Source, tuple[Reading, float]] = {}
         """The last reading of each source and when it came: some sources say a thing once."""
+        self._use(manifest)
+
+    def _use(self, manifest: Manifest) -> None:
+        self._percepts = manifest.percepts
+        self._term: ToTerm = percept_value if manifest.robot.values == "text" else _term
+        self._by_source: dict[Source, list[tuple[str, PerceptEntry, tuple[Field, ...]]]] = {}
+        own = manifest.robot.driver
+        for name, entry in manifest.percepts.items():
+            source = ("" if entry.driver == own else entry.driver, entry.source)
+            self._by_source.setdefault(source, []).append((name, entry, entry.fields()))
 
     def adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest: what it declares as before is untouched, what it does not declare is withdrawn.
+        """Continue by another manifest: unchanged percepts are untouched, those it does not declare are withdrawn.
 
-        A percept that is declared otherwise keeps its belief until the next reading, unless that would be another
-        belief: of another source, number of arguments or identity. That one, and what is new, is made of what the
-        source said last.
+        A percept that is declared differently keeps its belief until the next reading, unless that would be another
+        belief: of another source, number of arguments or identity. That one, and a new one, is made of the last
+        reading of its source.
         """
         old, new = self._percepts, manifest.percepts
-        made = {
-            name for name in new if name not in old or _identity(new[name], manifest) != _identity(old[name], manifest)
-        }
+        made = set()
+        for name, entry in new.items():
+            before = old.get(name, entry)
+            other = name not in old or _identity(entry, manifest) != _identity(before, manifest)
+            if other and "add" not in (entry.buf, before.buf):  # an event is over
+                made.add(name)
         for key, slot in list(self._slots.items()):
             if slot.name not in old:
                 continue
-            entry = new.get(slot.name)
-            if entry is None or _identity(entry, manifest) != _identity(slot.entry, manifest):
+            now_declared = new.get(slot.name)
+            if now_declared is None or _identity(now_declared, manifest) != _identity(slot.entry, manifest):
                 self._remove(key)
             else:
-                slot.due += _period(entry) - _period(slot.entry)
-                slot.entry = entry
-        self.translator = Translator(manifest, self.translator.unreadable)
-        self._percepts = new
+                slot.due += _period(now_declared) - _period(slot.entry)
+                slot.entry = now_declared
+        self._use(manifest)
         for reading, at in list(self._last.values()):
-            for belief in self.translator.beliefs(reading):
-                events = (belief.entry.buf, old.get(belief.name, belief.entry).buf)  # what happened is over
-                if belief.name in made and "add" not in events and belief.parameters is not None:
-                    self._hear(belief, belief.parameters, at)
+            self._read(reading, at, made)
 
-    def take(self, reading: Reading, now: float) -> None:
-        """Take in what the robot said."""
-        source = (reading.driver, reading.source)
+    def take(self, reading: Reading) -> None:
+        """Take in a reading of a driver."""
+        now, source = self._clock.now(), (reading.driver, reading.source)
         if reading.fields is None:
             self._last.pop(source, None)
         elif source in self._last or len(self._last) < MAX_SOURCES:
             self._last[source] = (reading, now)
-        for belief in self.translator.beliefs(reading):
-            if belief.parameters is None:
-                self._withdraw(belief.name)
-            else:
-                self._hear(belief, belief.parameters, now)
+        self._read(reading, now)
 
-    def tick(self, now: float) -> None:
-        """Tell what the rate held back, and remove what has aged."""
+    def tick(self) -> bool:
+        """Publish what the rate held back and is due, and remove what has aged. Returns whether more is held back."""
+        now, held_back = self._clock.now(), False
         for key, slot in list(self._slots.items()):
             if slot.waiting is not None and now >= slot.due:
-                self._tell(slot, slot.waiting, now)
+                self._publish_slot(slot, slot.waiting, now)
+            held_back = held_back or slot.waiting is not None
             ttl = slot.entry.ttl
-            if ttl is not None and now - slot.heard_at > ttl * self._patience:
+            if ttl is not None and now - slot.heard_at > ttl * self._ttl_scale:
                 self.expired += 1
                 self._remove(key)
+        return held_back
 
-    def flush(self, now: float) -> None:
-        """Tell everything that is held back: the truth must be there before the status that refers to it."""
+    def flush(self) -> None:
+        """Publish everything that is held back: a status must not refer to percepts that come after it."""
+        now = self._clock.now()
         for slot in self._slots.values():
             if slot.waiting is not None:
-                self._tell(slot, slot.waiting, now)
+                self._publish_slot(slot, slot.waiting, now)
 
     def show(self, agent: str, name: str, parameters: Parameters, key: tuple[int, ...] = ()) -> None:
-        """Tell one agent what only it perceives, if it has changed: about its action, or about it."""
+        """Publish a percept of one agent alone (about its action, or about it), if it has changed."""
         if not any(one.name == name and one.parameters == parameters for one in self.sets[agent].present()):
-            self._send_to(agent, name, parameters, "replace", key)
+            self._send((agent,), name, parameters, "replace", key)
 
     def withdraw(self, agent: str, name: str, first: Parameters = ()) -> None:
-        """Remove what was shown to one agent under a name, if its first arguments are these."""
+        """Remove the percepts that were shown to one agent under a name and begin with these arguments."""
         for one in self.sets[agent].present():
             if one.name == name and one.parameters[: len(first)] == first:
-                self._send_to(agent, name, one.parameters, "remove", tuple(range(len(one.parameters))))
+                self._send((agent,), name, one.parameters, "remove", tuple(range(len(one.parameters))))
 
     def last_seq(self, agent: str) -> int:
         """Seq of the last perception that was published to an agent."""
         return self.sets[agent].seq
 
-    def _hear(self, belief: Belief, parameters: Parameters, now: float) -> None:
-        entry = belief.entry
+    def _read(self, reading: Reading, now: float, only: Collection[str] | None = None) -> None:
+        """Make the percepts of a reading's source, or `only` those."""
+        for name, entry, fields in self._by_source.get((reading.driver, reading.source), ()):
+            if only is not None and name not in only:
+                continue
+            if reading.fields is None:
+                self._withdraw(name)
+                continue
+            try:
+                parameters = tuple(_argument(field, reading.fields, self._term) for field in fields)
+                if len(_ENCODE(parameters)) > LARGEST:
+                    raise ValueError("too large to be published")
+            except _Absent:
+                if entry.buf == "update" and not entry.key:  # which of several it was is not known
+                    self._withdraw(name)
+            except (KeyError, IndexError, ValueError, TypeError, OverflowError, RecursionError):
+                self.unreadable += 1
+            else:
+                self._believe(name, entry, parameters, now)
+
+    def _believe(self, name: str, entry: PerceptEntry, parameters: Parameters, now: float) -> None:
         identity = parameters if entry.buf == "add" else tuple(parameters[position] for position in entry.key)
-        key = (belief.name, _ENCODE(identity))
+        key = (name, _ENCODE(identity))
         slot = self._slots.get(key)
         if slot is None:
             while len(self._slots) >= MAX_BELIEFS:
                 self.dropped += 1
                 self._remove(next(iter(self._slots)))
-            slot = self._slots[key] = _Slot(belief.name, entry, parameters, -math.inf, now)
-            self._tell(slot, parameters, now)
+            slot = self._slots[key] = _Slot(name, entry, parameters, -math.inf, now)
+            self._publish_slot(slot, parameters, now)
             return
         slot.heard_at = now
-        if entry.buf == "update" and not _changed(slot.told, parameters, entry.deadband):
+        if entry.buf == "update" and not any(map(partial(_differs, entry.deadband), slot.published, parameters)):
             slot.waiting = None
         elif entry.buf == "add" or now >= slot.due - JITTER * _period(entry):
-            self._tell(slot, parameters, now)
+            self._publish_slot(slot, parameters, now)
         else:
             slot.waiting = parameters
+            self._wake.set()
 
-    def _tell(self, slot: _Slot, parameters: Parameters, now: float) -> None:
+    def _publish_slot(self, slot: _Slot, parameters: Parameters, now: float) -> None:
         period = _period(slot.entry)
-        slot.told, slot.waiting = parameters, None
+        slot.published, slot.waiting = parameters, None
         on_time = abs(now - slot.due) <= JITTER * period
         slot.due = (slot.due if on_time else now) + period  # one that came a little late does not hold up the next
-        self._send(slot.name, parameters, "add" if slot.entry.buf == "add" else "replace", slot.entry.key)
+        self._send(self.sets, slot.name, parameters, "add" if slot.entry.buf == "add" else "replace", slot.entry.key)
 
     def _withdraw(self, name: str) -> None:
         for key in [key for key, slot in self._slots.items() if slot.name == name]:
@@ -180,22 +225,21 @@ class PerceptPublisher:
 
     def _remove(self, key: tuple[object, ...]) -> None:
         slot = self._slots.pop(key)
-        self._send(slot.name, slot.told, "remove", tuple(range(len(slot.told))))
+        self._send(self.sets, slot.name, slot.published, "remove", tuple(range(len(slot.published))))
 
-    def _send(self, name: str, parameters: Parameters, update: Update, key: tuple[int, ...]) -> None:
-        for agent in self.sets:
-            self._send_to(agent, name, parameters, update, key)
-
-    def _send_to(self, agent: str, name: str, parameters: Parameters, update: Update, key: tuple[int, ...]) -> None:
-        present = self.sets[agent]
-        header = Header(seq=present.seq + 1, stamp=self._stamp(), source=self._robot, boot=self._boot)
-        perception = Perception(header=header, name=name, parameters=parameters, update=update, key=key)
-        present.apply(perception)
-        self._publish(agent, perception)
+    def _send(
+        self, agents: Iterable[str], name: str, parameters: Parameters, update: Update, key: tuple[int, ...]
+    ) -> None:
+        for agent in agents:
+            present = self.sets[agent]
+            header = Header(seq=present.seq + 1, stamp=self._clock.stamp(), source=self._robot, boot=self._boot)
+            perception = Perception(header=header, name=name, parameters=parameters, update=update, key=key)
+            present.apply(perception)
+            self._publish(agent, perception)
 
 
 def _identity(entry: PerceptEntry, manifest: Manifest) -> tuple[object, ...]:
-    """What makes a percept the same one although its entry has changed."""
+    """Return what makes a percept the same one although its entry has changed."""
     return (
         manifest.driver_of(entry),
         entry.source,
@@ -207,20 +251,78 @@ def _identity(entry: PerceptEntry, manifest: Manifest) -> tuple[object, ...]:
 
 
 def _period(entry: PerceptEntry) -> float:
+    """Return the mission seconds between two changes at the entry's rate."""
     return 0.0 if entry.rate is None else 1.0 / entry.rate
 
 
-def _changed(told: Parameters, now: Parameters, deadband: float) -> bool:
-    """Whether a belief has become another one; numbers within the deadband of what was told have not."""
-    return any(_differs(old, new, deadband) for old, new in zip(told, now, strict=True))
-
-
-def _differs(old: Term, new: Term, deadband: float) -> bool:
+def _differs(deadband: float, old: Term, new: Term) -> bool:
+    """Whether a term has become another one; a number within the deadband of the published one has not."""
     if type(old) is type(new) and old == new and not isinstance(old, list):
         return False
     if isinstance(old, list) and isinstance(new, list):
-        return len(old) != len(new) or any(
-            _differs(was, is_now, deadband) for was, is_now in zip(old, new, strict=True)
-        )
+        return len(old) != len(new) or any(map(partial(_differs, deadband), old, new))
     was, becomes = to_float(old), to_float(new)
     return was is None or becomes is None or not abs(becomes - was) <= deadband
+
+
+class _Absent(Exception):
+    """The robot says that it does not know the value."""
+
+
+def _argument(field: Field, message: object, term: ToTerm) -> Term:
+    value = message
+    for step in field.field.split("."):
+        value = value[int(step)] if isinstance(value, _LISTS) else _member(value, step)
+    if field.each:
+        return _elements(field, value, term)
+    if isinstance(value, _LISTS):
+        return [_value(field, item, term) for item in value if not _is_absent(field, item)]
+    if _is_absent(field, value):
+        raise _Absent
+    return _value(field, value, term)
+
+
+def _elements(field: Field, value: object, term: ToTerm) -> list[Term]:
+    """Return the picked values of each structure in a list, without those that lack a value which may be absent."""
+    if not isinstance(value, _LISTS):
+        raise TypeError(f"a list was expected, not a {type(value).__name__}")
+    parts = field.parts()
+    found: list[Term] = []
+    for element in value:
+        try:
+            taken = [_argument(part, element, term) for part in parts]
+        except _Absent:
+            continue
+        alone = len(parts) == 1 and (bool(parts[0].each) or term is not percept_value)  # the paper wrapped `[](name)`
+        found.append(taken[0] if alone else taken)
+    return found
+
+
+def _is_absent(field: Field, value: object) -> bool:
+    return field.absent is not None and value == field.absent
+
+
+def _value(field: Field, value: object, term: ToTerm) -> Term:
+    """Convert a value, or every number in a list of lists."""
+    if isinstance(value, _LISTS):
+        return [_value(field, item, term) for item in value]
+    if isinstance(value, _NUMBERS) and not isinstance(value, bool) and (field.scale, field.offset) != (1.0, 0.0):
+        value = float(f"{value * field.scale + field.offset:.{DIGITS}g}")
+    return term(value)
+
+
+def _member(value: object, step: str) -> object:
+    if isinstance(value, Mapping):
+        return value[step]
+    raise TypeError(f"{step!r} of a {type(value).__name__}")
+
+
+def _term(value: object) -> Term:
+    match value:
+        case float():
+            return number(value)
+        case bool() | int() | str() | Atom():
+            return value
+        case bytes() | bytearray():
+            return list(value)
+    raise TypeError(f"no term for a {type(value).__name__}")

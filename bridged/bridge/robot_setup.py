@@ -1,4 +1,4 @@
-"""Reads and checks everything that a bridge needs, before anything starts."""
+"""Read and check everything that a bridge needs, before anything starts."""
 
 from __future__ import annotations
 
@@ -8,31 +8,30 @@ from typing import get_args
 
 from msgspec.structs import replace
 
-from bridged.bridge.manifest_loader import load_robot_manifest
-from bridged.bridge.safety_orders import Step, read_steps
-from bridged.drivers import check_manifest, check_robot, orders_of
+from bridged.bridge.safety_orders import STEP_FIELDS, Step, read_steps
 from bridged.drivers.api import Order
+from bridged.drivers.registry import check_manifest, check_robot, load_robot_manifest, orders_of
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.yaml_positions import Steps
 from schemas.manifest.loader import Manifest
-from schemas.mission.model import NO_STEPS, Mission, Robot
+from schemas.mission.model import NO_STEPS, Mission
 
 
 @dataclass(frozen=True)
 class RobotSetup:
-    """One robot of a bridge: what was read of it."""
+    """What was read of one robot of a bridge."""
 
     name: str
     manifest: Manifest
     steps: tuple[Step, ...]
-    """What is done when its agent is lost."""
+    """For the loss of its agent."""
     idle_steps: tuple[Step, ...]
-    """What is done when it is in the air and its agents intend nothing."""
+    """For a robot in the air whose agents intend nothing."""
     idle_after: float
-    """Mission seconds after which that counts."""
+    """Mission seconds after which the robot counts as unattended."""
     agents: list[str]
     silence: float
-    """Wall seconds after which an agent that says nothing counts as lost."""
+    """Wall seconds of silence after which an agent counts as lost."""
     where: str
     """Its link, or the prefix of its keys, or its driver, for people."""
 
@@ -61,21 +60,17 @@ def prepare_all(mission: Mission, names: list[str], link: str | None, speed: flo
     findings: list[Finding] = []
     for name in dict.fromkeys(names):
         try:
-            mission, manifest, steps = prepare(mission, name, link, speed)
+            mission, part = prepare(mission, name, link, speed)
+            parts.append(part)
         except Findings as found:
             findings += found.findings
-            continue
-        robot = mission.robots[name]
-        idle, agents = read_steps(mission, name, "on_idle"), mission.agents_of(name)
-        where = _where(robot, manifest)
-        parts.append(RobotSetup(name, manifest, steps, idle, robot.idle_after, agents, robot.agent_silence, where))
     if findings:
         raise Findings(findings)
     return mission, parts
 
 
-def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tuple[Mission, Manifest, tuple[Step, ...]]:
-    """Read everything that can be wrong before anything starts. Raises Findings with all of it."""
+def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tuple[Mission, RobotSetup]:
+    """Read and check everything of one robot, with `link` in place of the mission's. Raises Findings with all of it."""
     robot = mission.robots.get(name)
     if robot is None:
         known = ", ".join(mission.robots) or "none"
@@ -84,43 +79,42 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
     where = ("robots", name)
     if speed != 1 and robot.simulate is None:
         findings.append(mission.positions.finding(where, f"speed {speed:g}: only a simulated robot can be hurried"))
+    steps: dict[str, tuple[Step, ...]] = {}
+    for field in STEP_FIELDS:
+        try:
+            steps[field] = read_steps(mission, name, field)
+        except Findings as found:
+            findings += found.findings
     manifest: Manifest | None = None
-    steps: tuple[Step, ...] = ()
-    try:
-        steps = read_steps(mission, name, "on_agent_loss")
-    except Findings as found:
-        findings += found.findings
-    try:
-        read_steps(mission, name, "on_idle")
-    except Findings as found:
-        findings += found.findings
     try:
         manifest = load_robot_manifest(robot.manifest, mission.path.parent)
-        findings += check_manifest(manifest)
+        findings += [*check_manifest(manifest), *order_findings(mission, name, manifest)]
     except Findings as found:
         findings += found.findings
-    if manifest is not None:
-        findings += order_findings(mission, name, manifest)
     robot = replace(robot, link=link or robot.link)
     if robot.signing is not None:
         passphrase = mission.relative(robot.signing.passphrase_file).absolute()
         robot = replace(robot, signing=replace(robot.signing, passphrase_file=str(passphrase)))
-    if manifest is not None:
-        for field, problem in check_robot(manifest, robot):
-            place = (*where, field) if (*where, field) in mission.positions.values else where
-            findings.append(mission.positions.finding(place, problem))
+    for key, problem in () if manifest is None else check_robot(manifest, robot):
+        place = (*where, key) if (*where, key) in mission.positions.values else where
+        findings.append(mission.positions.finding(place, problem))
     if findings or manifest is None:
         raise Findings(findings)
-    return dataclasses.replace(mission, robots=mission.robots | {name: robot}), manifest, steps
-
-
-def _where(robot: Robot, manifest: Manifest) -> str:
-    keys = f"{robot.prefix}/**" if robot.prefix else ""
-    return robot.link or keys or f"driver `{manifest.robot.driver}`"
+    part = RobotSetup(
+        name,
+        manifest,
+        steps["on_agent_loss"],
+        steps["on_idle"],
+        robot.idle_after,
+        mission.agents_of(name),
+        robot.agent_silence,
+        robot.link or (f"{robot.prefix}/**" if robot.prefix else f"driver `{manifest.robot.driver}`"),
+    )
+    return dataclasses.replace(mission, robots=mission.robots | {name: robot}), part
 
 
 def order_findings(mission: Mission, name: str, manifest: Manifest) -> list[Finding]:
-    """Say which orders the mission declares for a robot that has none such. Defaults are for those that have them."""
+    """Return findings for orders that the mission declares (defaults apart) and the robot does not have."""
     robot, positions, known = mission.robots[name], mission.positions, orders_of(manifest)
     if known is None:
         return []

@@ -1,20 +1,48 @@
-"""An action that runs: what it is, until when, and who wants to hear of it."""
+"""An action that runs: its followers, its progress as percepts of its agent, and the statuses that tell of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+import logging
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
+from types import MappingProxyType
+from typing import get_args
 
-from bridged.bridge.feedback import Progress
-from bridged.drivers.api import Execution
+from msgspec.structs import replace
+
+from bridged.bridge.percepts import PerceptPublisher
+from bridged.drivers.api import Execution, Outcome
+from commd.common.clock import Clock
 from schemas.manifest.loader import ActionEntry, Argument
-from schemas.wire.records import Action, ActionStatus
+from schemas.manifest.rules import FUNCTOR
+from schemas.wire.records import Action, ActionStatus, Cause, Header, State
+from schemas.wire.terms import Atom, Term, number
 
 MAX_FOLLOWERS = 16
 """Queries that may wait for the end of one action; the newest are kept."""
+MAX_FEEDBACK = 16
+"""Figures of one action's progress that its agent perceives at most."""
+MAX_ID = 200
+"""Characters of an action's id."""
+MAX_REASON = 1000
+"""Characters of a reason; the rest is cut."""
+MAX_FIGURES = 64
+"""Figures of one action's progress that its status carries."""
+MAX_FIGURE_NAME = 100
+"""Characters of a figure's name."""
+FEEDBACK = "feedback"
+"""The percept of progress: `feedback(Action, Figure, Value)`."""
+CAUSE = "cause"
+"""The figure that is a text: what hinders the action."""
+NO_FIGURES: Mapping[str, float] = MappingProxyType({})
+_CAUSES = frozenset(get_args(Cause))
+log = logging.getLogger("action")
 
 Follower = Callable[[ActionStatus | None], None]
-"""Called with each status of an action from now on; the last one is final, or None if a newer asker took the place."""
+"""Called with each status of an action from now on; the last one is final, or None if a newer query took the place."""
 
 
 @dataclass(eq=False)
@@ -25,23 +53,28 @@ class RunningAction:
     entry: ActionEntry
     execution: Execution
     deadline_at: float
+    """In mission seconds without those of pauses."""
     deadline: float
+    """Mission seconds from its begin."""
     status: ActionStatus
+    """The last one."""
     told_at: float
-    progress: Progress
+    """When `running` was published last, in mission seconds."""
     arguments: dict[str, Argument]
     held: bool = False
     """It is to be begun, or begun again, when the operator continues."""
     noted: bool = False
-    """Its beginning stands in the log."""
+    """Its begin is in the log."""
     cause: str = ""
-    """What hindered it when it was told last."""
+    """What hindered it by the last status."""
     logged_cause: str = ""
     followers: list[tuple[str, Follower]] = field(default_factory=list)
-    """Who asked, and what hears of it; one for each asker that has a name."""
+    """Who asked, and the follower; one for each asker that has a name."""
+    figures: frozenset[str] = frozenset()
+    """Those that its agent perceives now."""
 
     def join(self, asker: str, follower: Follower) -> None:
-        """Add a follower. It takes the place of the asker's former one: who asks again has given that query up."""
+        """Add a follower. It replaces the former one of its asker, which has given up that query."""
         follower(self.status)
         former = [one for one in self.followers if asker and one[0] == asker]
         for one in former or self.followers[: max(0, len(self.followers) - MAX_FOLLOWERS + 1)]:
@@ -50,7 +83,78 @@ class RunningAction:
         self.followers.append((asker, follower))
 
     def tell(self, status: ActionStatus) -> None:
-        """Tell all who wait."""
+        """Pass a status to all followers."""
         self.status = status
         for _, follower in self.followers:
             follower(status)
+
+    def show(self, board: PerceptPublisher, feedback: Mapping[str, float], cause: str = "") -> None:
+        """Let the agent perceive these figures and the cause, as far as the manifest wants them, and no others."""
+        agent, action = self.action.agent, Atom(self.action.name)
+        told: dict[str, Term] = {what: number(value) for what, value in feedback.items()}
+        if cause:
+            told[CAUSE] = cause
+        wanted = self.entry.feedback
+        named = (what for what in told if FUNCTOR.fullmatch(what) and (wanted is None or what in wanted))
+        shown = sorted(named)[:MAX_FEEDBACK]
+        for what in sorted(self.figures.difference(shown)):
+            board.withdraw(agent, FEEDBACK, (action, Atom(what)))
+        for what in shown:
+            board.show(agent, FEEDBACK, (action, Atom(what), told[what]), key=(0, 1))
+        self.figures = frozenset(shown)
+
+
+class Statuses:
+    """Makes the statuses of one robot's actions; whatever a driver says, the bus and the action log take them."""
+
+    def __init__(self, robot: str, boot: str, clock: Clock, board: PerceptPublisher) -> None:
+        self._robot, self._boot, self._clock, self._board = robot, boot, clock, board
+        self._seq = 0
+
+    def ended(self, action: Action, outcome: Outcome, feedback: Mapping[str, float] = NO_FIGURES) -> ActionStatus:
+        """Return how an action has ended. A cause that the records do not know becomes `driver`."""
+        succeeded = outcome.state == "succeeded"
+        if outcome.cause not in _CAUSES:  # drivers of others are not type-checked
+            log.warning("robot=%s unknown cause %r of %s: taken as driver", self._robot, outcome.cause, action.name)
+            outcome = dataclasses.replace(outcome, cause="driver")
+        status = self.make(action, outcome.state, outcome.reason, feedback)
+        return replace(status, result=succeeded, cause=None if succeeded else outcome.cause, order=outcome.order)
+
+    def make(
+        self, action: Action, state: State, reason: str = "", feedback: Mapping[str, float] = NO_FIGURES
+    ) -> ActionStatus:
+        """Return a status of an action."""
+        self._seq += 1
+        return ActionStatus(
+            header=Header(seq=self._seq, stamp=self._clock.stamp(), source=self._robot, boot=self._boot),
+            id=action.id,
+            state=state,
+            reason=legible(reason, MAX_REASON),
+            feedback=finite_figures(feedback) if feedback else {},
+            after=self._board.last_seq(action.agent),
+            name=action.name,
+            parameters=action.parameters,
+        )
+
+
+def legible(text: object, at_most: int) -> str:
+    """Return a text that can be sent: without lone surrogates, cut to `at_most` characters."""
+    whole = str(text).encode("utf-8", "replace").decode()
+    return whole if len(whole) <= at_most else f"{whole[: at_most - 3]}..."
+
+
+def finite_figures(feedback: Mapping[str, float]) -> dict[str, float]:
+    """Return the figures that are finite numbers: JSON has no infinity, and agents refuse other values."""
+    told: dict[str, float] = {}
+    for what, value in feedback.items():
+        if len(told) >= MAX_FIGURES:
+            break
+        if not isinstance(value, Real):
+            continue
+        try:
+            number = float(value)
+        except OverflowError:
+            continue
+        if math.isfinite(number):
+            told[legible(what, MAX_FIGURE_NAME)] = number
+    return told

@@ -1,4 +1,4 @@
-"""What is done to a robot without its agent: the operator's stop, the loss of the agent, the end of the bridge."""
+"""Orders above the agents: by the operator, for a lost or idle agent, and at the end of the bridge."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import Any, Literal, cast, get_args
 
 from bridged.bridge.action_server import ActionServer
 from bridged.bridge.composite_driver import CompositeDriver
-from bridged.bridge.error_boundary import ErrorBoundary
 from bridged.drivers.api import Execution, Order, Outcome
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
@@ -26,32 +25,36 @@ from schemas.wire.records import Note
 ORDER_PATIENCE = 10.0
 """Wall seconds in which the vehicle must confirm the mode of an order."""
 ARMING_SHOWS = 1.5
-"""Wall seconds after which a vehicle that was told to arm shows whether it did: its HEARTBEAT comes once a second."""
+"""Wall seconds after which a vehicle shows whether it has armed as commanded: HEARTBEATs come once a second."""
 AGAIN = 1.0
-"""Wall seconds before an order that failed is given again, and between two looks whether a robot is home."""
+"""Wall seconds before a failed order is repeated, and between two looks whether a robot is home."""
 LOOK = 0.2
 """Wall seconds between two looks whether a robot that was never heard is heard, or an agent has taken control."""
 FIRST_HEARD = 10.0
-"""Wall seconds that a bridge which leaves stays to hear a robot that a former life of it may have left in flight."""
+"""Wall seconds that a bridge which leaves waits to hear a robot that a former run may have left in flight."""
 COMING: tuple[Order, ...] = ("rtl", "land")
 """The motions that end on the ground, or at home, with nobody in charge."""
 UNATTENDED = "robot_unattended"
-"""Code of the alarm that a robot is in the air and its agents have nothing to do with it."""
+"""Code of the alarm that a robot is in the air and its agents intend nothing with it."""
 FALLBACK: tuple[Order, ...] = ("rtl", "land", "hold")
-"""What is tried next when the vehicle does not do the last that is ordered."""
+"""Orders that are tried next when the vehicle does not carry out the last one."""
 log = logging.getLogger("orders")
+
+
+StepField = Literal["on_agent_loss", "on_idle"]
+STEP_FIELDS: tuple[StepField, ...] = get_args(StepField)
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of `on_agent_loss` or `on_idle`: an order, and how long to leave it at that."""
+    """One step of `on_agent_loss` or `on_idle`: an order, and the pause after it."""
 
     order: Order
     pause: float = 0.0
     """Mission seconds before the next step."""
 
 
-def read_steps(mission: Mission, robot: str, field: Literal["on_agent_loss", "on_idle"]) -> tuple[Step, ...]:
+def read_steps(mission: Mission, robot: str, field: StepField) -> tuple[Step, ...]:
     """Return the robot's steps of a field. Raises Findings for what is not `hold|land|rtl [DURATION]`."""
     steps, findings = [], []
     texts = getattr(mission.robots[robot], field)
@@ -88,25 +91,25 @@ class SafetyOrders:
         self, action_server: ActionServer, driver: CompositeDriver, clock: Clock, patience: float = 10.0
     ) -> None:
         """`patience`: mission seconds that an agent which is back has to take control (`idle_after`)."""
-        self._action_server, self._driver, self._clock, self._patience = action_server, driver, clock, patience
-        self._calls = ErrorBoundary(driver)
+        self._server, self._driver, self._clock, self._patience = action_server, driver, clock, patience
+        self._robot = action_server.robot
         self._sequence: asyncio.Task[None] | None = None
         self._answer: Callable[[], Coroutine[Any, Any, None]] | None = None
         """What the sequence carries out: after a pause it begins again."""
         self._restoring: asyncio.Task[None] | None = None
         self._execution: Execution | None = None
-        """The order of a sequence that is being carried out."""
+        """The present order of a sequence."""
         self._lost: tuple[str, Sequence[Step]] | None = None
-        """The agent that was lost last, and what is done about it: until an agent takes control."""
+        """The agent that was lost last and the steps for it, until an agent takes control."""
         self._back_at: float | None = None
-        """Since when the agent that was lost is back, in mission seconds; none = it is not."""
+        """When the lost agent came back, in mission seconds; none = it is not back."""
         self._alarm: Note | None = None
         self._left: Note | None = None
         self._unheard: Note | None = None
         self._deferred: Note | None = None
         self._stopping = False
         self._secured = False
-        """Whether the robot does what it was ordered at the end of the bridge."""
+        """Whether the robot carries out the order of `shut_down`."""
         action_server.on_control = self._taken
         if action_server.ordered:
             standing = by_operator(action_server.ordered)
@@ -117,9 +120,9 @@ class SafetyOrders:
     def notes(self) -> list[Note]:
         """Return the warnings that hold now."""
         left, blocked = self._left if self._driver.overridden else None, None
-        if self._action_server.blocked:
-            text = f"no action is taken: {self._action_server.blocked.reason}"
-            ordered = Note("operator_order", text, self._action_server.ordered or "")
+        if self._server.blocked:
+            text = f"no action is taken: {self._server.blocked.reason}"
+            ordered = Note("operator_order", text, self._server.ordered or "")
             blocked = Note("bridge_stops", text) if self._stopping else ordered
         return [note for note in (left, self._unheard, self._deferred, self._alarm, blocked) if note is not None]
 
@@ -130,41 +133,31 @@ class SafetyOrders:
         Not while an action runs, a sequence of ours is carried out, the operator or a pilot has it or has paused it,
         somebody commands it by hand, or before any agent has flown it.
         """
-        action_server, driver = self._action_server, self._driver
-        others = (
-            driver.overridden
-            or action_server.blocked
-            or action_server.paused
-            or action_server.by_hand
-            or self._stopping
-        )
-        return (
-            driver.airborne
-            and driver.heard
-            and not (others or action_server.running or self._loss)
-            and bool(action_server.lease.answers)
-        )
+        server, driver = self._server, self._driver
+        others = driver.overridden or server.blocked or server.paused or server.by_hand or self._stopping
+        busy = others or server.running or self._loss
+        return driver.airborne and driver.heard and not busy and bool(server.lease.answers)
 
     @property
     def _loss(self) -> bool:
-        """Whether the loss of an agent is being answered."""
-        return self._sequence is not None and bool(self._action_server.lease.closed)
+        """Whether a sequence for a lost agent is under way."""
+        return self._sequence is not None and bool(self._server.lease.closed)
 
     async def carry_out(self, order: Order, ending: Outcome, *, block: bool, insist: bool = False) -> Outcome:
         """Order it, and wait until the vehicle confirms it or `ORDER_PATIENCE` is over; actions end as `ending`.
 
         Without `insist` it ends when a pilot, a ground station or a failsafe sets another mode.
         """
-        execution = self._action_server.order(order, ending, block=block, insist=insist)
+        execution = self._server.order(order, ending, block=block, insist=insist)
         if not block:  # to call off a sequence leaves the operator's order alone
             self._execution = execution
         outcome = await self._confirmed(execution)
-        robot, confirmed = self._action_server.robot, outcome.state == "succeeded"
-        ended = OrderEnded(robot=robot, order=order, confirmed=confirmed, reason=one_line(outcome.reason))
+        confirmed = outcome.state == "succeeded"
+        ended = OrderEnded(robot=self._robot, order=order, confirmed=confirmed, reason=one_line(outcome.reason))
         log.log(
             logging.INFO if confirmed else logging.ERROR,
             "robot=%s %s (%s): %s %s",
-            robot,
+            self._robot,
             order,
             ending.reason,
             outcome.state,
@@ -176,124 +169,117 @@ class SafetyOrders:
     async def _confirmed(self, execution: Execution) -> Outcome:
         """Wait until the robot confirms an order or `ORDER_PATIENCE` is over."""
         confirmed = asyncio.Event()
-        execution.ended = confirmed.set
+        execution.on_end(confirmed.set)
         if execution.outcome is None:
             try:
                 async with asyncio.timeout(ORDER_PATIENCE):
                     await confirmed.wait()
             except TimeoutError:
                 pass
-            except asyncio.CancelledError:  # called off: it must not go on against whoever has the robot now
-                self._calls.stop(execution, Outcome("cancelled", "called off"), hold=False)
+            except asyncio.CancelledError:  # called off: it must not override who has the robot now
+                self._driver.stop(execution, Outcome("cancelled", "called off"), hold=False)
                 raise
         waits = f": it waits for {execution.waits_for}" if execution.waits_for else ""
         said = f"the vehicle did not confirm {execution.name} within {ORDER_PATIENCE:g} s{waits}"
-        self._calls.stop(execution, Outcome("timed_out", said), hold=False)
+        self._driver.stop(execution, Outcome("timed_out", said), hold=False)
         return execution.outcome or Outcome("timed_out", said)
 
     async def operator(self, order: Order) -> Outcome:
-        """The operator's order: it ends every action, and no agent acts until `release`.
+        """Carry out the operator's order: every action ends, and no agent acts until `release`.
 
-        An agent that is lost is answered for on `release`, unless the robot is left by then.
+        The sequence for a lost agent begins again on `release`, unless the robot is left by then.
         """
         if not self._stopping:
-            self._action_server.stand(order)
+            self._server.stand(order)
         back_at, may_move = self._back_at, self._loss or self._may_move
         self.call_off()
-        if (
-            may_move
-            and self._lost is not None
-            and self._lost[0] == self._action_server.lease.answers
-            and not self._stopping
-        ):
+        if may_move and self._lost is not None and self._lost[0] == self._server.lease.answers and not self._stopping:
             self._back_at = back_at
             self._begin_loss(*self._lost)
         return await self.carry_out(order, by_operator(order), block=True, insist=True)
 
     def release(self) -> Outcome:
-        """The operator lets the agents act again, but not while the bridge leaves the robot."""
+        """Let the agents act again, but not while the bridge leaves the robot."""
         if self._stopping:
             return Outcome("refused", "the bridge stops: it takes no action any more")
-        self._action_server.blocked = None
-        self._action_server.stand(None)
-        released = RobotReleased(robot=self._action_server.robot)
-        log.info("robot=%s released: actions are taken again", self._action_server.robot, extra={"event": released})
-        waits = "; it is paused: they begin when it is told to `continue`" if self._action_server.paused else ""
-        lost = f"; {self._action_server.lease.closed}" if self._loss else ""
+        self._server.blocked = None
+        self._server.stand(None)
+        released = RobotReleased(robot=self._robot)
+        log.info("robot=%s released: actions are taken again", self._robot, extra={"event": released})
+        waits = "; it is paused: they begin when it is told to `continue`" if self._server.paused else ""
+        lost = f"; {self._server.lease.closed}" if self._loss else ""
         return Outcome("succeeded", f"actions are taken again{waits}{lost}")
 
     async def pause(self) -> Outcome:
-        """The operator pauses the robot: it holds, its actions are kept and wait for `resume`."""
+        """Pause the robot for the operator: it holds, its actions are kept and wait for `resume`."""
         if self._stopping:
             return Outcome("refused", "the bridge stops")
         if self._sequence is not None and self._answer is not None:
             self._sequence.cancel()
             self._begin(self._answer)
-        return await self._confirmed(self._action_server.pause())
+        return await self._confirmed(self._server.pause())
 
     async def resume(self) -> Outcome:
-        """The operator lets the robot go on: first it is brought back into its mode, then its actions are asked again.
+        """Continue after a pause: bring the robot back into its mode, then begin its actions again.
 
-        It stays paused if it does not confirm. An order of the operator that stands is given again instead.
+        It stays paused if it does not confirm its mode. An order of the operator is given again instead.
         """
         if self._stopping:
             return Outcome("refused", "the bridge stops: it takes no action any more")
-        if not self._action_server.paused and (blocked := self._action_server.blocked):
+        if not self._server.paused and (blocked := self._server.blocked):
             return Outcome("refused", f"it is not paused: {blocked.reason}; `release` gives it back to its agents")
-        if not self._action_server.paused:
+        if not self._server.paused:
             return Outcome("succeeded", "it was not paused")
-        if order := self._action_server.ordered:
+        if order := self._server.ordered:
             return await self.carry_out(order, by_operator(order), block=True, insist=True)
-        outcome = await self._confirmed(self._action_server.resume())
-        if outcome.state == "succeeded" and self._action_server.paused:
-            self._action_server.go_on()
+        outcome = await self._confirmed(self._server.resume())
+        if outcome.state == "succeeded" and self._server.paused:
+            self._server.go_on()
         return outcome
 
     def restore(self) -> None:
-        """Hold a robot that a former life of the bridge was told to pause, or order it again, when it is heard."""
-        if self._action_server.paused or self._action_server.ordered:
+        """Pause or order a robot again, when it is heard, as the operator did in a former run of the bridge."""
+        if self._server.paused or self._server.ordered:
             self._restoring = asyncio.create_task(self._restore())
 
     async def _restore(self) -> None:
-        action_server, driver = self._action_server, self._driver
-        while (action_server.paused or action_server.ordered) and not (driver.heard or self._stopping):  # noqa: ASYNC110 - drivers do not tell when
+        server, driver = self._server, self._driver
+        while (server.paused or server.ordered) and not (driver.heard or self._stopping):  # noqa: ASYNC110 - drivers do not tell when
             await asyncio.sleep(LOOK)
         if self._stopping or driver.overridden:
             return
-        if action_server.paused:
-            await self._confirmed(action_server.pause())
-        elif action_server.of_before_boot and driver.arms and not driver.active:
-            log.warning(
-                "robot=%s is not armed and the machine was started since: that ends the order", action_server.robot
-            )
+        if server.paused:
+            await self._confirmed(server.pause())
+        elif server.of_before_boot and driver.arms and not driver.active:
+            log.warning("robot=%s is not armed and the machine was started since: that ends the order", server.robot)
             self.release()
-        elif (order := action_server.ordered) and driver.active:
+        elif (order := server.ordered) and driver.active:
             await self.carry_out(order, by_operator(order), block=True)
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
-        """Do what the mission declares, step by step, until an agent takes control or somebody above it speaks.
+        """Carry out the mission's steps, until an agent takes control or the operator or the bridge's end overrides.
 
-        The agent's action has failed; what the vehicle does goes on until an order replaces it.
+        The agent's actions fail; the vehicle continues its motion until an order replaces it.
         """
-        log.error("robot=%s agent %s is lost (%s)", self._action_server.robot, agent, why)
-        arming = self._action_server.arming
-        self._action_server.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}", "agent_lost"))
+        log.error("robot=%s agent %s is lost (%s)", self._robot, agent, why)
+        arming = self._server.arming
+        self._server.end_all(agent, Outcome("failed", f"agent {agent} is lost: {why}", "agent_lost"))
         if (self._may_move or arming) and not self._stopping:
             self.call_off()
             self._lost = agent, steps
             self._begin_loss(agent, steps)
         else:
-            self._action_server.lease.let_go()
+            self._server.lease.let_go()
 
     def agent_back(self, agent: str) -> None:
-        """Give an agent that was lost `patience` to take control; if it commands nothing, the sequence goes on."""
+        """Give an agent that is back `patience` to take control; if it commands nothing, the sequence continues."""
         self._back_at = self._clock.now()
         if self._loss:
             said = f"the bridge goes on in {self._patience:g} s unless it takes control"
-            log.warning("robot=%s agent %s is back; %s", self._action_server.robot, agent, said)
+            log.warning("robot=%s agent %s is back; %s", self._robot, agent, said)
 
     def agents_idle(self, seconds: float, steps: Sequence[Step], *, lost: bool = False) -> None:
-        """Raise the alarm and do what the mission declares for a robot in the air that no agent intends anything with.
+        """Raise the alarm and carry out the mission's steps for a robot in the air without any agent's intention.
 
         `seconds`: for how long, in mission seconds; 0 = it is attended, which ends the alarm. `lost`: the agent that
         answers for it is lost.
@@ -301,24 +287,24 @@ class SafetyOrders:
         if not seconds or (self._alarm is None and self._driver.under_way in COMING):
             self._alarm = None
             return
-        agent, first = self._action_server.lease.answers, self._alarm is None
+        agent, first = self._server.lease.answers, self._alarm is None
         does = f"it is brought to safety ({', '.join(step.order for step in steps)})" if steps else "on_idle is none"
         why = f"agent {agent} is {'lost' if lost else 'there and intends nothing'}"
         text = f"in the air without anybody in charge: {why}; {does}"
         self._alarm = Note(UNATTENDED, text, value=round(seconds, 1))
         if first:
-            log.error("robot=%s %s", self._action_server.robot, text)
+            log.error("robot=%s %s", self._robot, text)
             if steps:
                 self._begin(partial(self._answer_idle, f"agent {agent} is {'lost' if lost else 'idle'}", steps))
 
     def call_off(self) -> None:
-        """Leave out what is still to come: an agent has taken control, or somebody above it has spoken."""
+        """End the sequence under way: an agent has taken control, or the operator or the bridge's end overrides."""
         if self._sequence is not None:
             self._sequence.cancel()
             self._sequence = None
-            self._action_server.lease.closed = ""
+            self._server.lease.closed = ""
             if self._execution is not None:  # before the next action begins, and not when the task ends
-                self._calls.stop(self._execution, Outcome("cancelled", "called off"), hold=False)
+                self._driver.stop(self._execution, Outcome("cancelled", "called off"), hold=False)
         self._left = self._unheard = self._deferred = None
         self._back_at = None
 
@@ -328,7 +314,7 @@ class SafetyOrders:
         self.call_off()
 
     def _begin_loss(self, agent: str, steps: Sequence[Step]) -> None:
-        self._action_server.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
+        self._server.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
         self._begin(partial(self._answer_loss, agent, steps))
 
     def _begin(self, answer: Callable[[], Coroutine[Any, Any, None]]) -> None:
@@ -336,7 +322,7 @@ class SafetyOrders:
 
     @property
     def _never_heard(self) -> bool:
-        """Whether this life of the bridge cannot know what the robot does: a former one may have left it in flight."""
+        """Whether the robot was never heard: a former run of the bridge may have left it in flight."""
         return not self._driver.heard and not math.isfinite(self._driver.silence)
 
     @property
@@ -344,10 +330,10 @@ class SafetyOrders:
         return self._driver.active or self._never_heard
 
     async def _answer_loss(self, agent: str, steps: Sequence[Step]) -> None:
-        """Bring the robot to safety, whatever happens; then it is anybody's."""
+        """Bring the robot to safety, then end the lease."""
         await self._try_to_bring_to_safety(f"agent {agent} is lost", steps)
-        self._sequence, self._action_server.lease.closed = None, ""
-        self._action_server.lease.let_go()
+        self._sequence, self._server.lease.closed = None, ""
+        self._server.lease.let_go()
 
     async def _answer_idle(self, why: str, steps: Sequence[Step]) -> None:
         await self._try_to_bring_to_safety(why, steps)
@@ -357,7 +343,7 @@ class SafetyOrders:
         try:
             await self._bring_to_safety(why, steps)
         except Exception:
-            log.exception("robot=%s defect while the robot is brought to safety (%s)", self._action_server.robot, why)
+            log.exception("robot=%s defect while the robot is brought to safety (%s)", self._robot, why)
 
     async def _bring_to_safety(self, why: str, steps: Sequence[Step]) -> None:
         if not self._may_move:
@@ -368,7 +354,7 @@ class SafetyOrders:
                 return
         if self._never_heard and not self._driver.active:
             self._unheard = Note("never_heard", f"{why}; the robot was never heard: it is brought to safety when it is")
-            log.error("robot=%s %s", self._action_server.robot, self._unheard.text)
+            log.error("robot=%s %s", self._robot, self._unheard.text)
             while self._never_heard:  # noqa: ASYNC110 - drivers do not tell when
                 await asyncio.sleep(LOOK)
             self._unheard = None
@@ -383,32 +369,32 @@ class SafetyOrders:
             if outcome.state == "succeeded" or not self._driver.active or self._driver.overridden:
                 break
             said = "the vehicle did not do the last that was ordered, so"
-            log.error("robot=%s %s %s is ordered instead", self._action_server.robot, said, order)
+            log.error("robot=%s %s %s is ordered instead", self._robot, said, order)
             outcome = await self._until_heard(order, why)
         if mode := self._driver.overridden:
             others = "which others set (pilot, ground station or failsafe)"
             if self._driver.under_way in COMING:
-                log.info("robot=%s %s; it comes home in %s, %s", self._action_server.robot, why, mode, others)
+                log.info("robot=%s %s; it comes home in %s, %s", self._robot, why, mode, others)
                 return
             self._left = Note(
                 "left_to_others", f"{why}; the vehicle is left in {mode}, {others}: nothing is ordered", mode
             )
-            log.error("robot=%s %s", self._action_server.robot, self._left.text)
+            log.error("robot=%s %s", self._robot, self._left.text)
 
     @property
     def _operator_has_it(self) -> str:
-        """What the operator does with the robot, and until when; empty = nothing. The operator stands above us."""
-        if self._action_server.paused:
+        """What the operator has done to the robot, and until when; empty = nothing. It overrides sequences."""
+        if self._server.paused:
             return "the robot is paused: it is brought to safety on `continue`"
-        blocked = self._action_server.blocked
+        blocked = self._server.blocked
         return f"{blocked.reason}: it is brought to safety on `release`" if blocked else ""
 
     async def _wait_for_operator(self, why: str) -> None:
-        """Wait while the operator has a robot that may move; an agent that is back may take control after that."""
+        """Wait while the operator blocks a robot that may move; an agent that is back may take control after that."""
         while self._may_move and (has := self._operator_has_it):
             if (deferred := Note("safety_deferred", f"{why}; {has}")) != self._deferred:
                 self._deferred = deferred
-                log.error("robot=%s %s", self._action_server.robot, deferred.text)
+                log.error("robot=%s %s", self._robot, deferred.text)
             await asyncio.sleep(LOOK)
         self._deferred = None
         if self._back_at is not None:
@@ -420,7 +406,7 @@ class SafetyOrders:
             await asyncio.sleep(LOOK)
 
     async def _until_heard(self, order: Order, why: str) -> Outcome:
-        """Give an order; a vehicle that is out of reach may come back, so it is told until it answers."""
+        """Give an order until the vehicle answers: one that is out of reach may come back."""
         outcome, again = Outcome("failed", f"the robot has no order `{order}`"), False
         if order not in self._driver.orders:
             return outcome
@@ -435,13 +421,13 @@ class SafetyOrders:
         return outcome
 
     async def shut_down(self, order: Order, stay: float = 0.0, leave: asyncio.Event | None = None) -> RobotLeft:
-        """Leave the robot safe at the end of the bridge. Returns how it was left.
+        """Order what leaves the robot safe at the end of the bridge. Returns how it was left.
 
-        Stay with it for at most `stay` mission seconds, until it is disarmed, a pilot has it, or `leave` is set; with
-        one that was not heard yet and for which an agent answers, `FIRST_HEARD` wall seconds until it is heard.
+        Stay for at most `stay` mission seconds until it is disarmed, a pilot has it, or `leave` is set. If an agent
+        answers for a robot that was not heard yet, wait up to `FIRST_HEARD` wall seconds for it.
         """
         left, until, leave = await self._leave_safe(order), self._clock.now() + stay, leave or asyncio.Event()
-        hear_by = self._clock.wall() + FIRST_HEARD if self._action_server.lease.answers else 0.0
+        hear_by = self._clock.wall() + FIRST_HEARD if self._server.lease.answers else 0.0
 
         def stays() -> bool:
             if self._never_heard:
@@ -455,24 +441,22 @@ class SafetyOrders:
         if stay and (self._piloted or not self._driver.active):  # nothing is ordered any more
             left = await self._leave_safe(order)
         if self._secured or self._piloted or not self._driver.active:
-            self._action_server.stand(
-                None
-            )  # not before: a bridge that is killed on its way out has left nobody in charge
+            self._server.stand(None)  # not before: a bridge that is killed on its way out has left nobody in charge
         return left
 
     @property
     def _piloted(self) -> bool:
-        """Whether others fly the robot, and not its own way home or down: a failsafe is watched to the ground."""
+        """Whether others fly the robot, other than home or down: a failsafe is watched to the ground."""
         return bool(self._driver.overridden) and self._driver.under_way not in COMING
 
     async def _leave_safe(self, order: Order) -> RobotLeft:
-        """Order what leaves the robot safe, or what is tried instead. Returns how it was left."""
+        """Give the order, or those of `FALLBACK` if it fails. Returns how the robot was left."""
         self.call_off()
         self._stopping = True
-        self._action_server.block(_stops())
-        self._action_server.end_pause()
-        if self._action_server.arming and not self._driver.active:
-            self._action_server.end_all("", _stops())
+        self._server.block(_stops())
+        self._server.end_pause()
+        if self._server.arming and not self._driver.active:
+            self._server.end_all("", _stops())
             await asyncio.sleep(ARMING_SHOWS)
         if not self._driver.active:
             said = self._as_last_heard("not armed" if self._driver.arms else "left as it is")
@@ -484,9 +468,9 @@ class SafetyOrders:
             if mode := self._driver.overridden:
                 under_way = self._driver.under_way
                 if under_way in COMING:
-                    self._action_server.end_all("", _stops(f"; the vehicle comes home in {mode}"))
+                    self._server.end_all("", _stops(f"; the vehicle comes home in {mode}"))
                     return self._left_as("ordered", f"the vehicle is in {mode}, which others set", under_way)
-                self._action_server.end_all("", _stops(f"; {mode} is the pilot's"))
+                self._server.end_all("", _stops(f"; {mode} is the pilot's"))
                 return self._left_as("piloted", f"left to the pilot in {mode}, {self._as_last_heard('armed')}")
             outcome, done = await self.carry_out(attempt, _stops(f": {attempt}", attempt), block=True), attempt
             if outcome.state == "succeeded":
@@ -499,14 +483,14 @@ class SafetyOrders:
 
     def _left_as(self, state: LeftAs, said: str, order: Order | None = None) -> RobotLeft:
         text = f"{order}: {said}" if order else said
-        return RobotLeft(robot=self._action_server.robot, state=state, order=order, text=one_line(text))
+        return RobotLeft(robot=self._robot, state=state, order=order, text=one_line(text))
 
     def _others(self, order: Order) -> list[Order]:
-        """What is tried when the robot does not do `order`, of what it can."""
+        """Return the orders that the robot knows and that are tried when it does not carry out `order`."""
         return [other for other in FALLBACK if other != order and other in self._driver.orders]
 
     def _as_last_heard(self, state: str) -> str:
-        """What is known of the vehicle, in words that do not call it known when it is not."""
+        """Return a state of the vehicle for people, with its age if it cannot be heard."""
         silence = self._driver.silence
         if self._driver.heard:
             return state

@@ -1,4 +1,4 @@
-"""What the bridge and a driver say to each other: readings up, actions down, outcomes back."""
+"""The interface of drivers: readings go up, actions go down, outcomes come back."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ def defers(order: Order | None, under_way: Order | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What the robot said just now about one source of the manifest; no fields = it holds no longer."""
+    """A new value of one source of the manifest; no fields = it holds no longer."""
 
     source: str
     fields: Mapping[str, object] | None
     driver: str = ""
-    """Who says it, if not the robot's own driver; the bridge fills it in: two drivers may have a source of one name."""
+    """The driver, if not the robot's own; the bridge fills it in: two drivers may have a source of one name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,14 +70,14 @@ class Outcome:
 
 @dataclass(eq=False)
 class Execution:
-    """An action or order that a driver carries out. The driver sets what happened; the bridge reads it."""
+    """An action or order that a driver carries out: it calls `end` once, and may set the other fields before."""
 
     name: str
     outcome: Outcome | None = None
     feedback: dict[str, float] = field(default_factory=dict)
     """Progress in numbers, such as the distance to go in metres."""
     waits_for: str = ""
-    """What it waits for now, in words: the reason if it runs out of time."""
+    """What it waits for now, for people: the reason if it runs out of time."""
     cause: str = ""
     """Why it cannot go on now, in the robot's own words (`Compass not calibrated`); empty = nothing hinders it."""
     ended: Callable[[], None] | None = None
@@ -89,11 +89,17 @@ class Execution:
         return self.outcome is not None
 
     def end(self, outcome: Outcome) -> None:
-        """Set the outcome; the first one stands."""
+        """Set the outcome, unless it is set."""
         if self.outcome is None:
             self.outcome = outcome
             if self.ended is not None:
                 self.ended()
+
+    def on_end(self, ended: Callable[[], None]) -> None:
+        """Let `ended` be called once when the outcome is known: at this moment if it is."""
+        self.ended = ended
+        if self.outcome is not None:
+            ended()
 
 
 OnReading = Callable[[Reading], None]
@@ -101,7 +107,7 @@ OnReading = Callable[[Reading], None]
 
 @dataclass(frozen=True)
 class Setup:
-    """What a driver of one robot is given."""
+    """Everything that a driver of one robot needs."""
 
     name: str
     """Of the robot."""
@@ -113,34 +119,34 @@ class Setup:
     """Of the mission file: paths in `robot` are relative to it."""
     clock: Clock
     on_reading: OnReading
-    """To be called with what the robot says."""
-    on_step: Callable[[], None]
-    """To be called after the driver has looked at its executions."""
+    """To be called with each reading."""
+    on_turn: Callable[[], None]
+    """To be called at each turn of the driver's own loop, every few seconds at least: the watchdog waits for it."""
     bus: Bus | None = None
-    """The board's bus; none in tests of drivers that do not need it."""
+    """The board's bus; None in tests of drivers that do not need it."""
     state: Path = Path()
     """Folder for what must outlive this process."""
     simulated: bool = False
     """The robot is its simulated twin in this run."""
     shared: dict[str, Any] = field(default_factory=dict)
-    """What the drivers of one process share, by the name of the driver: several robots on one link."""
+    """State that the drivers of one process share, by driver: several robots on one link."""
 
 
 class DriverKind(Protocol):
     """What a module offers that is a driver: one of ours, or one named by an entry point of `argosy.drivers`."""
 
     def check_manifest(self, manifest: Manifest) -> Iterable[Finding]:
-        """Say what is wrong with this driver's percepts and actions, each at its line."""
+        """Return what is wrong with this driver's percepts and actions, each at its line."""
 
     def check_robot(self, robot: Robot) -> Iterable[tuple[str, str]]:
-        """Say what is wrong with what the mission says of the robot: the field, such as `link`, and the problem."""
+        """Return what is wrong with the mission's entry of the robot: the field, such as `link`, and the problem."""
 
     def make_driver(self, setup: Setup) -> Driver:
-        """Make a driver of a manifest and a robot that nothing is wrong with. Raises OSError, ValueError in words."""
+        """Make a driver of a checked manifest and robot. Raises OSError or ValueError."""
 
 
 class Driver(Protocol):
-    """A robot's driver. It does its I/O in `run` and calls back from the event loop; everything else is immediate."""
+    """A robot's driver. I/O is done in `run`, callbacks come from the event loop; all other methods are immediate."""
 
     orders: frozenset[Order]
     """Those that it can carry out itself; others are actions of the manifest."""
@@ -155,7 +161,7 @@ class Driver(Protocol):
         """
 
     def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
-        """Begin one of its `orders`, which stand above every action; whatever runs ends as `ending`.
+        """Begin one of its `orders`, which override every action; running executions end as `ending`.
 
         The operator's orders `insist`; the others end when a pilot, a ground station or a failsafe takes over, and
         succeed at once where a safer motion is under way (`defers`), whoever began it.
@@ -182,14 +188,14 @@ class Driver(Protocol):
 
     @property
     def under_way(self) -> Order | None:
-        """The order whose motion the robot's own state shows, whoever began it; None = none, or it cannot be heard."""
+        """The order whose motion the robot's state shows, whoever began it; None = none, or not heard."""
 
     @property
     def overridden(self) -> str:
-        """In what (a mode) others than the bridge and its agents have the active robot; empty if nobody has."""
+        """The mode in which others than the bridge and its agents fly the active robot; empty if nobody does."""
 
     def speak_for_agent(self, present: bool) -> None:
-        """Say whether an agent is there: without one the driver claims to be nobody's ground station."""
+        """Take in whether an agent is present: without one the driver does not claim to be a ground station."""
 
     async def run(self) -> None:
         """Carry the robot's traffic until cancelled. Raises OSError if its link cannot be opened: then it is run again.
@@ -198,7 +204,7 @@ class Driver(Protocol):
         """
 
     def adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest, of which nothing is wrong; what runs goes on by the old one."""
+        """Continue by another, checked manifest; running executions keep the old one."""
 
     def counters(self) -> dict[str, float]:
         """Figures for health."""
@@ -209,10 +215,10 @@ class Driver(Protocol):
 
 @runtime_checkable
 class Pausable(Protocol):
-    """What a driver may offer besides `Driver`: a hold that can be undone; else `hold` is ordered for a pause."""
+    """An optional part of a driver: a hold that can be undone. Without it a pause orders `hold`."""
 
     def pause(self, interrupted: Collection[Execution]) -> Execution:
-        """Hold the robot where it is, and end these executions of its own without a word: they are asked for again."""
+        """Hold the robot where it is, and end these executions of its own: they are begun again later."""
 
     def resume(self) -> Execution:
-        """Bring the robot back into the state from which `pause` took it, ready for what is asked for again."""
+        """Bring the robot back into the state before `pause`, ready for the interrupted executions."""

@@ -1,14 +1,16 @@
-"""Checks the arguments of an action against its manifest, in words that help whoever wrote the plan."""
+"""Check the arguments of an action against its manifest, with errors for the author of the plan."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
+from bridged.drivers.api import Value
 from bridged.paper_format.text_values import argument
 from schemas.files.findings import Finding
-from schemas.manifest.loader import ActionEntry, Argument, Manifest, Parameter, ParameterType, Values
+from schemas.manifest.loader import ActionEntry, Argument, FieldValue, Manifest, Parameter, ParameterType, Values
 from schemas.wire.term_text import BadTerm, read, write
 from schemas.wire.terms import Atom, Structure, Term, to_float
 
@@ -17,11 +19,11 @@ MAX_SHOWN = 80
 
 
 class BadArgument(ValueError):
-    """An argument that the action does not take; says which, what was expected and what came."""
+    """An argument that the action does not take: which one, what was expected and what was given."""
 
 
 def signature(name: str, entry: ActionEntry) -> str:
-    """The action as its manifest declares it: `takeoff(altitude: float 1..120 m)`."""
+    """Return the action as its manifest declares it: `takeoff(altitude: float 1..120 m)`."""
     return f"{name}({', '.join(map(str, entry.params))})"
 
 
@@ -55,7 +57,7 @@ def read_call(manifest: Manifest, text: str) -> tuple[str, dict[str, Argument]]:
 
 
 def order_problems(manifest: Manifest) -> Iterator[Finding]:
-    """Say which of the manifest's orders no action carries out as they say it, each at its line."""
+    """Yield the manifest's orders that no action carries out, each at its line."""
     for order, text in manifest.orders.items():
         try:
             read_call(manifest, text)
@@ -64,6 +66,23 @@ def order_problems(manifest: Manifest) -> Iterator[Finding]:
             yield manifest.finding(f"orders.{order}: {said}", "orders", order)
         except BadArgument as error:
             yield manifest.finding(f"orders.{order}: {error}", "orders", order)
+
+
+def fields_of(entry: ActionEntry) -> dict[str, FieldValue]:
+    """Return the value of each field of an action; without `fields` each parameter is the field of its name."""
+    if not entry.fields:
+        return {parameter.name: FieldValue(param=parameter.name) for parameter in entry.params}
+    return {name: FieldValue.written_out(said) for name, said in entry.fields.items()}
+
+
+def filled(what: str, said: FieldValue, arguments: Mapping[str, Value]) -> Any:
+    """Return a field with its argument filled in and converted; `what` names it in errors. Raises ValueError."""
+    value = said.value if said.value is not None or not said.param else arguments[said.param]
+    if (said.scale, said.offset) == (1.0, 0.0):
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{what}: expected a number, got {value!r}")
+    return value * said.scale + said.offset
 
 
 @dataclass(frozen=True)
@@ -89,7 +108,7 @@ class _Reader:
         raise self.unfit(place, parameter.expected(), term)
 
     def element(self, place: str, parameter: Parameter, term: Term) -> Argument | dict[str, Argument]:
-        """Read one element of a list: a structure by the names in `each`, or whatever it is."""
+        """Read one element of a list: a structure by the names in `each`, or a plain value."""
         if not parameter.each:
             return self.plain(place, term)
         if len(parameter.each) == 1 and not isinstance(term, list):
@@ -102,7 +121,7 @@ class _Reader:
         }
 
     def plain(self, place: str, term: Term) -> Argument:
-        """Read a value of which the manifest says nothing."""
+        """Read a value that the manifest does not describe."""
         if isinstance(term, list):
             return [self.plain(f"{place}[{index}]", item) for index, item in enumerate(term)]
         if isinstance(term, bool | int | float | str):

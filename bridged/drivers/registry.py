@@ -1,17 +1,109 @@
-"""Importing what installed packages declare: with a bound, for a package may do anything when it is imported."""
+"""Drivers by their name: finding them, checking manifests by them, and reading the manifest of a robot."""
 
 from __future__ import annotations
 
 import logging
 import sys
 import threading
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from bridged.drivers.api import DriverKind, Order
+from bridged.drivers.argument_check import order_problems
+from schemas.files.findings import Finding, Findings
+from schemas.manifest.loader import Manifest, load_manifest
+from schemas.mission.model import Robot
+
+OURS = {
+    "mavlink": "bridged.drivers.mavlink.registration",
+    "zenoh": "bridged.drivers.zenoh.registration",
+    "python": "bridged.drivers.python.registration",
+}
+GROUP = "argosy.drivers"
+
+
+class NoDriver(ValueError):
+    """There is no driver of a name, or it cannot be loaded."""
+
+
+@cache
+def find_driver(name: str) -> DriverKind:
+    """Import a driver. Raises NoDriver."""
+    if name in OURS:
+        return cast(DriverKind, import_module(OURS[name]))
+    from importlib.metadata import entry_points  # takes longer than most missions need to be read
+
+    found = entry_points(group=GROUP)
+    for entry in found.select(name=name):
+        origin = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"
+        try:
+            kind = load(entry)
+        except (Exception, SystemExit) as error:  # whatever a package does when it is imported
+            raise NoDriver(f"driver `{name}`{origin} cannot be loaded: {type(error).__name__}: {error}") from None
+        lacking = [
+            one for one in ("check_manifest", "check_robot", "make_driver") if not callable(getattr(kind, one, 0))
+        ]
+        if lacking:
+            raise NoDriver(f"driver `{name}`{origin} has no {', '.join(lacking)}")
+        return cast(DriverKind, kind)
+    known = ", ".join([*OURS, *sorted({entry.name for entry in found})])
+    raise NoDriver(f"no driver `{name}`, there is {known}")
+
+
+def check_manifest(manifest: Manifest) -> list[Finding]:
+    """Return what the drivers do not know in a manifest, and orders without an action, each at its line."""
+    return [*order_problems(manifest), *_problems(manifest)]
+
+
+def check_robot(manifest: Manifest, robot: Robot) -> list[tuple[str, str]]:
+    """Return what the drivers miss in the mission's entry of a robot: the field and the problem."""
+    problems: list[tuple[str, str]] = []
+    for name in manifest.drivers():
+        try:
+            problems += find_driver(name).check_robot(robot)
+        except NoDriver:
+            continue  # a finding of the manifest
+    return problems
+
+
+def orders_of(manifest: Manifest) -> frozenset[Order] | None:
+    """Return the orders that a robot has, by its driver or its manifest; None if its driver does not declare them."""
+    try:
+        own: frozenset[Order] | None = getattr(find_driver(manifest.robot.driver), "ORDERS", None)
+    except NoDriver:
+        return None
+    return None if own is None else own | frozenset(manifest.orders)
+
+
+def _problems(manifest: Manifest) -> Iterator[Finding]:
+    for name in manifest.drivers():
+        try:
+            kind = find_driver(name)
+        except NoDriver as error:
+            where = _where_named(manifest, name)
+            yield manifest.finding(f"{'.'.join(where)}: {error}", *where)
+            continue
+        yield from kind.check_manifest(manifest.part(name))
+
+
+def _where_named(manifest: Manifest, driver: str) -> tuple[str, ...]:
+    if manifest.robot.driver == driver:
+        return ("robot", "driver")
+    for table, entries in (("percepts", manifest.percepts), ("actions", manifest.actions)):
+        for name, entry in entries.items():
+            if entry.driver == driver:
+                return (table, name, "driver")
+    return ()
+
 
 if TYPE_CHECKING:  # megabytes, for those that have no extension
     from importlib.metadata import EntryPoint
 
 PATIENCE = 20.0
-"""Wall seconds that an import may take; the event loop, and with it every signal, waits for it."""
+"""Upper bound of an import, in wall seconds; the event loop, and with it every signal, waits for it."""
 log = logging.getLogger("drivers")
 
 
@@ -20,7 +112,7 @@ class SlowImport(ImportError):
 
 
 def load(entry: EntryPoint) -> Any:
-    """Import what an entry point names, in a thread. Raises SlowImport, and whatever the import does."""
+    """Import what an entry point names, in a thread. Raises SlowImport and the errors of the import."""
     if entry.module not in sys.modules:
         log.info("importing %s, which `%s` names", entry.module, entry.name)
     result: list[Any] = []
@@ -40,3 +132,20 @@ def load(entry: EntryPoint) -> Any:
     if not result:
         raise SlowImport(f"it has not ended within {PATIENCE:g} s")
     return result[0]
+
+
+def load_robot_manifest(named: str | tuple[str, ...], folder: Path) -> Manifest:
+    """Read what a mission names: a shipped manifest, a TOML file, or the paper's pair of INI files, actions first.
+
+    Raises Findings with every problem, each at its line; where there are any, also with those that the drivers see.
+    """
+    if isinstance(named, str):
+        return load_manifest(named, folder, check_manifest)
+    if len(named) != 2:
+        said = f"expected one manifest, or two: [actions_manifest, perceptions_manifest]; got {len(named)}"
+        raise Findings([Finding(named[0] if named else "", 0, 0, said)])
+    from bridged.paper_format.ini_manifests import (
+        load_ini_pair,  # the vocabulary of mavros is memory that others need not have
+    )
+
+    return load_ini_pair(folder / named[0], folder / named[1])

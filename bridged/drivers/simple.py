@@ -1,4 +1,4 @@
-"""What a driver of a simple robot need not write: one without modes, without a pilot, and with no way down to order."""
+"""A base class for drivers of simple robots: without modes, without a pilot, and with no way down to order."""
 
 from __future__ import annotations
 
@@ -29,18 +29,13 @@ class SimpleDriver:
         raise NotImplementedError
 
     def tell(self, source: str, fields: Mapping[str, object] | None) -> None:
-        """Pass on what the robot said of a source of the manifest; no fields = it holds no longer."""
+        """Pass on a reading of a source of the manifest; no fields = it holds no longer."""
         self._heard_at = self.setup.clock.wall()
         self.setup.on_reading(Reading(source, fields))
-        self.setup.on_step()
-
-    def finish(self, execution: Execution, outcome: Outcome) -> None:
-        """End an execution and let the bridge tell of it."""
-        execution.end(outcome)
-        self.setup.on_step()
+        self.setup.on_turn()
 
     def refuses(self, entry: ActionEntry) -> Outcome | None:
-        """Nothing: nobody else has the robot."""
+        """Return None: nobody else has the robot."""
         return None
 
     def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
@@ -50,44 +45,44 @@ class SimpleDriver:
         return execution
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
-        """End an execution; what the robot was told is not taken back."""
+        """End an execution; a command that was sent is not taken back."""
         execution.end(outcome)
 
     @property
     def active(self) -> bool:
-        """Never: leaving it needs no order. Who began a motion knows that better."""
+        """False: leaving it needs no order, as far as its state shows."""
         return False
 
     @property
     def heard(self) -> bool:
-        """Whether it said something within `link_loss`."""
+        """Whether it was heard within `link_loss`."""
         return self.silence <= self.manifest.robot.link_loss
 
     @property
     def silence(self) -> float:
-        """Wall seconds since it said something; infinite if it never did."""
+        """Wall seconds since it was heard; infinite if it never was."""
         return self.setup.clock.wall() - self._heard_at
 
     @property
     def airborne(self) -> bool:
-        """Never."""
+        """False."""
         return False
 
     @property
     def under_way(self) -> Order | None:
-        """Nothing: the robot shows no modes."""
+        """None: the robot shows no modes."""
         return None
 
     @property
     def overridden(self) -> str:
-        """Nobody else has it."""
+        """Empty: nobody else has it."""
         return ""
 
     def speak_for_agent(self, present: bool) -> None:
-        """Nothing is said to the robot on behalf of its agent."""
+        """Ignore whether an agent is present."""
 
     def adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest."""
+        """Continue by another manifest."""
         self.manifest = manifest
 
     def counters(self) -> dict[str, float]:

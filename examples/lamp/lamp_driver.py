@@ -65,14 +65,14 @@ class LampDriver(SimpleDriver):
                     self._writer.close()
                 self._writer = None
             while self._asked:
-                self.finish(self._asked.popleft(), Outcome("failed", why))
+                self._asked.popleft().end(Outcome("failed", why))
             await asyncio.sleep(AGAIN)
 
     def _heard(self, word: str, rest: str) -> None:
         if word == "level":
             self.tell("level", {"percent": float(rest)})
         elif word in ("done", "no") and self._asked:
-            self.finish(self._asked.popleft(), Outcome("succeeded" if word == "done" else "failed", rest))
+            self._asked.popleft().end(Outcome("succeeded" if word == "done" else "failed", rest))
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         execution = Execution(name, waits_for="the lamp's answer")

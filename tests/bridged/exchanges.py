@@ -24,11 +24,7 @@ from tests.bridged.recorded import DATA, packets
 FIELD = Place(-27.604033, -48.518363, 21.1)
 """Home of the recordings as the recorded vehicle reported it."""
 
-HOMES = {
-    1: FIELD,
-    2: Place(FIELD.lat, -48.5182615, FIELD.alt),
-    3: Place(FIELD.lat, -48.5181603, FIELD.alt),
-}
+HOMES = {1: FIELD, 2: Place(FIELD.lat, -48.5182615, FIELD.alt), 3: Place(FIELD.lat, -48.5181603, FIELD.alt)}
 VEHICLE_SECONDS = {"three_uav.tlog.gz": 5.016}
 """Vehicle seconds per recorded second (dynamics.json), 1 for the other files."""
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bridged.bridge.manifest_loader import load_robot_manifest
-from bridged.drivers import check_manifest
+from bridged.drivers.registry import check_manifest, load_robot_manifest
 from bridged.paper_format.ini_manifests import translate_pair
 from schemas.manifest.loader import Manifest
 

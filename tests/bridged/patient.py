@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 from bridged.bridge.action_log import ActionLog
 from bridged.bridge.action_server import ActionServer
+from bridged.bridge.composite_driver import CompositeDriver
 from bridged.bridge.lease import Lease
 from bridged.bridge.percepts import PerceptPublisher
-from bridged.drivers.api import Execution, Order, Outcome, Value
+from bridged.drivers.api import Execution, Order, Outcome, Setup, Value
 from schemas.manifest.loader import ActionEntry, Manifest, RobotEntry
+from schemas.mission.model import Robot
 from schemas.wire.records import Action, ActionStatus
+from tests.bridged.sky import VirtualClock
 
 
 class Patient:
@@ -48,23 +54,28 @@ class Desk:
         self.manifest = manifest = Manifest(
             robot=RobotEntry(driver="x"), actions={f"a{n}": entry for n in range(actions)}
         )
-        self.now, self.robot = 0.0, Patient()
+        self.clock, self.robot = VirtualClock(), Patient()
         self.told: list[ActionStatus] = []
         self.ledger = ActionLog(state / "r.actions")
         self.board = PerceptPublisher(
-            manifest, ["uav", "other"], lambda *one: None, robot="r", boot="b", stamp=lambda: 0
+            manifest, ["uav", "other"], lambda *one: None, robot="r", boot="b", clock=self.clock
         )
+        kind = SimpleNamespace(make_driver=lambda setup: self.robot)
+        with patch("bridged.bridge.composite_driver.find_driver", lambda name: kind):
+            driver = CompositeDriver(
+                Setup("r", manifest, Robot(manifest="x"), state, self.clock, self.board.take, lambda: None)
+            )
         self.action_server = ActionServer(
             manifest,
-            self.robot,  # type: ignore[arg-type]
+            driver,
             self.board,
             self.ledger,
             lambda agent, status: self.told.append(status),
             Lease(["uav", "other"], (), arms=False),
             robot="r",
             boot="b",
-            stamp=lambda: 0,
-            now=lambda: self.now,
+            clock=self.clock,
+            wake=asyncio.Event(),
         )
 
     def ask(self, name: str, agent: str = "uav", **fields: Any) -> list[ActionStatus]:
@@ -72,6 +83,11 @@ class Desk:
         heard: list[ActionStatus] = []
         self.action_server.ask(agent, name, Action(**fields), heard.append)  # type: ignore[arg-type]
         return heard
+
+    def step(self, seconds: float = 0.0) -> None:
+        """Let time pass."""
+        self.clock.time += seconds
+        self.action_server.step()
 
     def feedback(self) -> int:
         """How many figures of progress the agent perceives."""

@@ -61,7 +61,7 @@ class Pond:
                 folder=Path(),
                 clock=Clock(),
                 on_reading=self.readings.append,
-                on_step=lambda: None,
+                on_turn=lambda: None,
                 bus=bridge,
             )
         )

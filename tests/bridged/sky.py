@@ -6,6 +6,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -13,13 +14,14 @@ from bridged.bridge.bridge import Bridge
 from bridged.bridge.composite_driver import CompositeDriver
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.shared_links import SharedLink
 from bridged.simulation.copter.fault_injection import Air, Faults
 from bridged.simulation.copter.geodesy import Place
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import read_mission
-from schemas.wire.records import Action, ActionStatus, Perception
+from schemas.wire.records import Action, ActionStatus, Note, Perception
 from schemas.wire.terms import Term
 
 HOME = Place(-27.604033, -48.518363, 21.0)
@@ -73,10 +75,21 @@ class Carrier:
     def __init__(self, world: Sky) -> None:
         self.world = world
 
-    def send(self, message: Message, sysid: int | None = None) -> bool:
+    def send(self, link_client: object, message: Message) -> None:
         """Take a message for the vehicle; it goes on its way with the next step."""
         self.world.uplink.append(self.world.ours.pack(message))
-        return True
+
+    def two_vehicles(self, link_client: object) -> str:
+        """There is one."""
+        return ""
+
+    def counters(self, link_client: object) -> dict[str, float]:
+        """No figures."""
+        return {}
+
+    def notes(self, link_client: object) -> list[Note]:
+        """No warnings."""
+        return []
 
 
 class Sky:
@@ -119,7 +132,7 @@ class Sky:
         self.ours = Encoder(self.driver.identity.system, self.driver.identity.component)
         self._theirs = Encoder(self.vehicle.system, 1)
         self._at_vehicle, self._at_bridge = Framer(WireCounters()), Framer(WireCounters())
-        self.driver.attach(Carrier(self))
+        self.driver.link = cast(SharedLink, Carrier(self))
         self._counter = 0
 
     def step(self) -> None:
@@ -137,6 +150,7 @@ class Sky:
         for piece in self.air_down.due(now):
             self._reach_bridge(piece)
         self.driver.tick()
+        self.bridge.step()
 
     def _reach_vehicle(self, data: bytes) -> None:
         for message in self._at_vehicle.feed_datagram(data):

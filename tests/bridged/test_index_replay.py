@@ -84,12 +84,7 @@ def tampered(name: str, entry: str, change: Callable[[Record], None]) -> list[st
             lambda entry: reply_of(entry, "POSITION_TARGET_GLOBAL_INT").update(lat_int=0),
             "missing",
         ),
-        (
-            "failsafe.tlog.gz",
-            "ready",
-            lambda entry: entry.update(t_seen_us=entry["t_seen_us"] - 5_000_000),
-            "ready at",
-        ),
+        ("failsafe.tlog.gz", "ready", lambda entry: entry.update(t_seen_us=entry["t_seen_us"] - 5_000_000), "ready at"),
     ],
 )
 def test_the_comparison_notices_a_wrong_answer(

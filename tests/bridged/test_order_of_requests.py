@@ -19,9 +19,7 @@ BUSY = 0.5
 
 def command(studio: Studio, identity: str, ahead: float = 1.0) -> Action:
     return Action(
-        header=studio.bus.header("action", studio.agent),
-        id=f"{studio.agent}:busy:{identity}",
-        parameters=(ahead, 0, 0),
+        header=studio.bus.header("action", studio.agent), id=f"{studio.agent}:busy:{identity}", parameters=(ahead, 0, 0)
     )
 
 

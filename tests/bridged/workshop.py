@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from bridged.bridge.bridge import Bridge
-from bridged.drivers import check_manifest
+from bridged.drivers.registry import check_manifest
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest, read_manifest
 from schemas.mission.model import read_mission
@@ -94,7 +94,7 @@ def in_the_workshop(workshop: Workshop, body: Callable[[Workshop], object], seco
 
     async def everything() -> None:
         async with asyncio.timeout(seconds):
-            running = asyncio.create_task(workshop.bridge.driver.run())
+            running = asyncio.create_task(workshop.bridge.run())
             try:
                 await body(workshop)  # type: ignore[misc]
             finally:

@@ -1,6 +1,6 @@
-"""Who has the vehicle: agents and the bridge, or others (a pilot, a ground station, the vehicle's failsafe).
+"""Who controls the vehicle: agents and the bridge, or others (a pilot, a ground station, the vehicle's failsafe).
 
-A mode that nobody here asked for is theirs. It ends what moved the vehicle, and lasts until an agent sets the mode.
+A mode that nobody here asked for is theirs. It ends motions of agents, and lasts until an agent sets the mode.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from bridged.drivers.api import Outcome, Reading
 from bridged.drivers.mavlink.actions.context import TEXT_WINDOW, ProcedureContext, Task
 
 RESTARTS_WITHIN = 1.8
-"""Wall seconds without a HEARTBEAT in which a vehicle may have restarted; they come once a second."""
+"""Wall seconds without a HEARTBEAT in which a vehicle may have restarted; there is one each second."""
 DOUBT = (1.0, 0.7)
-"""Mission and wall seconds in which a vehicle tells for how long it has been on."""
+"""Mission and wall seconds in which a vehicle reports its time since boot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,23 +32,23 @@ class ControlAuthority:
 
     def __init__(self, flight: ProcedureContext, tasks: Iterable[Task], end: Callable[[Task, Outcome], None]) -> None:
         self.overridden = False
-        """Whether others set the mode that the vehicle is in, not we or an agent."""
+        """Whether others set the present mode of the vehicle."""
         self.override = ""
-        """The mode that others set while an agent was in control; empty once an agent has set the mode again."""
+        """The mode that others set while an agent had control; empty once an agent has set the mode again."""
         self._flight, self._tasks, self._end = flight, tasks, end
         self._by_agent = False
         """Whether an agent has set the mode since others did."""
         self._pending: _Override | None = None
         self._restarted = False
-        """The mode of the next HEARTBEAT is one that the vehicle began with."""
+        """The mode of the next HEARTBEAT is one that the vehicle started with."""
         self._untold = False
         """The agents do not perceive the override yet."""
         self._doubt_until = -math.inf
-        """Until when a mode that the vehicle may have begun with is held against nobody."""
+        """Until when a mode that the vehicle may have started with counts as nobody's."""
 
     @property
     def pending(self) -> bool:
-        """Whether what moved the vehicle waits only for its end."""
+        """Whether the tasks that moved the vehicle only wait for their end."""
         return self._pending is not None
 
     def heard(self, mode_before: int, *, again: bool) -> None:
@@ -82,9 +82,10 @@ class ControlAuthority:
         self._end_override()
 
     def look(self) -> None:
-        """End what was moving the vehicle when others set the mode, as soon as the vehicle has said why."""
+        """End the tasks that moved the vehicle when others set the mode, as soon as the vehicle has reported why."""
         pending, now = self._pending, self._flight.now
-        self._tell_override()
+        if self._untold:
+            self._tell_override()
         if pending is None or now < self._doubt_until:
             return
         said = self._flight.texts.warnings(pending.at - self._flight.wait(*TEXT_WINDOW))
@@ -97,18 +98,18 @@ class ControlAuthority:
             self._end(task, Outcome("failed", f"{reason}: {said}" if said else reason, "pilot"))
 
     def settle(self) -> None:
-        """Another task begins: wait for texts no longer."""
+        """Wait no longer for the vehicle's texts: another task begins."""
         if self._pending is not None:
             self._pending = replace(self._pending, until=self._flight.now)
             self.look()
 
     def begun(self, task: Task) -> None:
-        """Take in that a task begins: what an agent moves is in its control from then on."""
+        """Take in that a task begins: an agent that moves the vehicle has control of it."""
         if task.by_agent and task.moves and not self.overridden:
             self._by_agent = True
 
     def ended(self, task: Task, outcome: Outcome) -> None:
-        """Take in how a task ended: one that moved the vehicle or set its mode shows that it is ours."""
+        """Take in how a task ended: success of one that moves the vehicle or sets its mode proves our control."""
         if outcome.state == "succeeded":
             self.overridden = self.overridden and not (task.moves or task.sets_mode)
             if task.takes_control:
@@ -138,7 +139,7 @@ class ControlAuthority:
             self._flight.tell(Reading("OVERRIDE", {"mode": self.override}))
 
     def _taken(self) -> None:
-        """An agent has set the mode itself: an override by others is over."""
+        """End an override: an agent has set the mode itself."""
         self._by_agent = True
         self._end_override()
 

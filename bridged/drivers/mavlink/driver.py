@@ -1,4 +1,4 @@
-"""The MAVLink driver: one vehicle on a link, on asyncio. What is said is in `vehicle_session`, the link in `links`."""
+"""The MAVLink driver: one vehicle on a link. What is exchanged with it is in `session`."""
 
 from __future__ import annotations
 
@@ -6,42 +6,32 @@ import asyncio
 import logging
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Execution, Order, Outcome, Setup, Value
+from bridged.drivers.mavlink.action_binding import call_of, leads_down, may_lead_down, offer_of
 from bridged.drivers.mavlink.actions.context import Task
-from bridged.drivers.mavlink.manifest.action_binding import call_of
-from bridged.drivers.mavlink.manifest.capabilities import offer_of
-from bridged.drivers.mavlink.manifest.message_fields import unread
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
 from bridged.drivers.mavlink.transport.link import Ids
-from bridged.drivers.mavlink.transport.link_state import LinkState
 from bridged.drivers.mavlink.transport.shared_links import LinkClient, Links, SharedLink
 from bridged.drivers.mavlink.transport.signing import read_key
-from bridged.drivers.mavlink.vehicle.descent_actions import leads_down, may_lead_down
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
+from bridged.drivers.mavlink.vehicle.streams import unread
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
 
 TICK, TICKS = 0.25, 2.0
-"""At most so many wall seconds between looks at the time, and at least so many looks in a second of the vehicle."""
+"""Most wall seconds between two ticks, and least ticks in a mission second."""
 TICK_IDLE = 1.0
-"""Wall seconds between looks at the time while nothing is asked of the vehicle: each look wakes the process, and our
-heartbeats go out when the vehicle's come in."""
+"""Wall seconds between two ticks while nothing is asked of the vehicle: each one wakes the process, and our heartbeats
+go out when the vehicle's come in."""
 STALL = 1.0
 """Wall seconds that a tick may be late; after that the vehicle's packets are read before its silence is judged."""
 CATCH_UP = 0.2
-"""Wall seconds to read what came meanwhile."""
+"""Wall seconds to read the packets that arrived meanwhile."""
 log = logging.getLogger("mavlink")
-
-
-class Carrier(Protocol):
-    """What carries packets to the vehicle: a link with other robots at it, or the air of a test."""
-
-    def send(self, message: dialect.MAVLink_message, sysid: int | None = None) -> bool: ...
 
 
 class MavlinkDriver:
@@ -54,26 +44,25 @@ class MavlinkDriver:
         robot, clock = setup.robot, setup.clock
         self._address = LinkAddress.parse(robot.link)
         self._clock = clock
-        self._on_step = setup.on_step
+        self._on_turn = setup.on_turn
         self._links = Links.of(setup.shared)
-        self._link: SharedLink | None = None
+        self.link: SharedLink | None = None
+        """Carries packets to the vehicle; shared with other robots at it."""
         self._asked = asyncio.Event()
-        """Something was asked of the vehicle: look at the time more often at once."""
-        self._carrier: Carrier | None = None
+        """Something was asked of the vehicle: tick immediately, and more often."""
         self.identity = our_ids(robot.failsafe, robot.sysid, robot.ids)
-        """Under which ids we speak, and to whom."""
+        """Our MAVLink ids, and the vehicle's."""
         self._link_client = LinkClient(
             setup.name,
             robot.sysid,
             Ids(self.identity.system, self.identity.component),
-            lambda message, peer: self.receive(message),
+            self.receive,
             self._carry,
             unread(setup.manifest),
             None if robot.signing is None else read_key(setup.folder / robot.signing.passphrase_file),
             tuple(map(LinkAddress.parse, link_strings(robot.forward))),
             setup.state,
         )
-        self._state = LinkState(setup.on_reading)
         self.unsendable = 0
         """Messages so far that could not be packed."""
         self.stalls = 0
@@ -87,14 +76,14 @@ class MavlinkDriver:
             limits=robot.limits,
             failsafe=robot.failsafe,
         )
-        self._patience = self._be_patient(setup.manifest)
+        self._judge_address()
 
     async def run(self) -> None:
-        """Carry the vehicle's traffic until cancelled. Raises LinkError if the link cannot be opened: run it again."""
+        """Carry the vehicle's traffic until cancelled. Raises LinkError if it cannot be opened; may be run again."""
         loop = asyncio.get_running_loop()
-        self._carry(False)  # so that a link that cannot be opened, also when this is run again, is told to be down
-        async with self._links.seat(self._address, self._link_client) as self._link:
-            self._carry(self._link.up)
+        self._carry(False)  # so that a link that cannot be opened, also at another run, is reported down
+        async with self._links.seat(self._address, self._link_client) as self.link:
+            self._carry(self.link.up)
             while True:
                 try:
                     self.tick()
@@ -112,19 +101,14 @@ class MavlinkDriver:
                     log.warning("this process stood still for %.1f s", late)
                     await asyncio.sleep(CATCH_UP)
 
-    def attach(self, carrier: Carrier) -> None:
-        """Send by this carrier from now on."""
-        self._carrier = carrier
-
     def receive(self, message: dialect.MAVLink_message) -> None:
-        """Take in a message from the carrier."""
+        """Take in a message from the link."""
         self._vehicle_session.receive(message, self._clock.now())
-        self._look()
 
     def tick(self) -> None:
         """Let time pass."""
         self._vehicle_session.tick(self._clock.now())
-        self._look()
+        self._on_turn()
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin an action of the manifest."""
@@ -144,7 +128,7 @@ class MavlinkDriver:
     def refuses(self, entry: ActionEntry) -> Outcome | None:
         """Why an action cannot begin now; None if it can. Setting the mode takes control again.
 
-        Of two vehicles that cannot be told apart none is armed or moved; one that flies is left its ways down.
+        Of two vehicles with one system id none is armed or moved; one that flies may still come down.
         """
         if refusal := self._vehicle_session.vehicle.not_commanded:
             return Outcome("refused", refusal)
@@ -158,12 +142,12 @@ class MavlinkDriver:
         return Outcome("refused", said, "pilot")
 
     def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
-        """Begin an order from above; every action that runs ends as `ending`."""
+        """Begin an order above the agents; every running action ends as `ending`."""
         self._asked.set()
         return self._vehicle_session.order(order, ending, insist=insist)
 
     def pause(self, interrupted: Collection[Execution]) -> Execution:
-        """Hold the vehicle by its mode; on `resume` it goes on in the mode before."""
+        """Hold the vehicle by its mode until `resume`."""
         self._asked.set()
         return self._vehicle_session.pause([task for task in interrupted if isinstance(task, Task)])
 
@@ -179,12 +163,12 @@ class MavlinkDriver:
 
     @property
     def active(self) -> bool:
-        """Armed, as far as is known; a vehicle that fell silent while armed counts as armed."""
+        """Whether it is armed; a vehicle that fell silent while armed counts as armed."""
         return self._vehicle_session.vehicle.armed
 
     @property
     def heard(self) -> bool:
-        """Whether its HEARTBEATs come."""
+        """Whether its HEARTBEATs arrive."""
         return self._vehicle_session.vehicle.connected
 
     @property
@@ -212,13 +196,13 @@ class MavlinkDriver:
         return talk.vehicle.mode_name if theirs and talk.vehicle.armed else ""
 
     def adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest: other streams are asked for."""
+        """Continue by another manifest: other streams are requested."""
         self._vehicle_session.adopt(manifest)
         self._link_client.unread = unread(manifest)
-        self._patience = self._be_patient(manifest)
+        self._judge_address()
 
     def speak_for_agent(self, present: bool) -> None:
-        """Without an agent, heartbeats that claim to be the ground station stop."""
+        """Send heartbeats that claim to be the ground station only while an agent is present."""
         self._vehicle_session.speaks_for_agent = present
 
     def counters(self) -> dict[str, float]:
@@ -234,40 +218,31 @@ class MavlinkDriver:
             "unsendable": self.unsendable,
             "stalls": self.stalls,
         }
-        return counters if self._link is None else counters | self._link.counters(self._link_client)
+        return counters if self.link is None else counters | self.link.counters(self._link_client)
 
     def notes(self) -> list[Note]:
         """Warnings that hold now."""
-        of_link = [] if self._link is None else self._link.notes(self._link_client)
+        of_link = [] if self.link is None else self.link.notes(self._link_client)
         return [*of_link, *self._vehicle_session.notes()]
 
-    def _look(self) -> None:
-        talk = self._vehicle_session
-        self._state.look(talk.vehicle.connected, talk.vehicle.heard_at, self._clock.now(), self._patience)
-        self._on_step()
-
     def _carry(self, up: bool) -> None:
-        self._state.carry(up, self._clock.now())
-        self._look()
+        """Take in that packets can pass, or that they cannot."""
+        self._vehicle_session.carry(up, self._clock.now())
 
     def _two(self) -> str:
-        """The warning that two vehicles have the id of ours, empty if there is one."""
-        return "" if self._link is None else self._link_client.address.two_vehicles(asyncio.get_running_loop().time())
+        """Return the warning that two vehicles have the system id of ours, empty if there is one."""
+        return "" if self.link is None else self.link.two_vehicles(self._link_client)
 
-    def _be_patient(self, manifest: Manifest) -> float:
-        """Mission seconds of silence that are a link loss; the judgement of the vehicle's address goes by them too."""
-        flight, limit = self._vehicle_session.flight, manifest.robot.link_loss
-        patience = flight.wait(limit, limit)
-        self._link_client.address.link_loss = flight.to_wall(patience)
-        return patience
+    def _judge_address(self) -> None:
+        """Judge the vehicle's address by the silence that is a link loss."""
+        session = self._vehicle_session
+        self._link_client.address.link_loss = session.flight.to_wall(session.link_loss)
 
     def _send(self, message: dialect.MAVLink_message) -> None:
+        if self.link is None:
+            return
         try:
-            if self._carrier is not None:
-                self._carrier.send(message, self.identity.vehicle)
-            elif self._link is not None:
-                send = self._link.send_everywhere if self._two() else self._link.send
-                send(self._link_client, message)
+            self.link.send(self._link_client, message)
         except ValueError as error:
             self.unsendable += 1
             log.error("not sent: %s", error)

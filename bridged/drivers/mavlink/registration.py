@@ -12,12 +12,12 @@ from schemas.manifest.loader import Manifest
 from schemas.mission.model import Robot
 
 ORDERS: frozenset[Order] = frozenset(("hold", "land", "rtl"))
-"""What a robot of this driver can be ordered without an action of its manifest."""
+"""Orders of a robot of this driver without an action of its manifest."""
 
 
 def check_manifest(manifest: Manifest) -> Iterable[Finding]:
     """Say what the driver does not know: vehicle, sources, fields, commands, confirmations."""
-    from bridged.drivers.mavlink.manifest.validation import check_manifest as check
+    from bridged.drivers.mavlink.manifest_validation import check_manifest as check
 
     return check(manifest)
 

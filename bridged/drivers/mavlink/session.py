@@ -1,4 +1,4 @@
-"""The conversation with one vehicle: heartbeats, streams, commands and the actions that are under way.
+"""The session with one vehicle: heartbeats, streams, commands, actions, and whether it is heard.
 
 Pure: messages and the time (mission seconds) go in, messages and readings come out. The driver adds the link.
 """
@@ -13,20 +13,26 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import OnReading, Order, Outcome, Reading
+from bridged.drivers.mavlink.action_binding import Offer
 from bridged.drivers.mavlink.actions.confirmation import PRE_ARM
-from bridged.drivers.mavlink.actions.context import NOBODYS_FAILSAFE, Call, Procedure, ProcedureContext, Steps, Task
+from bridged.drivers.mavlink.actions.context import (
+    NOBODYS_FAILSAFE,
+    Call,
+    LimitWatch,
+    Procedure,
+    ProcedureContext,
+    Steps,
+    Task,
+)
 from bridged.drivers.mavlink.actions.flight import arm, hold_by_mode, leave_hold, mode_call, secure, stay
-from bridged.drivers.mavlink.actions.limit_monitor import LimitWatch
 from bridged.drivers.mavlink.actions.parameters import spellings
 from bridged.drivers.mavlink.control_authority import ControlAuthority
-from bridged.drivers.mavlink.manifest.capabilities import Offer
-from bridged.drivers.mavlink.manifest.message_fields import MessageFields
 from bridged.drivers.mavlink.vehicle.commands import Command, Commands, Identity
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.state import Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, Texts, Warnings
-from bridged.drivers.mavlink.vehicle.streams import Streams
+from bridged.drivers.mavlink.vehicle.streams import MessageFields, Streams
 from schemas.files.units import Duration
 from schemas.manifest.loader import Manifest, Retry
 from schemas.mission.model import Failsafe, Limits
@@ -34,27 +40,28 @@ from schemas.wire.records import Note
 from schemas.wire.terms import Atom
 
 HEARTBEAT_EVERY, HEARTBEAT_EARLY = 1.0, 0.5
-"""Mission seconds between our heartbeats, and how much sooner one may go out together with the vehicle's own."""
+"""Mission seconds between our heartbeats, and how much earlier one may follow the vehicle's own."""
 IDLE_AFTER = (3.0, 1.0)
 """Mission and wall seconds for which the streams stay full after the last action, disarmed."""
 PATIENCE_AT_START = 3.0
-"""Wall seconds in which a vehicle need not be heard yet: every start would begin with a warning."""
+"""Wall seconds after the start without a warning that the vehicle is not heard."""
 HEARTBEAT_LATE = (1.5, 1.5)
 """Mission and wall seconds without a HEARTBEAT after which the link, not the rate of a message, is in doubt."""
 STALE = (5.0, 2.0)
-"""Mission and wall seconds after which what the vehicle told of where it is proves nothing any longer."""
+"""Mission and wall seconds after which the vehicle's report of its position is stale."""
 REBOOT_TOLD = (60.0, 30.0)
-"""Mission and wall seconds for which a restart of the vehicle stands in health."""
+"""Mission and wall seconds for which health reports a restart of the vehicle."""
 TEXT = "VEHICLE_TEXT"
 """The source of the vehicle's own warnings."""
 MAX_TASKS = 16
-"""Executions under way at once; the bridge allows fewer."""
+"""Executions under way at a time; the bridge allows fewer."""
 NO_LIMITS = Limits()
+_ATOMS = {True: Atom("up"), False: Atom("down")}
 log = logging.getLogger("mavlink")
 
 
 class VehicleSession:
-    """Everything said between us and one vehicle."""
+    """The exchange with one vehicle. What an action ended by is reported as readings before the action ends."""
 
     def __init__(
         self,
@@ -82,7 +89,9 @@ class VehicleSession:
         """Messages of the vehicle so far."""
         self.speaks_for_agent = True
         self._sources = {percept.source for percept in manifest.percepts.values()}
-        self._link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
+        self.link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
+        """Mission seconds of silence that are a link loss."""
+        self._link_state = LinkState(on_reading)
         self._send = send
         self._on_reading = on_reading
         self._tasks: dict[Task, Steps] = {}
@@ -96,21 +105,25 @@ class VehicleSession:
         self.control = ControlAuthority(self.flight, self._tasks, self.end)
 
     def receive(self, message: dialect.MAVLink_message, now: float) -> None:
-        """Take in one message from the link, whoever sent it."""
+        """Take in one message from the link; only the vehicle's autopilot counts."""
         if (message.get_srcSystem(), message.get_srcComponent()) != (self.identity.vehicle, self.identity.autopilot):
             return
         self.flight.now, self.flight.message = max(now, self.flight.now), message
         self.received += 1
-        name, reboots, mode, silence = message.get_type(), self.vehicle.reboots, self.vehicle.mode, self.silence
-        unknown, was_armed = self.vehicle.unknown_autopilot, self.vehicle.armed
-        self.vehicle.receive(message, self.flight.now)
-        if self.vehicle.unknown_autopilot != unknown:
+        vehicle, name = self.vehicle, message.get_type()
+        reboots, mode, was_armed, heard_at = vehicle.reboots, vehicle.mode, vehicle.armed, vehicle.heard_at
+        unknown = vehicle.unknown_autopilot if name == "HEARTBEAT" else ""
+        vehicle.receive(message, self.flight.now)
+        if name == "HEARTBEAT" and vehicle.unknown_autopilot != unknown:
             self._autopilot_changed()
         self.streams.count(name)
-        if self.vehicle.reboots != reboots:
+        if name in self._sources and name != "HEARTBEAT":  # that one is reported with its mode's name
+            self._on_reading(Reading(name, MessageFields(message)))
+        if vehicle.reboots != reboots:
             self._rebooted()
         match name:
             case "HEARTBEAT":
+                silence = self.flight.to_wall(self.flight.now - heard_at)
                 if self.control.doubts(mode, was_armed, silence):
                     self._ask_for_time()
                 self._heard(mode, silence)
@@ -123,8 +136,6 @@ class VehicleSession:
                 self._parameter_told(message.param_id, message.param_value)
             case "GLOBAL_POSITION_INT":
                 self._keep_limits()
-        if name in self._sources and name != "HEARTBEAT":
-            self._on_reading(Reading(name, MessageFields(message)))
         self._step()
         self.flight.message = None
 
@@ -134,8 +145,9 @@ class VehicleSession:
         self._listening_since = min(self._listening_since, now)
         if now >= self._heartbeat_at:
             self._beat()
-        if self.vehicle.connected and now - self.vehicle.heard_at > self._link_loss:
+        if self.vehicle.connected and now - self.vehicle.heard_at > self.link_loss:
             self._lost()
+        self._look_at_link()
         self._pace()
         self.commands.tick(now)
         self.streams.tick(now, lambda: self.vehicle.home is not None)
@@ -143,8 +155,14 @@ class VehicleSession:
             self.failsafe.tick(now)
         self._step()
 
+    def carry(self, up: bool, now: float) -> None:
+        """Take in that packets can pass over the link (`up`), or that they cannot."""
+        self.flight.now = max(now, self.flight.now)
+        self._link_state.carry(up, self.flight.now)
+        self._look_at_link()
+
     def begin(self, task: Task, procedure: Procedure, call: Call) -> Task:
-        """Start a procedure; its first step is taken at once."""
+        """Start a procedure and take its first step."""
         if len(self._tasks) >= MAX_TASKS:
             task.end(Outcome("refused", f"{MAX_TASKS} actions are under way already", "busy"))
             return task
@@ -157,7 +175,7 @@ class VehicleSession:
         self.control.begun(task)
         self._tasks[task] = self._when_connected(task, procedure, call)
         self._pace()
-        message, self.flight.message = self.flight.message, None  # what came before it is not for it
+        message, self.flight.message = self.flight.message, None  # an earlier message is not for it
         self._step()
         self.flight.message = message
         return task
@@ -170,15 +188,15 @@ class VehicleSession:
         return self.begin(task, offer.procedure, call)
 
     def adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest: other sources, other rates."""
+        """Continue by another manifest: other sources, other rates."""
         self._sources = {percept.source for percept in manifest.percepts.values()}
-        self._link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
+        self.link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
         self.streams.adopt(manifest, self.flight.now)
 
     def order(self, order: Order, ending: Outcome, *, insist: bool) -> Task:
-        """Start an order from above the agents; whatever runs ends as `ending`.
+        """Start an order above the agents; every running task ends as `ending`.
 
-        One that does not `insist` ends when others set the mode: the pilot is above it.
+        One that does not `insist` ends when others set the mode: the pilot overrides it.
         """
         mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
         for other in list(self._tasks):
@@ -187,7 +205,7 @@ class VehicleSession:
         return self.begin(Task(order, moves=False, sets_mode=True, yields=not insist), secure, mode_call(mode))
 
     def pause(self, interrupted: list[Task]) -> Task:
-        """Hold the vehicle by its mode until `resume`; `interrupted`, and what else moves it or sets its mode, ends."""
+        """Hold the vehicle by its mode until `resume`; tasks that are `interrupted`, move it or set its mode end."""
         for task in [task for task in self._tasks if task in interrupted or task.moves or task.sets_mode]:
             self.end(task, Outcome("cancelled", "paused by the operator", "operator"))
         hold = self.modes.hold
@@ -198,7 +216,7 @@ class VehicleSession:
         return self.begin(Task("pause", moves=False, sets_mode=True), hold_by_mode, mode_call(hold))
 
     def resume(self) -> Task:
-        """Set the mode from which `pause` took the vehicle; in a new life of the bridge the one that takes targets."""
+        """Set the mode before `pause`; after a restart of the bridge the one that takes targets."""
         before = self._mode_before_pause
         mode = self.modes.guided if before is None else before
         for task in [task for task in self._tasks if task.sets_mode]:  # a hold that is not confirmed yet
@@ -262,7 +280,7 @@ class VehicleSession:
         return [*rebooted, *(note for note in own if note.text), *unsent, *self.failsafe.notes()]
 
     def _step(self) -> None:
-        """Let every procedure look at the flight once; one that others have overridden waits only for its end."""
+        """Let every procedure take one step; one that others have overridden only waits for its end."""
         self.control.look()
         for task, steps in list(self._tasks.items()):
             if task not in self._tasks or (task.moves and self.control.pending):
@@ -276,11 +294,11 @@ class VehicleSession:
                 log.exception("defect in argosy: %s", task.name)
                 outcome = Outcome("failed", f"defect in argosy: {type(error).__name__}: {error}")
             self._tasks.pop(task, None)
+            self.control.ended(task, outcome)  # first: it may report that an override is over
             task.end(outcome)
-            self.control.ended(task, outcome)
 
     def _pace(self) -> None:
-        """Full streams while the vehicle is armed or something is asked of it, and a little longer."""
+        """Request full streams while the vehicle is armed or a task runs, and a little longer."""
         now = self.flight.now
         if self.vehicle.armed or self._tasks:
             self._idle_at = now + self.flight.wait(*IDLE_AFTER)
@@ -295,7 +313,7 @@ class VehicleSession:
         return (yield from procedure(self.flight, task, call))
 
     def _send_known(self, message: dialect.MAVLink_message) -> None:
-        """Send what commands, configures or asks: to a vehicle whose autopilot is known, and to no other."""
+        """Send a command or request, only to a vehicle whose autopilot is known."""
         if not self.vehicle.not_commanded:
             self._send(message)
 
@@ -314,9 +332,14 @@ class VehicleSession:
             self._ask_for_streams()
         self.control.heard(mode_before, again=not connected)
         self._tell_state()
+        self._look_at_link()
 
     def _tell_state(self) -> None:
         self._on_reading(Reading("HEARTBEAT", self.vehicle.state()))
+
+    def _look_at_link(self) -> None:
+        vehicle = self.vehicle
+        self._link_state.look(vehicle.connected, vehicle.heard_at, self.flight.now, self.link_loss)
 
     def _mode_and_arming(self) -> str:
         return f"{self.vehicle.mode_name}, {'armed' if self.vehicle.armed else 'not armed'}"
@@ -334,7 +357,7 @@ class VehicleSession:
         self.begin(Task(stay.__name__), stay, mode_call(self.modes.guided))
 
     def _parameter_told(self, name: str, value: float) -> None:
-        """A parameter that was asked for once is told again whenever the vehicle tells it, as when others set it."""
+        """Report a parameter that was requested once whenever the vehicle sends it, as when others set it."""
         for asked in spellings(name):
             if self.flight.parameters.get(asked, value) != value:
                 self.flight.learn(asked, value)
@@ -345,15 +368,16 @@ class VehicleSession:
         log.warning("system %d is lost: %s; it was in %s", self.identity.vehicle, lost, self._mode_and_arming())
         self.commands.clear()
         self.streams.stop()
+        self._tell_state()
+        self._look_at_link()
         for task in list(self._tasks):
             if task.name != stay.__name__:  # that one waits until the vehicle is heard again
                 self.end(task, Outcome("failed", f"link lost: {lost}"))
-        self._tell_state()
 
     def _hear_texts(self, message: dialect.MAVLink_message) -> None:
-        """Pass on warnings and worse: to the log when they are news, to agents as long as the vehicle says them.
+        """Pass on warnings and worse: new ones to the log, all to the agents.
 
-        What hinders an arming that waits is logged as its cause.
+        What hinders an arming that waits is logged as its cause instead.
         """
         for said in self.texts.receive(message, self.flight.now):
             news = self.warnings.take(said, self.flight.wait(*REPEATS_WITHIN))
@@ -366,7 +390,7 @@ class VehicleSession:
                 self._on_reading(Reading(TEXT, {"severity": Atom(severity), "text": said.text}))
 
     def _ask_for_time(self) -> None:
-        """Ask for how long the vehicle has been on: a mode that it began with is set by nobody."""
+        """Request the time since boot: a mode that the vehicle started with was set by nobody."""
         number = float(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
         request = Command(dialect.MAV_CMD_REQUEST_MESSAGE, (number, *(0.0,) * 6), Retry(times=2, every=Duration(0.2)))
         self.commands.submit(request, self.flight.now)
@@ -375,12 +399,13 @@ class VehicleSession:
         log.warning("system %d: the vehicle rebooted", self.identity.vehicle)
         self._rebooted_until = self.flight.now + self.flight.wait(*REBOOT_TOLD)
         self.control.rebooted()
+        self._tell_state()
         for task in self.moving:
             self.end(task, Outcome("failed", "the vehicle rebooted"))
         self._ask_for_streams()
 
     def _autopilot_changed(self) -> None:
-        """What was asked of another autopilot is over."""
+        """End what was asked of another autopilot."""
         if refusal := self.vehicle.not_commanded:
             log.error("system %d: %s", self.identity.vehicle, refusal)
             self.commands.clear()
@@ -391,7 +416,7 @@ class VehicleSession:
             self._ask_for_streams()
 
     def _ask_for_streams(self) -> None:
-        """The vehicle is there, or was restarted: it knows nothing of what it was asked before."""
+        """Request all streams of a vehicle that has appeared or restarted."""
         if not self.vehicle.not_commanded:
             self.streams.request(self.flight.now)
             self.failsafe.begin(self.flight.now)
@@ -400,3 +425,36 @@ class VehicleSession:
 _HEARTBEAT = dialect.MAVLink_heartbeat_message(
     dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
 )
+
+
+class LinkState:
+    """The percept of the link: `up` while the vehicle is heard over a transport that carries, `down` otherwise.
+
+    Each change is reported once. A vehicle that was not heard yet is neither up nor down until it has been silent for
+    the time of a link loss: a program need not distinguish the start of a flight from a loss. Times: mission seconds.
+    """
+
+    def __init__(self, on_reading: OnReading) -> None:
+        self._on_reading = on_reading
+        self._told: bool | None = None
+        self._begun = math.inf
+        self._carries = True
+        self._carries_since = -math.inf
+
+    def carry(self, up: bool, now: float) -> None:
+        """The transport (a socket, a device) came up or went down."""
+        if up and not self._carries:
+            self._carries_since = now
+        self._carries = up
+
+    def look(self, connected: bool, heard_at: float, now: float, patience: float) -> None:
+        """Report a change, by whether the vehicle is heard and when it was heard last.
+
+        After the transport was down the link is up when the vehicle is heard again, not before.
+        """
+        self._begun = min(self._begun, now)
+        up = self._carries and connected and heard_at >= self._carries_since
+        if up is self._told or (not up and self._told is None and now - self._begun <= patience):
+            return
+        self._told = up
+        self._on_reading(Reading("LINK", {"state": _ATOMS[up]}))

@@ -12,10 +12,8 @@ from contextlib import suppress
 from typing import Any, cast
 
 from bridged.drivers.api import Execution, Outcome, Setup, Value
-from bridged.drivers.python.actions import Call, outcome_of
-from bridged.drivers.python.manifest_validation import arguments_of, fields_in, misfits, names
-from bridged.drivers.python.plugins import Function, Plugins
-from bridged.drivers.python.worker_threads import Raised, Result, Returned, Worker
+from bridged.drivers.python.plugins import Function, Plugins, arguments_of, fields_in, misfits, names
+from bridged.drivers.python.worker_threads import Call, Raised, Result, Returned, Worker, outcome_of
 from bridged.drivers.simple import SimpleDriver
 from schemas.files.findings import Findings
 from schemas.manifest.loader import ActionEntry, Manifest
@@ -28,11 +26,11 @@ MAX_RATE = 500.0
 BOUND = 5.0
 """Wall seconds that a call for a reading may take, if the percept has no `ttl`, until it counts as hanging."""
 AGAIN = 1.0
-"""Wall seconds until a generator that ended or raised is begun anew."""
+"""Wall seconds until a generator that ended or raised is begun again."""
 TICK, TICKS = 0.25, 4.0
-"""At most so many wall seconds between looks at the time, and at least so many looks in a second of the mission."""
+"""Most wall seconds between two turns, and least turns in a mission second."""
 CLOSING = 0.3
-"""Wall seconds that a generator has to be closed when its action or the bridge ends, before it counts as hanging."""
+"""Wall seconds for closing a generator when its action or the bridge ends; after that it counts as hanging."""
 Readings = Generator[Any, None, Any]
 log = logging.getLogger("python")
 
@@ -41,15 +39,15 @@ class PythonDriver(SimpleDriver):
     """A `bridged.drivers.api.Driver`. It knows no orders itself: the manifest's `orders` are actions."""
 
     def __init__(self, setup: Setup) -> None:
-        """Raises Findings for functions that there are not, in this run: real or simulated."""
+        """Raises Findings for functions that this run, real or simulated, lacks."""
         super().__init__(setup)
         self._plugins = Plugins(simulated=setup.simulated)
         self._functions: dict[str, Function] = {}
         self._workers: dict[str, Worker] = {}
         self._calls: set[Call] = set()
-        """Those that have not returned, also when their action is over."""
+        """Calls that have not returned, also of actions that are over."""
         self._unused: set[str] = set()
-        """Functions that the manifest names no more, and that still have a thread."""
+        """Functions that the manifest no longer names, and that still have a thread."""
         self._polls: dict[str, asyncio.Task[None]] = {}
         self._running = False
         self._counts = Counter(failed=0, late=0)
@@ -67,10 +65,7 @@ class PythonDriver(SimpleDriver):
             while True:
                 for call in self._calls:
                     call.look()
-                try:
-                    self.setup.on_step()
-                except Exception as error:  # a defect must not end the robot's other drivers with this one
-                    _tell_defect("looking at the actions", error)
+                self.setup.on_turn()
                 self._close_unused()
                 await asyncio.sleep(pause)
         finally:
@@ -105,7 +100,7 @@ class PythonDriver(SimpleDriver):
         return call
 
     def refuses(self, entry: ActionEntry) -> Outcome | None:
-        """A function is called once at a time."""
+        """Refuse an action whose function has not returned from its last call."""
         worker = self._workers[entry.call]
         if not worker.busy:
             return None
@@ -124,7 +119,7 @@ class PythonDriver(SimpleDriver):
 
     @property
     def heard(self) -> bool:
-        """Whether the functions of its percepts do their work: none raises, none hangs."""
+        """Whether no function of its percepts raises or hangs."""
         return not self._failing and not any(self._workers[source].hangs for source in self._polls)
 
     def counters(self) -> dict[str, float]:
@@ -152,17 +147,17 @@ class PythonDriver(SimpleDriver):
         return hang + [Note("function_fails", f"`{name}` fails: {why}", name) for name, why in self._failing.items()]
 
     def _returned(self, call: Call, result: Result) -> None:
-        """A call came back, for an action that waits for it or is over already."""
+        """Take in the result of a call, for an action that waits for it or is over."""
         self._calls.discard(call)
         self._counts["failed"] += isinstance(result, Raised)
         if call.over:
             self._counts["late"] += 1
             return
         call.look()
-        self.finish(call, outcome_of(call.function, result))
+        call.end(outcome_of(call.function, result))
 
     def _note(self, function: str, result: Result) -> None:
-        """Count what a percept's function raised, and tell of it when it begins to."""
+        """Count a failure of a percept's function, and log the first one."""
         if not isinstance(result, Raised):
             self._failing.pop(function, None)
             return
@@ -196,7 +191,7 @@ class PythonDriver(SimpleDriver):
             await asyncio.sleep(max(1 / MAX_RATE, pause))
 
     async def _follow(self, source: str, worker: Worker, generator: Readings) -> None:
-        """Take each reading that a generator yields, as it comes, until it ends or raises."""
+        """Take each reading that a generator yields, until it ends or raises."""
         bound = self._ttl(source) or math.inf  # without a `ttl` it may wait for an event for ever
         try:
             while True:
@@ -233,7 +228,7 @@ class PythonDriver(SimpleDriver):
         return min(ttls, default=0.0)
 
     def _close_unused(self) -> None:
-        """Let threads end that nobody needs since the last look; what runs, and a generator's close, may end first."""
+        """End threads that are unused since the last look and idle: calls and closing generators may end first."""
         unused = self._workers.keys() - self._functions.keys()
         for name in unused & self._unused:
             if not self._workers[name].busy:
@@ -241,7 +236,7 @@ class PythonDriver(SimpleDriver):
         self._unused = unused
 
     async def _close(self) -> None:
-        """Let generators end in their threads; what hangs is left to the end of the process."""
+        """Let generators end in their threads; hanging calls are left to the end of the process."""
         for poll in self._polls.values():
             poll.cancel()
         await asyncio.gather(*self._polls.values(), return_exceptions=True)
@@ -263,7 +258,7 @@ def _tell_defect(what: str, error: Exception) -> None:
 
 
 def _next(generator: Readings) -> object:
-    """The fields of a generator's next reading, in its thread."""
+    """Return the fields of a generator's next reading, in its thread."""
     try:
         return fields_in(next(generator))
     except StopIteration:
@@ -271,5 +266,5 @@ def _next(generator: Readings) -> object:
 
 
 def _reading(value: object) -> object:
-    """The fields of what a function returned, in its thread; a generator as it is."""
+    """Return the fields of a function's result, in its thread; a generator as it is."""
     return value if inspect.isgenerator(value) else fields_in(value)

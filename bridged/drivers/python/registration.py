@@ -10,7 +10,7 @@ from schemas.manifest.loader import Manifest
 from schemas.mission.model import Robot
 
 ORDERS: frozenset[Order] = frozenset()
-"""What a robot of this driver can be ordered without an action of its manifest."""
+"""Orders of a robot of this driver without an action of its manifest."""
 
 
 def check_manifest(manifest: Manifest) -> Iterable[Finding]:
@@ -19,18 +19,18 @@ def check_manifest(manifest: Manifest) -> Iterable[Finding]:
     A plug-in that has a twin is judged by it, so that no hardware is needed; the bridge of the real robot looks again
     when it starts.
     """
-    from bridged.drivers.python.manifest_validation import check_manifest as check
+    from bridged.drivers.python.plugins import check_manifest as check
 
     return check(manifest)
 
 
 def check_robot(robot: Robot) -> Iterable[tuple[str, str]]:
-    """Nothing of what the mission says of a robot is needed."""
+    """Return nothing: the driver needs nothing of the mission's entry."""
     return ()
 
 
 def make_driver(setup: Setup) -> Driver:
-    """Make the driver of one robot. Raises Findings for functions that it lacks in this run."""
+    """Make the driver of one robot. Raises Findings for functions that this run lacks."""
     from bridged.drivers.python.driver import PythonDriver
 
     return PythonDriver(setup)

@@ -1,18 +1,21 @@
-"""Threads for calls that may block: one for each function of a plug-in, so that one that hangs holds up no other.
+"""Calls of a plug-in's functions in threads: one thread for each function, so that one that hangs holds up no other.
 
-Threads are daemons: one that never returns does not keep the process from ending.
-"""
+Threads are daemons: one that never returns does not keep the process from ending."""
 
 from __future__ import annotations
 
 import asyncio
+import inspect
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, cast
+
+from bridged.drivers.api import Execution, Outcome, Value
+from bridged.drivers.python.plugins import Function
 
 Work = Callable[[], Any]
 
@@ -55,7 +58,7 @@ class Worker:
 
     @property
     def busy(self) -> float:
-        """Wall seconds for which the call that is under way has not returned; 0 if there is none."""
+        """Wall seconds since the begin of the call under way; 0 if there is none."""
         return 0.0 if self._since is None else max(self._now() - self._since, 1e-9)
 
     @property
@@ -118,3 +121,66 @@ def _raised(error: BaseException) -> Raised:
         return Raised(kind, str(error) or kind)
     except Exception:  # its text is the plug-in's own work
         return Raised(kind, kind)
+
+
+MAX_RATE = 500.0
+"""Most steps of a generator in a wall second: it need not pause by itself."""
+
+
+class Call(Execution):
+    """One call of a function for an action; of a generator, until its end or until the action is over."""
+
+    def __init__(self, name: str, function: str) -> None:
+        super().__init__(name, waits_for=f"`{function}` to return")
+        self.function = function
+        self._told: dict[str, float] = {}
+        self._over = threading.Event()
+
+    def work(self, function: Function, arguments: Mapping[str, Value]) -> Any:
+        """Call the function, in a thread. Returns what it returned, at last."""
+        returned = function(**arguments)
+        return self._drive(cast(Generator[Any, None, Any], returned)) if inspect.isgenerator(returned) else returned
+
+    def abandon(self) -> None:
+        """Close the generator at its next `yield`; a function runs on."""
+        self._over.set()
+
+    def look(self) -> None:
+        """Take over the latest feedback, in the event loop."""
+        if not self.over:
+            self.feedback = self._told
+
+    def _drive(self, generator: Generator[Any, None, Any]) -> Any:
+        while not self._over.is_set():
+            try:
+                self._told = _figures(next(generator))
+            except StopIteration as end:
+                return end.value
+            self._over.wait(1 / MAX_RATE)
+        generator.close()
+        return None
+
+
+def _figures(told: object) -> dict[str, float]:
+    """Return the numbers of what a generator yields, without anything else."""
+    if not isinstance(told, Mapping):
+        return {}
+    items = ((str(name), value) for name, value in told.items())
+    return {name: float(value) for name, value in items if isinstance(value, int | float)}
+
+
+def outcome_of(function: str, result: Result) -> Outcome:
+    """Return the outcome of a result: None or True is success; False, a text or an exception is failure."""
+    match result:
+        case Raised(_, text):
+            return Outcome("failed", text)
+    match result.value:
+        case None | True:
+            return Outcome("succeeded")
+        case False:
+            return Outcome("failed", f"`{function}` returned False")
+        case str(text):
+            return Outcome("failed", text or f"`{function}` returned an empty text")
+        case other:
+            said = f"`{function}` returned a {type(other).__name__}: expected None, True, False or a text why not"
+            return Outcome("failed", said)

@@ -1,1 +1,1 @@
-"""The Zenoh driver: whoever publishes and answers on Zenoh keys in JSON or MessagePack is a robot."""
+"""The Zenoh driver: robots that publish and answer on Zenoh keys in JSON or MessagePack."""

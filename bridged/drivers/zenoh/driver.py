@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections import Counter
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import aclosing
@@ -11,22 +12,19 @@ from typing import Any, Protocol
 
 from bridged.drivers.api import Execution, Outcome, Setup, Value
 from bridged.drivers.simple import SimpleDriver
-from bridged.drivers.zenoh.manifest_validation import payload_of
-from bridged.drivers.zenoh.payload_codecs import CODECS, DEFAULT
-from bridged.drivers.zenoh.publications import Topic
-from bridged.drivers.zenoh.replies import read_reply
+from bridged.drivers.zenoh.payload_codecs import CODECS, DEFAULT, BadPayload, codec_for, payload_of
 from bridged.drivers.zenoh.subscriptions import Sources
-from commd.bus.raw import Querier
+from commd.bus.raw import Querier, RawBus, Sample
 from schemas.manifest.loader import ActionEntry, Manifest
 from schemas.wire.records import Note
 
 DISCOVERY = 1.0
-"""Wall seconds that a listener or a server may take to be seen: declarations travel after a start or a reconnect."""
+"""Wall seconds in which a subscriber or server must be seen: declarations take time after a start or a reconnect."""
 LOOK_EVERY = 0.02
 MORE_REPLIES = 0.5
-"""Wall seconds after a good reply in which another one may still say no, if the query has not ended by then."""
-TICK, TICKS = 0.25, 4.0
-"""At most so many wall seconds between looks at the time, and at least so many looks in a second of the mission."""
+"""Wall seconds after a good reply in which another one may still fail, unless the query has ended."""
+TURN = 1.0
+"""Wall seconds between two signs of life to the watchdog."""
 
 
 class _Closable(Protocol):
@@ -41,7 +39,7 @@ class ZenohDriver(SimpleDriver):
         if setup.bus is None:
             raise ValueError("the driver `zenoh` needs a bus")
         super().__init__(setup)
-        self._bus, self._clock, self._on_step = setup.bus, setup.clock, setup.on_step
+        self._bus, self._clock = setup.bus, setup.clock
         self._prefix = setup.robot.prefix
         self._codec = CODECS[DEFAULT]
         self._topics: dict[tuple[str, bool], Topic] = {}
@@ -49,16 +47,15 @@ class ZenohDriver(SimpleDriver):
         self._services: dict[str, Querier] = {}
         self._tasks: dict[Execution, asyncio.Task[None]] = {}
         self._counts = Counter(puts=0, asked=0, unheard=0)
-        self._sources = Sources(self._bus.raw, setup.clock, setup.on_reading, setup.on_step, self._key)
+        self._sources = Sources(self._bus.raw, setup.clock, setup.on_reading, self._key)
         self.adopt(setup.manifest)
 
     async def run(self) -> None:
-        """Let time pass until cancelled; samples come by themselves."""
-        pause = min(TICK, 1 / (TICKS * self._clock.speed))
+        """Wait until cancelled; samples come by themselves."""
         try:
             while True:
-                self._step()
-                await asyncio.sleep(pause)
+                self.setup.on_turn()
+                await asyncio.sleep(TURN)
         finally:
             for task in self._tasks.values():
                 task.cancel()
@@ -68,7 +65,7 @@ class ZenohDriver(SimpleDriver):
                 one.close()
 
     def adopt(self, manifest: Manifest) -> None:
-        """Go on by another manifest: what it names is declared, what it does not name any more is taken back."""
+        """Continue by another manifest: declare what it names, and undeclare the rest."""
         super().adopt(manifest)
         self._codec = CODECS[manifest.robot.payload or DEFAULT]
         self._sources.adopt(manifest)
@@ -86,7 +83,7 @@ class ZenohDriver(SimpleDriver):
         )
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
-        """Begin to put or to ask; what somebody listens to is put at once."""
+        """Begin to put or to ask; a key with subscribers is put immediately."""
         execution = Execution(name)
         try:
             payload = self._codec.encode(payload_of(entry, arguments))
@@ -112,7 +109,7 @@ class ZenohDriver(SimpleDriver):
 
     @property
     def heard(self) -> bool:
-        """Whether something came lately; of a robot that says nothing unasked, whether anybody listens or serves."""
+        """Whether a sample came lately; for a robot without percepts, whether anybody subscribes or serves."""
         if self._sources.by_name:
             return self.silence <= self.manifest.robot.link_loss
         return any(topic.heard for topic in self._topics.values()) or any(
@@ -121,7 +118,7 @@ class ZenohDriver(SimpleDriver):
 
     @property
     def silence(self) -> float:
-        """Wall seconds since anything came."""
+        """Wall seconds since the last sample."""
         return self._clock.wall() - self._sources.heard_at
 
     def counters(self) -> dict[str, float]:
@@ -135,7 +132,7 @@ class ZenohDriver(SimpleDriver):
         }
 
     def notes(self) -> list[Note]:
-        """Return what is not heard, and what cannot be read."""
+        """Return silent keys, and keys with unreadable samples."""
         now = self._clock.wall()
         notes = (source.note(now) for source in self._sources.by_name.values())
         return [note for note in notes if note is not None]
@@ -152,15 +149,8 @@ class ZenohDriver(SimpleDriver):
                 outcome = Outcome("failed", f"defect in the driver: {type(error).__name__}: {error}")
             self._tasks.pop(execution, None)
             execution.end(outcome)
-            self._step()
 
         self._tasks[execution] = asyncio.create_task(carry_out())
-
-    def _step(self) -> None:
-        try:
-            self._on_step()
-        except Exception as error:  # a defect must not end the robot's driver
-            _tell_defect("looking at the actions", error)
 
     def _put(self, topic: Topic, payload: bytes) -> Outcome:
         try:
@@ -177,7 +167,7 @@ class ZenohDriver(SimpleDriver):
         return self._put(topic, payload)
 
     async def _ask(self, execution: Execution, entry: ActionEntry, querier: Querier, payload: bytes) -> Outcome:
-        """Ask all who serve a key: the first that says no decides, and otherwise all must have said yes."""
+        """Query all that serve a key: the first failure decides, otherwise all must succeed."""
         name = entry.service
         key = self._key(name)
         execution.waits_for = f"somebody to serve {key}"
@@ -206,7 +196,7 @@ class ZenohDriver(SimpleDriver):
         return good or Outcome("failed", f"{key} ended without a reply")
 
     async def _seen(self, look: Callable[[], bool], entry: ActionEntry) -> bool:
-        """Whether somebody is seen within `DISCOVERY`, and well before the deadline."""
+        """Whether a peer is seen within `DISCOVERY`, and well before the deadline."""
         loop = asyncio.get_running_loop()
         until = loop.time() + min(DISCOVERY, self._clock.to_wall(entry.deadline) / 2)
         while not look():
@@ -235,3 +225,70 @@ def _renew(declared: dict[Any, Any], wanted: set[Any], declare: Callable[[Any], 
         declared.pop(name).close()
     for name in wanted - declared.keys():
         declared[name] = declare(name)
+
+
+class Topic:
+    """A key to put to."""
+
+    def __init__(self, raw: RawBus, key: str, *, latch: bool) -> None:
+        """With `latch` the last value answers queries on the key."""
+        self.key = key
+        self._publisher = raw.publisher(key)
+        self._last: Sample | None = None
+        self._queryable = raw.serve(key, lambda _: self._last) if latch else None
+
+    @property
+    def heard(self) -> bool:
+        """Whether there are subscribers."""
+        return self._publisher.matching
+
+    def put(self, payload: bytes, encoding: str) -> None:
+        """Send to all subscribers. Raises OSError."""
+        self._publisher.put(payload, encoding)
+        self._last = Sample(self.key, payload, encoding)
+
+    def close(self) -> None:
+        """Undeclare the key."""
+        self._publisher.close()
+        if self._queryable is not None:
+            self._queryable.close()
+
+
+DONE = ("success", "ok")
+"""Boolean fields of a reply: success."""
+RESULT = "result"
+"""A field of a reply that is a number, 0 for success, or a boolean."""
+WHY = ("message", "reason", "error")
+"""Fields of a reply with the reason of a failure."""
+_WORDS = 200
+"""Characters of a reply that are shown."""
+
+
+def read_reply(key: str, reply: Sample, payload: str) -> tuple[Outcome, Mapping[str, object]]:
+    """Return the outcome by one reply of a service, and the reply's fields.
+
+    `payload` is what it speaks if its Encoding does not say it.
+    """
+    if reply.error:
+        said = reply.payload.decode(errors="replace").strip()[:_WORDS]
+        return Outcome("failed", f"{key}: {said or 'an error without words'}"), {}
+    try:
+        fields = codec_for(reply.encoding, payload).decode(reply.payload)
+    except BadPayload as bad:
+        return Outcome("failed", f"{key}: its reply cannot be read: {bad}"), {}
+    if not _refuses(fields):
+        return Outcome("succeeded"), fields
+    found = [text for name in WHY if isinstance(text := fields.get(name), str) and text]
+    why = found[0] if found else json.dumps(fields, default=str)
+    return Outcome("failed", f"{key}: {why[:_WORDS]}"), fields
+
+
+def _refuses(fields: Mapping[str, object]) -> bool:
+    """Whether a reply is a failure; `success` and `ok` count before `result`."""
+    said = [done for name in DONE if isinstance(done := fields.get(name), bool)]
+    if said:
+        return not all(said)
+    result = fields.get(RESULT)
+    if isinstance(result, bool):
+        return not result
+    return isinstance(result, int | float) and result != 0

@@ -1,4 +1,4 @@
-"""How payloads are written and read: one codec per kind of payload, found by the sample's Encoding.
+"""Payloads of actions and samples: one codec per kind of payload, found by the sample's Encoding.
 
 A further kind of payload, such as the CDR of ROS 2 over rmw_zenoh, is one more `Codec` in `CODECS`, and its encodings
 in `BY_ENCODING`: nothing else in the driver knows what bytes look like. A codec that needs more than the bytes (CDR
@@ -13,18 +13,24 @@ from typing import Any
 
 import msgspec
 
+from bridged.drivers.api import Value
+from bridged.drivers.argument_check import fields_of, filled
+from schemas.manifest.loader import ActionEntry
+
 DEFAULT = "json"
-"""What a payload is if neither its Encoding nor the manifest says it."""
+"""The kind of a payload if neither its Encoding nor the manifest names it."""
 BARE = "data"
-"""The field that a payload which is no object is: a number, a text, a list."""
+"""The field of a payload that is no object: a number, a text, a list."""
+WHOLE = "."
+"""The path of a field that is the whole payload: a bare number, text or list."""
 _SILENT = frozenset(("", "zenoh/bytes", "zenoh/string", "text/plain", "application/octet-stream"))
-"""Encodings that say nothing of what the bytes are: what publishers send that set none."""
+"""Encodings of publishers that set none."""
 _WORDS = 120
-"""Characters of an error that are told."""
+"""Characters of an error that are shown."""
 
 
 class BadPayload(ValueError):
-    """A payload that cannot be read, or a value that cannot be written; in words."""
+    """A payload that cannot be read, or a value that cannot be written."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +38,11 @@ class Codec:
     """One kind of payload."""
 
     encoding: str
-    """What our own samples say that they are."""
+    """Of our own samples."""
     write: Callable[[Any], bytes]
-    """May raise whatever it likes for what it cannot write."""
+    """May raise any error."""
     read: Callable[[bytes], Any]
-    """May raise whatever it likes for what it cannot read."""
+    """May raise any error."""
 
     def encode(self, value: object) -> bytes:
         """Return the payload. Raises BadPayload."""
@@ -82,3 +88,27 @@ def codec_for(encoding: str, default: str) -> Codec:
 
 def _words(error: Exception) -> str:
     return (str(error) or type(error).__name__)[:_WORDS]
+
+
+def payload_of(entry: ActionEntry, arguments: Mapping[str, Value]) -> object:
+    """Return the payload of an action as an object or list, nested as the paths say. Raises ValueError."""
+    tree: dict[str, Any] = {}
+    for path, said in fields_of(entry).items():
+        value: object = filled(f"field `{path}`", said, arguments)
+        if path == WHOLE:
+            return value
+        *way, last = path.split(".")
+        at = tree
+        for step in way:
+            at = at.setdefault(step, {})
+        at[last] = value
+    return _lists(tree)
+
+
+def _lists(value: Any) -> Any:
+    """Make lists of the objects whose fields are 0, 1, ..."""
+    if not isinstance(value, dict):
+        return value
+    if value and all(step.isdecimal() for step in value):
+        return [_lists(value[str(index)]) for index in range(len(value))]
+    return {step: _lists(inner) for step, inner in value.items()}

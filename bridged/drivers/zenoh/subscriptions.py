@@ -1,4 +1,4 @@
-"""What a robot publishes: one subscription for each key that a percept names, and what can be said against it."""
+"""What a robot publishes: one subscription for each key that a percept names, and its warnings."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from schemas.manifest.loader import Manifest
 from schemas.wire.records import Note
 
 PATIENCE = 5.0
-"""Wall seconds after which it is told that nothing has come on a key."""
+"""Wall seconds without a sample after which a key is a warning."""
 
 
 @dataclass
 class Source:
-    """One key that is listened to."""
+    """One key that is subscribed to."""
 
     key: str
     """With the robot's prefix."""
     since: float
     """When it was subscribed to; wall seconds."""
     ttl: float | None
-    """Wall seconds of silence after which its percepts go; none = it may be silent."""
+    """Wall seconds of silence after which its percepts expire; None = it may be silent."""
     heard: float = -math.inf
     """When the last sample came; wall seconds."""
     samples: int = 0
     unreadable: int = 0
     problem: str = ""
-    """What was wrong with the first that could not be read."""
+    """The error of the first unreadable sample."""
     subscription: Subscription | None = field(default=None, repr=False)
 
     def note(self, now: float) -> Note | None:
@@ -57,26 +57,19 @@ class Source:
 
 
 class Sources:
-    """All keys that a robot is heard on."""
+    """All keys of a robot's percepts."""
 
-    def __init__(
-        self,
-        raw: RawBus,
-        clock: Clock,
-        on_reading: OnReading,
-        on_step: Callable[[], None],
-        key_of: Callable[[str], str],
-    ) -> None:
+    def __init__(self, raw: RawBus, clock: Clock, on_reading: OnReading, key_of: Callable[[str], str]) -> None:
         """`key_of` puts the robot's prefix before a key of the manifest."""
         self._raw, self._clock, self._key_of = raw, clock, key_of
-        self._on_reading, self._on_step = on_reading, on_step
+        self._on_reading = on_reading
         self._payload = DEFAULT
         self.by_name: dict[str, Source] = {}
         """By the key as the manifest names it."""
         self._past_drops = 0
 
     def adopt(self, manifest: Manifest) -> None:
-        """Listen to what a manifest names, and to nothing else; what is named again is not interrupted."""
+        """Subscribe to what a manifest names, and to nothing else; a key that stays is not interrupted."""
         self._payload = manifest.robot.payload or DEFAULT
         wanted: dict[str, float | None] = {}
         for percept in manifest.percepts.values():
@@ -92,12 +85,12 @@ class Sources:
             self.by_name[name].ttl = ttl
 
     def close(self) -> None:
-        """Listen to nothing any more."""
+        """End all subscriptions."""
         for name in list(self.by_name):
             self._drop(name)
 
     def answered(self, name: str, fields: Mapping[str, object]) -> None:
-        """A service answered: the robot is heard, and percepts whose source is its key are made from the reply."""
+        """Take in a service's reply: the robot is heard, and the reply is a reading of percepts with this source."""
         if source := self.by_name.get(name):
             source.samples += 1
             source.heard = self._clock.wall()
@@ -106,12 +99,12 @@ class Sources:
 
     @property
     def heard_at(self) -> float:
-        """When anything came last, in wall seconds; minus infinity if nothing ever did."""
+        """Time of the last sample in wall seconds; minus infinity if there was none."""
         return max((source.heard for source in self.by_name.values()), default=-math.inf)
 
     @property
     def dropped(self) -> int:
-        """Samples so far that the bridge was too slow for."""
+        """Samples dropped so far because the bridge was too slow."""
         present = (source.subscription.dropped for source in self.by_name.values() if source.subscription)
         return self._past_drops + sum(present)
 
@@ -131,7 +124,6 @@ class Sources:
                 source.problem = source.problem or str(bad)
                 return
             self._on_reading(Reading(name, fields))
-        self._on_step()
 
     def _drop(self, name: str) -> None:
         subscription = self.by_name.pop(name).subscription

@@ -15,8 +15,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.address import LinkAddress
+from bridged.drivers.mavlink.transport.endpoint import Ids, Peer
 from bridged.drivers.mavlink.transport.link import Link, MakeGate, OnPacket
-from bridged.drivers.mavlink.transport.link_peers import Ids, Peer
 
 HELD_S = 0.5
 """Vehicle seconds after which a delayed packet is delivered if no other one has overtaken it."""

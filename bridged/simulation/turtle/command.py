@@ -161,7 +161,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or SIGINT. Returns the exit code: 2 for names that are no keys."""
-    from bridged.drivers.zenoh.manifest_validation import key_problem
+    from bridged.drivers.zenoh.registration import key_problem
 
     prefix = "/".join(part for part in (args.prefix, args.name) if part)
     if problem := key_problem(prefix):

@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.running_action import MAX_FOLLOWERS
+from bridged.drivers.mavlink.action_binding import GLOBAL_TARGET, MESSAGES, Offer
 from bridged.drivers.mavlink.actions.context import Call, ProcedureContext, Steps, Task
-from bridged.drivers.mavlink.manifest.capabilities import GLOBAL_TARGET, MESSAGES, Offer
 from schemas.wire.records import Action, ActionStatus, Header
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.action_server import MAX_RUNNING
-from bridged.bridge.feedback import MAX_FEEDBACK
+from bridged.bridge.running_action import MAX_FEEDBACK
 from bridged.drivers.api import Outcome
 from schemas.files.units import Duration
 from schemas.manifest.loader import Manifest, Retry, load_manifest
@@ -36,32 +36,30 @@ def test_what_does_not_move_the_robot_runs_beside_what_does(tmp_path: Path) -> N
 
 
 def test_an_action_does_not_run_beside_itself(tmp_path: Path) -> None:
-    action_server = Desk(tmp_path, 2)
-    first = action_server.ask("a0")
-    assert action_server.ask("a0")[-1].reason == "busy: a0 is running"
-    assert not action_server.ask("a1")[-1].final
+    desk = Desk(tmp_path, 2)
+    first = desk.ask("a0")
+    assert desk.ask("a0")[-1].reason == "busy: a0 is running"
+    assert not desk.ask("a1")[-1].final
     assert not first[-1].final
 
 
 def test_only_so_many_actions_run_at_once(tmp_path: Path) -> None:
-    action_server = Desk(tmp_path, MAX_RUNNING + 1)
-    begun = [action_server.ask(f"a{number}")[-1] for number in range(MAX_RUNNING)]
+    desk = Desk(tmp_path, MAX_RUNNING + 1)
+    begun = [desk.ask(f"a{number}")[-1] for number in range(MAX_RUNNING)]
     assert {one.state for one in begun} == {"accepted"}
-    refused = action_server.ask(f"a{MAX_RUNNING}")[-1]
+    refused = desk.ask(f"a{MAX_RUNNING}")[-1]
     assert (refused.state, refused.reason) == ("refused", f"busy: {MAX_RUNNING} actions are running")
 
 
 def test_a_driver_that_tells_more_and_more_figures_does_not_fill_the_agents_beliefs(tmp_path: Path) -> None:
-    action_server = Desk(tmp_path, 1)
-    action_server.ask("a0")
+    desk = Desk(tmp_path, 1)
+    desk.ask("a0")
     for second in range(1, 100):
-        action_server.now = float(second) * 0.5
-        action_server.robot.runs[0].feedback[f"figure{second:03}"] = second
-        action_server.action_server.step()
-    assert action_server.feedback() == MAX_FEEDBACK
-    action_server.robot.runs[0].end(Outcome("succeeded"))
-    action_server.action_server.step()
-    assert action_server.feedback() == 0
+        desk.robot.runs[0].feedback[f"figure{second:03}"] = second
+        desk.step(0.5)
+    assert desk.feedback() == MAX_FEEDBACK
+    desk.robot.runs[0].end(Outcome("succeeded"))
+    assert desk.feedback() == 0
 
 
 @pytest.mark.parametrize("times", [0, 2])

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bridged.bridge.action_status import MAX_FIGURES, MAX_ID, MAX_REASON
+from bridged.bridge.running_action import MAX_FIGURES, MAX_ID, MAX_REASON
 from bridged.drivers.api import Execution, Outcome
 from schemas.wire.codec import codec
 from schemas.wire.records import ActionStatus
@@ -17,7 +17,7 @@ from tests.bridged.patient import Desk
 
 
 @pytest.fixture
-def action_server(tmp_path: Path) -> Desk:
+def desk(tmp_path: Path) -> Desk:
     return Desk(tmp_path, 2)
 
 
@@ -30,128 +30,121 @@ def end_of(status: ActionStatus) -> tuple[str, str]:
     return status.state, status.reason
 
 
-def test_a_reason_that_is_no_unicode_is_told_all_the_same_and_holds_up_no_other_action(action_server: Desk) -> None:
-    first, second = action_server.ask("a0", id="1"), action_server.ask("a1", id="2")
-    action_server.robot.runs[0].end(Outcome("failed", "no file \udce9.csv"))
-    action_server.robot.runs[1].end(Outcome("succeeded"))
-    action_server.action_server.step()
+def test_a_reason_that_is_no_unicode_is_told_all_the_same_and_holds_up_no_other_action(desk: Desk) -> None:
+    first, second = desk.ask("a0", id="1"), desk.ask("a1", id="2")
+    desk.robot.runs[0].end(Outcome("failed", "no file \udce9.csv"))
+    desk.robot.runs[1].end(Outcome("succeeded"))
     assert end_of(sent(first[-1])) == ("failed", "no file ?.csv")
     assert end_of(sent(second[-1])) == ("succeeded", "")
-    assert end_of(action_server.ask("a0", id="1", attempt=2)[-1]) == ("failed", "no file ?.csv"), "and it is kept"
+    assert end_of(desk.ask("a0", id="1", attempt=2)[-1]) == ("failed", "no file ?.csv"), "and it is kept"
 
 
-def test_a_cause_that_no_reader_would_know_is_that_of_the_driver(action_server: Desk) -> None:
-    asked = action_server.ask("a0", id="1")
+def test_a_cause_that_no_reader_would_know_is_that_of_the_driver(desk: Desk) -> None:
+    asked = desk.ask("a0", id="1")
     jammed: Any = "gripper_jammed"
-    action_server.robot.runs[0].end(Outcome("failed", "it is stuck", jammed))
-    action_server.action_server.step()
+    desk.robot.runs[0].end(Outcome("failed", "it is stuck", jammed))
     assert sent(asked[-1]).cause == "driver"
-    again = sent(action_server.ask("a0", id="1", attempt=2)[-1])
+    again = sent(desk.ask("a0", id="1", attempt=2)[-1])
     assert (again.cause, again.reason) == ("driver", "it is stuck"), "and it can be read from the action log"
 
 
-def test_a_reason_without_an_end_is_cut(action_server: Desk) -> None:
-    asked = action_server.ask("a0")
-    action_server.robot.runs[0].end(Outcome("failed", "x" * 100_000))
-    action_server.action_server.step()
+def test_a_reason_without_an_end_is_cut(desk: Desk) -> None:
+    asked = desk.ask("a0")
+    desk.robot.runs[0].end(Outcome("failed", "x" * 100_000))
     assert len(asked[-1].reason) == MAX_REASON
     assert asked[-1].reason.endswith("x...")
 
 
-def test_figures_that_are_no_numbers_are_left_out_and_do_not_turn_success_into_failure(action_server: Desk) -> None:
-    asked = action_server.ask("a0", id="1")
-    figures = action_server.robot.runs[0].feedback
+def test_figures_that_are_no_numbers_are_left_out_and_do_not_turn_success_into_failure(desk: Desk) -> None:
+    asked = desk.ask("a0", id="1")
+    figures = desk.robot.runs[0].feedback
     figures.update({"ratio": math.nan, "speed": math.inf, "steps": 10**400, "to_go": 3, "word": "x"})  # type: ignore[dict-item]
-    action_server.now = 2.0
-    action_server.action_server.step()
+    desk.step(2)
     assert sent(asked[-1]).feedback == {"to_go": 3.0}
-    assert action_server.feedback() == 1
-    action_server.robot.runs[0].end(Outcome("succeeded"))
-    action_server.action_server.step()
+    assert desk.feedback() == 1
+    desk.robot.runs[0].end(Outcome("succeeded"))
     assert end_of(sent(asked[-1])) == ("succeeded", "")
-    assert end_of(action_server.ask("a0", id="1", attempt=2)[-1]) == ("succeeded", "")
+    assert end_of(desk.ask("a0", id="1", attempt=2)[-1]) == ("succeeded", "")
 
 
-def test_a_status_carries_no_more_figures_than_fit(action_server: Desk) -> None:
-    asked = action_server.ask("a0")
-    action_server.robot.runs[0].feedback.update({f"figure{number}": number for number in range(1000)})
-    action_server.now = 2.0
-    action_server.action_server.step()
+def test_a_status_carries_no_more_figures_than_fit(desk: Desk) -> None:
+    asked = desk.ask("a0")
+    desk.robot.runs[0].feedback.update({f"figure{number}": number for number in range(1000)})
+    desk.step(2)
     assert len(asked[-1].feedback) == MAX_FIGURES
 
 
-def test_the_answer_to_one_action_is_not_given_to_another_of_the_same_id(action_server: Desk) -> None:
-    running = action_server.ask("a0", id="x")
-    assert end_of(action_server.ask("a1", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
-    assert end_of(action_server.ask("a0", "other", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
-    action_server.robot.runs[0].end(Outcome("succeeded"))
-    action_server.action_server.step()
+def test_the_answer_to_one_action_is_not_given_to_another_of_the_same_id(desk: Desk) -> None:
+    running = desk.ask("a0", id="x")
+    assert end_of(desk.ask("a1", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
+    assert end_of(desk.ask("a0", "other", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
+    desk.robot.runs[0].end(Outcome("succeeded"))
     assert running[-1].state == "succeeded"
-    assert end_of(action_server.ask("a1", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
-    assert end_of(action_server.ask("a0", "other", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
-    assert end_of(action_server.action_server.cancel("other", "x")) == ("refused", "no action x of other")
-    assert action_server.ask("a0", id="x")[-1].state == "succeeded", "its own answer is still known"
-    assert action_server.action_server.cancel("uav", "x").state == "succeeded"
+    assert end_of(desk.ask("a1", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
+    assert end_of(desk.ask("a0", "other", id="x")[-1]) == ("refused", "the id was used for a0 of uav")
+    assert end_of(desk.action_server.cancel("other", "x")) == ("refused", "no action x of other")
+    assert desk.ask("a0", id="x")[-1].state == "succeeded", "its own answer is still known"
+    assert desk.action_server.cancel("uav", "x").state == "succeeded"
 
 
-def test_a_driver_that_fails_when_it_is_to_begin_has_failed_the_action_and_no_other(action_server: Desk) -> None:
-    action_server.robot.defect = KeyError("gripper")
-    asked = action_server.ask("a0", id="x")
+def test_a_driver_that_fails_when_it_is_to_begin_has_failed_the_action_and_no_other(desk: Desk) -> None:
+    desk.robot.defect = KeyError("gripper")
+    asked = desk.ask("a0", id="x")
     assert end_of(asked[-1]) == ("failed", "defect in the driver: KeyError: 'gripper'")
-    assert end_of(action_server.ask("a0", id="x", attempt=2)[-1]) == end_of(asked[-1])
-    action_server.robot.defect = None
-    assert action_server.ask("a0")[-1].state == "accepted"
+    assert end_of(desk.ask("a0", id="x", attempt=2)[-1]) == end_of(asked[-1])
+    desk.robot.defect = None
+    assert desk.ask("a0")[-1].state == "accepted"
 
 
-def test_an_action_that_its_driver_cannot_end_is_over_all_the_same(action_server: Desk) -> None:
-    asked = action_server.ask("a0", id="x")
-    action_server.robot.defect = KeyError("gripper")
-    assert end_of(action_server.action_server.cancel("uav", "x")) == ("cancelled", "cancelled by uav")
+def test_an_action_that_its_driver_cannot_end_is_over_all_the_same(desk: Desk) -> None:
+    asked = desk.ask("a0", id="x")
+    desk.robot.defect = KeyError("gripper")
+    assert end_of(desk.action_server.cancel("uav", "x")) == ("cancelled", "cancelled by uav")
     assert asked[-1].state == "cancelled"
-    assert action_server.action_server.running == []
+    assert desk.action_server.running == []
 
 
 @pytest.mark.parametrize("deadline", [0.0, -5.0, math.nan])
-def test_a_deadline_that_is_over_before_it_begins_is_refused(action_server: Desk, deadline: float) -> None:
-    refused = action_server.ask("a0", deadline=deadline)[-1]
+def test_a_deadline_that_is_over_before_it_begins_is_refused(desk: Desk, deadline: float) -> None:
+    refused = desk.ask("a0", deadline=deadline)[-1]
     assert end_of(refused) == ("refused", f"deadline: expected more than 0 s, got {deadline:g}")
-    assert action_server.robot.runs == []
+    assert desk.robot.runs == []
 
 
-def test_an_asker_may_want_it_sooner_than_the_manifest_and_not_later(action_server: Desk) -> None:
-    assert action_server.ask("a0", deadline=2.5)[-1].deadline == 2.5
-    longest = action_server.ask("a1", deadline=1e300)[-1].deadline
-    assert longest == float(action_server.manifest.actions["a1"].deadline)
+def test_an_asker_may_want_it_sooner_than_the_manifest_and_not_later(desk: Desk) -> None:
+    assert desk.ask("a0", deadline=2.5)[-1].deadline == 2.5
+    longest = desk.ask("a1", deadline=1e300)[-1].deadline
+    assert longest == float(desk.manifest.actions["a1"].deadline)
 
 
-def test_an_id_of_any_length_is_not_kept(action_server: Desk) -> None:
-    refused = action_server.ask("a0", id="x" * 1000)[-1]
+def test_an_id_of_any_length_is_not_kept(desk: Desk) -> None:
+    refused = desk.ask("a0", id="x" * 1000)[-1]
     assert end_of(refused) == ("refused", f"an id has {MAX_ID} characters at most, got 1000")
     assert refused.id == "x" * MAX_ID
-    assert action_server.ledger.find(refused.id) is None
+    assert desk.ledger.find(refused.id) is None
 
 
-def test_what_an_action_was_asked_for_with_is_not_kept_on_disk(action_server: Desk) -> None:
-    refused = action_server.ask("a0", id="x", parameters=("y" * 100_000,))
+def test_what_an_action_was_asked_for_with_is_not_kept_on_disk(desk: Desk) -> None:
+    refused = desk.ask("a0", id="x", parameters=("y" * 100_000,))
     assert refused[-1].state == "refused"
-    assert action_server.ledger.path.stat().st_size < 1000
-    kept = action_server.ledger.find("x")
+    assert desk.ledger.path.stat().st_size < 1000
+    kept = desk.ledger.find("x")
     assert kept is not None
     assert (kept.agent, kept.name, kept.reason) == ("uav", "a0", refused[-1].reason)
 
 
 def test_an_action_stands_in_the_log_before_a_driver_that_may_never_return_is_called(
-    action_server: Desk, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    desk: Desk, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before: list[list[str]] = []
-    perform = action_server.robot.perform
+    perform = desk.robot.perform
 
     def called(*arguments: Any) -> Execution:
         before.append(list(caplog.messages))
         return perform(*arguments)
 
-    monkeypatch.setattr(action_server.robot, "perform", called)
+    monkeypatch.setattr(desk.robot, "perform", called)
     with caplog.at_level(logging.INFO, "actions"):
-        action_server.ask("a0", id="1")
+        desk.ask("a0", id="1")
     assert before == [["robot=r action 1 a0[]"]]
     assert caplog.messages == before[0], "and once only"

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from bridged.bridge.safety_orders import by_operator
-from bridged.drivers import check_manifest
 from bridged.drivers.python.driver import PythonDriver
+from bridged.drivers.registry import check_manifest
 from schemas.manifest.loader import find_manifest, read_manifest
 from tests.bridged.plugins import install
 from tests.bridged.sky import GOAL, Sky
@@ -141,5 +141,22 @@ def test_figures_of_one_name_of_two_drivers_are_added(site: Path) -> None:
         rig.sky.driver.counters = lambda: {"calls": 1000}  # type: ignore[method-assign]
         await rig.until(lambda: rig.gripper.counters()["calls"], "the gripper is called")
         assert rig.sky.bridge.driver.counters()["calls"] == 1000 + rig.gripper.counters()["calls"]
+
+    rigged(site, body)
+
+
+def test_an_order_is_carried_out_although_another_driver_cannot_end_its_action(site: Path) -> None:
+    def defect(*_: object, **__: object) -> None:
+        raise KeyError("reel")
+
+    async def body(rig: Rigged) -> None:
+        sky = rig.sky
+        sky.flying(10)
+        reeling = sky.begin("reel", 5)
+        await rig.until(lambda: reeling[-1].state == "running", "it runs")
+        rig.gripper.stop = defect  # type: ignore[method-assign, assignment]
+        sky.bridge.action_server.order("rtl", by_operator("rtl"), block=True, insist=True)
+        assert (reeling[-1].state, reeling[-1].cause) == ("failed", "operator")
+        await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
 
     rigged(site, body)

@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
-from bridged.bridge import driver_supervisor
+from bridged.bridge import composite_driver
+from bridged.bridge.composite_driver import DriverSupervisor, may_come
 from bridged.daemon import leave, serve
-from bridged.drivers.mavlink.transport import sockets
+from bridged.drivers.mavlink.transport import endpoint as endpoints
 from bridged.drivers.mavlink.transport.framing import Encoder
 from bridged.drivers.mavlink.transport.link import LinkAddress, LinkError, open_link
 from commd.process.systemd import Loop, Unit
@@ -88,9 +89,9 @@ def sonar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     points = {"argosy.drivers": {"sonar": "my_sonar"}, "argosy.python.simulated": {"bench": "my_bench"}}
     points["argosy.python"] = points["argosy.python.simulated"]
     install(monkeypatch, tmp_path, {"my_sonar": SONAR, "my_bench": counting}, points)
-    monkeypatch.setattr(driver_supervisor, "PAUSES", (0.1, 0.1))
-    monkeypatch.setattr(driver_supervisor, "LASTS", 0.2)
-    from bridged.drivers import find_driver
+    monkeypatch.setattr(composite_driver, "PAUSES", (0.1, 0.1))
+    monkeypatch.setattr(composite_driver, "LASTS", 0.2)
+    from bridged.drivers.registry import find_driver
 
     find_driver.cache_clear()
     find_driver("sonar")
@@ -122,6 +123,47 @@ def test_an_auxiliary_driver_that_loses_its_link_is_run_again_and_the_robots_own
         assert len(sonar.runs) == 2
 
     in_the_workshop(Workshop(tmp_path, checked(BENCH)), body)
+
+
+ALONE = """
+[robot]
+driver = "sonar"
+[percepts.range]
+source = "range"
+args = ["metres"]
+ttl = "0.3s"
+[actions.ping]
+call = "ping"
+motion = false
+deadline = "0.3s"
+"""
+
+
+@pytest.mark.parametrize("defect", [False, True], ids=["", "a defect at the first look"])
+def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
+    sonar: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: bool
+) -> None:
+    async def body(workshop: Workshop) -> None:
+        reported: list[str] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: reported.append(context["message"]))
+        if defect:
+            step = workshop.bridge.board.tick
+            failures = [KeyError("depth")]
+
+            def fails_once() -> None:
+                if failures:
+                    raise failures.pop()
+                step()
+
+            monkeypatch.setattr(workshop.bridge.board, "tick", fails_once)
+        await workshop.perceives("range", 2.5)
+        status = await workshop.do("ping")
+        assert (status.state, status.cause) == ("timed_out", "deadline")
+        await workshop.perceives("range")
+        assert reported == (["looking at bench"] if defect else [])
+        assert len(sonar.runs) == 1
+
+    in_the_workshop(Workshop(tmp_path, checked(ALONE)), body)
 
 
 def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are_refused(sonar: Any, tmp_path: Path) -> None:
@@ -213,7 +255,7 @@ def serving(mission: Mission, endpoint: str, state: Path, *robots: str) -> tuple
 def test_a_link_that_cannot_be_opened_at_the_start_takes_no_other_robot_down_and_is_opened_when_it_can_be(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driver_supervisor, "PAUSES", (0.1, 0.5))
+    monkeypatch.setattr(composite_driver, "PAUSES", (0.1, 0.5))
     port, device = free_port(), tmp_path / "telemetry"
 
     async def body(connect: Connect) -> None:
@@ -345,9 +387,7 @@ def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_
         member = Unit(manager.environment(watchdog=8), lambda: at).member("bridged")
         opens, works = member.loop(), member.loop()
         driver: Any = Slow(opens)
-        running = asyncio.create_task(
-            driver_supervisor.DriverSupervisor("r", "slow", driver, print, opens).keep_apart()
-        )
+        running = asyncio.create_task(DriverSupervisor("r", "slow", driver, print, opens).keep_apart())
         await asyncio.sleep(0.01)
         before = len(manager.fields("WATCHDOG"))
         for _ in range(10):
@@ -371,16 +411,16 @@ def test_a_link_whose_name_nobody_looks_up_is_given_up_for_now_and_may_come(
         monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", never)
         with pytest.raises(LinkError, match="cannot be opened: the name service does not answer") as caught:
             await open_link(LinkAddress.parse(link), lambda *_: None, system=255, component=190)
-        assert driver_supervisor.may_come(caught.value)
+        assert may_come(caught.value)
 
-    monkeypatch.setattr(sockets, "LOOKUP_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(endpoints, "LOOKUP_TIMEOUT_S", 0.05)
     asyncio.run(asyncio.wait_for(body(), 240))
 
 
 def test_what_may_come_by_waiting_is_a_device_or_a_name() -> None:
-    assert driver_supervisor.may_come(_caused(FileNotFoundError(2, "no such file")))
-    assert not driver_supervisor.may_come(_caused(OSError(98, "address already in use")))
-    assert not driver_supervisor.may_come(OSError("a driver's own words"))
+    assert may_come(_caused(FileNotFoundError(2, "no such file")))
+    assert not may_come(_caused(OSError(98, "address already in use")))
+    assert not may_come(OSError("a driver's own words"))
 
 
 def _caused(cause: OSError) -> LinkError:

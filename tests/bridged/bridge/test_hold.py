@@ -14,8 +14,8 @@ from bridged.bridge.bridge import Bridge
 from bridged.bridge.live_manifest import RunningManifest
 from bridged.bridge.robot_setup import order_findings
 from bridged.bridge.safety_orders import by_operator
-from bridged.drivers import check_manifest
 from bridged.drivers.api import Outcome
+from bridged.drivers.registry import check_manifest
 from bridged.drivers.zenoh.driver import ZenohDriver
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
@@ -76,7 +76,7 @@ class Turtle:
             mission, "r", manifest, Clock(), self._state / "r.actions", lambda *_: None, lambda *_: None,
             boot="b", bus=self._bus,
         )  # fmt: skip
-        self._running = asyncio.create_task(self.bridge.driver.run())
+        self._running = asyncio.create_task(self.bridge.run())
 
     async def end(self) -> None:
         """The bridge is gone, without a word."""

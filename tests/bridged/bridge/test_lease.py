@@ -138,10 +138,7 @@ def test_a_lost_holders_robot_is_brought_to_safety_first_and_then_anybodys(sky: 
             sky.step()
             await asyncio.sleep(0)
         refused = sky.begin("goto", *GOAL, agent="other")
-        assert end_of(refused[-1]) == (
-            "refused",
-            "agent uav is lost: the bridge brings the robot to safety first",
-        )
+        assert end_of(refused[-1]) == ("refused", "agent uav is lost: the bridge brings the robot to safety first")
         for _ in range(1500):
             sky.step()
             await asyncio.sleep(0)

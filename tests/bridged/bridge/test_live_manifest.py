@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bridged.bridge.live_manifest import RunningManifest
-from bridged.bridge.manifest_loader import load_robot_manifest
+from bridged.drivers.registry import load_robot_manifest
 from commd.bus.bus import Bus
 from schemas.files.findings import Finding, Findings
 from schemas.files.shipped_files import shipped_names
@@ -111,14 +111,8 @@ def test_fields_elements_and_whole_entries_change_and_the_version_counts() -> No
             ManifestChange(set={"actions.go.params": [{"name": "x"}]}),
             ["orders.hold: go(x: float) takes 1 arguments, got 2"],
         ),
-        (
-            ManifestChange(set={"robot.vehicle": "boat", "robot.driver": "mavlink"}, remove=("orders",)),
-            None,
-        ),
-        (
-            ManifestChange(set={"percepts.led": {"source": "blink", "driver": "python"}}),
-            None,
-        ),
+        (ManifestChange(set={"robot.vehicle": "boat", "robot.driver": "mavlink"}, remove=("orders",)), None),
+        (ManifestChange(set={"percepts.led": {"source": "blink", "driver": "python"}}), None),
         (ManifestChange(version=7), ["the manifest is at version 1, the change is for version 7"]),
         (ManifestChange(set={"a b": 1}), ["`a b`: expected a path such as `percepts.altitude.rate`"]),
     ],
@@ -258,10 +252,7 @@ def test_a_manifest_changes_in_flight_and_no_percept_is_lost(endpoint: str, tmp_
             assert heard.count("altitude") <= heard.count("global_pos") / 4, "the new rate holds"
 
             status = await field.do(bus, "takeoff", 20)
-            assert (status.state, status.reason) == (
-                "refused",
-                "takeoff: expected altitude: float 1..15 m, got 20",
-            )
+            assert (status.state, status.reason) == ("refused", "takeoff: expected altitude: float 1..15 m, got 20")
             assert (await flying).state == "succeeded", "what ran goes on by its old entry"
             field.stop.set()
             await daemon

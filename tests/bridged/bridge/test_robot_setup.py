@@ -25,10 +25,10 @@ def problems(
 
 def test_a_good_mission_is_taken_and_the_command_line_chooses_the_link(tmp_path: Path) -> None:
     mission = read_mission(MISSION, tmp_path / "m.yaml")
-    ready, manifest, steps = prepare(mission, "uav1", "tcp:127.0.0.1:5760", 5.0)
+    ready, part = prepare(mission, "uav1", "tcp:127.0.0.1:5760", 5.0)
     assert ready.robots["uav1"].link == "tcp:127.0.0.1:5760"
-    assert "takeoff" in manifest.actions
-    assert [(step.order, step.pause) for step in steps] == [("hold", 5.0), ("rtl", 0.0)]
+    assert "takeoff" in part.manifest.actions
+    assert [(step.order, step.pause) for step in part.steps] == [("hold", 5.0), ("rtl", 0.0)]
 
 
 def test_people_are_told_where_a_robot_is_by_its_link_its_prefix_or_its_driver(tmp_path: Path) -> None:
@@ -59,9 +59,7 @@ def test_everything_that_is_wrong_with_a_robot_is_told_at_once(tmp_path: Path) -
 
 def test_a_real_robot_is_not_hurried(tmp_path: Path) -> None:
     text = "\n".join(line for line in MISSION.splitlines() if "simulate" not in line)
-    assert problems(text, tmp_path, speed=5) == [
-        "m.yaml:8:5: error: speed 5: only a simulated robot can be hurried",
-    ]
+    assert problems(text, tmp_path, speed=5) == ["m.yaml:8:5: error: speed 5: only a simulated robot can be hurried"]
     assert problems(text, tmp_path, speed=1) == []
 
 

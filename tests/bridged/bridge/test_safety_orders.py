@@ -10,7 +10,7 @@ from typing import Literal
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.bridge.idle_monitor import Idleness
+from bridged.bridge.agent_monitor import Idleness
 from bridged.bridge.safety_orders import UNATTENDED, Step
 from bridged.drivers.api import Execution, Order
 from bridged.drivers.mavlink.driver import MavlinkDriver

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bridged.drivers import check_manifest
+from bridged.drivers.registry import check_manifest
 from schemas.manifest.loader import Manifest, load_manifest, read_manifest
 from tests.bridged.plugins import install
 from tests.bridged.workshop import Workshop, in_the_workshop

@@ -8,9 +8,8 @@ import pytest
 from msgspec.structs import replace
 
 from argosy.__main__ import main
-from bridged.bridge.manifest_loader import load_robot_manifest
-from bridged.drivers import check_manifest
 from bridged.drivers.argument_check import read_arguments
+from bridged.drivers.registry import check_manifest, load_robot_manifest
 from bridged.paper_format.ini_manifests import translate_pair
 from bridged.paper_format.mavros_names import CALLS, TOPICS, below_mavros
 from schemas.files.findings import Findings

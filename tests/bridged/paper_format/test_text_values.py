@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import pytest
 
-from bridged.bridge.translation import Translator
+from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Reading
 from bridged.drivers.argument_check import BadArgument, read_arguments
 from bridged.paper_format.text_values import percept_value
@@ -12,6 +15,22 @@ from schemas.wire.codec import codec
 from schemas.wire.records import Perception
 from schemas.wire.terms import Atom, Structure, Term, Variable
 from tests.bridged.ini_pairs import pair, service
+from tests.bridged.sky import VirtualClock
+
+
+def perceived(percepts: str, fields: Mapping[str, object]) -> list[tuple[Any, ...]]:
+    """What an agent perceives of a reading of the source `p`."""
+    told: list[tuple[Any, ...]] = []
+    board = PerceptPublisher(
+        pair(percepts=percepts),
+        ["uav"],
+        lambda agent, one: told.append(one.parameters),
+        robot="r",
+        boot="b",
+        clock=VirtualClock(),
+    )
+    board.take(Reading("p", fields))
+    return told
 
 
 @pytest.mark.parametrize(
@@ -40,10 +59,9 @@ from tests.bridged.ini_pairs import pair, service
 )
 def test_a_percept_is_read_from_the_text_of_its_value(value: object, term: Term) -> None:
     text = "[p]\nname = /p\nargs = data\n"
-    translator = Translator(pair(percepts=text))
-    [belief] = translator.beliefs(Reading("p", {"data": value}))
-    assert belief.parameters == (term,)
-    assert [type(one) for one in belief.parameters or ()] == [type(term)]
+    [parameters] = perceived(text, {"data": value})
+    assert parameters == (term,)
+    assert type(parameters[0]) is type(term)
 
 
 @pytest.mark.parametrize(
@@ -84,10 +102,9 @@ def test_a_text_that_is_not_of_the_type_is_refused(kind: str, term: Term) -> Non
 
 def test_lists_of_structures_come_as_the_paper_nested_them() -> None:
     text = "[p]\nname = /p\nargs = status[](values[](key, value)), status[](name), status[](level, name)\n"
-    [belief] = Translator(pair(percepts=text)).beliefs(
-        Reading("p", {"status": [{"name": "gps", "level": 0, "values": [{"key": "Fix", "value": "3"}]}]})
-    )
-    assert belief.parameters == ([[["Fix", 3]]], [[Atom("gps")]], [[0, Atom("gps")]])
+    said = {"status": [{"name": "gps", "level": 0, "values": [{"key": "Fix", "value": "3"}]}]}
+    [parameters] = perceived(text, said)
+    assert parameters == ([[["Fix", 3]]], [[Atom("gps")]], [[0, Atom("gps")]])
 
 
 @pytest.mark.parametrize("text", ["1e999", "-1e999", "[1e999]"])

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bridged.drivers import check_manifest
+from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Findings
 from schemas.files.shipped_files import shipped
 from schemas.files.toml_positions import line_of, toml_lines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bridged.drivers import check_manifest
+from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Findings
 from schemas.manifest.loader import read_manifest
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from bridged.drivers import check_manifest
+from bridged.drivers.registry import check_manifest
 from schemas.manifest.loader import read_manifest
 from schemas.manifest.model import ActionEntry, Field, FieldValue, Parameter, PerceptEntry, RobotEntry
 from schemas.manifest.rules import RESERVED

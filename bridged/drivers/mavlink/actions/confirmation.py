@@ -1,8 +1,4 @@
-"""The waits that procedures are made of: for an acknowledgement, for a state, for the next HEARTBEAT.
-
-Each is a part of a generator: it yields until something changes, and every wait is bounded by a patience of its own or
-by the deadline of the action.
-"""
+"""How a procedure waits for the vehicle: for messages, acknowledgements, readiness, targets and landing."""
 
 from __future__ import annotations
 
@@ -15,26 +11,93 @@ from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, TEXT_WINDOW, Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.vehicle.commands import Command
 from bridged.drivers.mavlink.vehicle.state import Place
+from bridged.drivers.mavlink.vehicle.streams import message_number
 from schemas.manifest.loader import Retry
 
+ASK_EVERY = (0.5, 0.3)
+"""Mission and wall seconds between requests for a message."""
+ONCE = Retry(times=0)
+
+Fits = Callable[[dialect.MAVLink_message], bool]
+
+
+class Poll:
+    """Requests one message repeatedly (MAV_CMD_REQUEST_MESSAGE)."""
+
+    def __init__(self, flight: ProcedureContext, task: Task, name: str, every: tuple[float, float] = ASK_EVERY) -> None:
+        self._flight, self._task, self._every = flight, task, every
+        self._number = float(message_number(name))
+        self._at = flight.now
+        self._last: Command | None = None
+
+    def __call__(self) -> None:
+        """Send the request if it is due; the last one is abandoned, as its answer may be lost."""
+        flight = self._flight
+        if flight.now < self._at:
+            return
+        self._at = flight.now + flight.wait(*self._every)
+        parameters = (self._number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        if self._last is not None:
+            flight.commands.abandon(self._last)
+            self._task.commands.remove(self._last)
+        self._last = flight.submit(self._task, dialect.MAV_CMD_REQUEST_MESSAGE, parameters, ONCE)
+
+
+def next_message(
+    flight: ProcedureContext, name: str, patience: tuple[float, float], fits: Fits = lambda message: True
+) -> Generator[None, None, dialect.MAVLink_message | None]:
+    """Wait for a message that fits. Returns None if none arrives in time."""
+    until = flight.now + flight.wait(*patience)
+    while flight.now <= until:
+        yield
+        message = flight.message
+        if message is not None and message.get_type() == name and fits(message):
+            return message
+    return None
+
+
+def asked_message(
+    flight: ProcedureContext, task: Task, name: str, patience: tuple[float, float], fits: Fits = lambda message: True
+) -> Generator[None, None, dialect.MAVLink_message | None]:
+    """Request a message until one arrives that fits. Returns None if none does in time."""
+    poll, until = Poll(flight, task, name), flight.now + flight.wait(*patience)
+    while flight.now <= until:
+        poll()
+        yield
+        message = flight.message
+        if message is not None and message.get_type() == name and fits(message):
+            return message
+    return None
+
+
+def for_us(flight: ProcedureContext, message: dialect.MAVLink_message) -> bool:
+    """Whether a message of the mission protocol is for us, not for another ground station."""
+    identity = flight.commands.identity
+    return (message.target_system, message.target_component) in (
+        (identity.system, identity.component),
+        (identity.system, 0),
+        (0, 0),
+    )
+
+
 MODE_ATTEMPTS = 4
-"""A mode that is acknowledged but falls back is asked for again: ArduCopter does that while it boots."""
+"""Requests of a mode that is acknowledged but falls back, as ArduCopter does while it boots."""
 SETTLE = (4.0, 1.5)
 """Mission and wall seconds in which an acknowledged change must show in a HEARTBEAT."""
 ASK_REASONS_EVERY = (5.0, 1.0)
 """Mission and wall seconds between requests for the reasons why the vehicle is not ready."""
 PRE_ARM = "PreArm: "
-"""How ArduPilot begins what a failed arming check says (AP_Arming::check_failed)."""
+"""Prefix of ArduPilot's texts of failed arming checks (AP_Arming::check_failed)."""
 LASTING = (
     "not armable", "not calibrated", "calibration needed", "requires reboot", "reboot required", "safety switch",
     "below minimum arming", "internal error", "fences invalid", "no sd card", "check frame", "check fs_thr_value",
 )  # fmt: skip
-"""Parts of such texts whose cause stays until somebody sees to it, in lower case (AP_Arming.cpp, AP_Arming_Copter.cpp).
-Of others (GPS, EKF, gyros that settle) it is taken that they mend themselves: they are waited for and told."""
+"""Parts of such texts, in lower case, whose cause needs a person (AP_Arming.cpp, AP_Arming_Copter.cpp). Others (GPS,
+EKF, gyros that settle) are assumed to pass: they are waited for and reported."""
 FAULTS = ("not healthy", "unhealthy", "not detected", "logging failed")
-"""Parts of texts that come for a moment after a start too: faults when two checks in a row say them."""
+"""Parts of texts that may appear briefly after a start: faults if two checks in a row report them."""
 FALLS, STANDS_FOR = 2.0, (2.0, 1.0)
-"""m/s that nothing has which stands; mission and wall seconds around the stop of the motors in which none has it."""
+"""m/s that no vehicle at rest has; mission and wall seconds around the stop of the motors in which it is judged."""
 TARGET_ATTEMPTS = 5
 TARGET_WAIT = (1.5, 0.7)
 """Mission and wall seconds for the vehicle to report the target (message 87, asked for at 2 Hz) before it is resent."""
@@ -76,7 +139,7 @@ def enter(flight: ProcedureContext, task: Task, call: Call, mode: int) -> Genera
 def acknowledged(
     flight: ProcedureContext, task: Task, command: Command, effect: Callable[[], bool]
 ) -> Generator[None, None, Outcome | None]:
-    """Wait until a command is accepted or its effect shows without that. Returns the refusal or the silence.
+    """Wait until a command is accepted, or its effect shows anyway. Returns the refusal or the silence.
 
     A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then.
     """
@@ -141,7 +204,7 @@ def _names(causes: tuple[str, ...], text: str) -> bool:
 
 
 def guided_aloft(flight: ProcedureContext, what: str) -> Outcome | None:
-    """Refuse targets that the vehicle would drop in silence: it takes them in GUIDED and in flight only."""
+    """Refuse targets that the vehicle would ignore: it accepts them only in GUIDED and in flight."""
     vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.guided:
         wanted = vehicle.modes.name(vehicle.modes.guided)
@@ -173,7 +236,7 @@ def target_taken(flight: ProcedureContext, task: Task, call: Call) -> Generator[
 
 
 def within_limits(flight: ProcedureContext, call: Call) -> Outcome | None:
-    """Refuse a target outside the mission's limits, or one whose altitude cannot be told yet."""
+    """Refuse a target outside the mission's limits, or one whose altitude above home is not known yet."""
     if flight.altitude_of_home() is None:
         return Outcome("refused", "the vehicle's altitude is not known yet")
     if call.limited and flight.limited and not flight.vehicle.placed:
@@ -205,7 +268,7 @@ def target_is(flight: ProcedureContext, call: Call) -> bool:
 
 
 def own_target(flight: ProcedureContext, call: Call) -> str:
-    """In words, what the vehicle says that it flies to instead."""
+    """Return the vehicle's own target, for people."""
     own = flight.vehicle.target
     if own is None or call.target is None:
         return "it reports no target of its own"
@@ -234,7 +297,7 @@ def arrive(flight: ProcedureContext, task: Task, goal: Place, tolerance: float |
 
 
 def above_home(flight: ProcedureContext, call: Call) -> Place:
-    """The target of a call with its altitude in metres above home."""
+    """Return the target of a call with its altitude in metres above home."""
     target = call.target or Place(0.0, 0.0, 0.0)
     if call.frame in ABOVE_HOME:
         return target
@@ -242,7 +305,7 @@ def above_home(flight: ProcedureContext, call: Call) -> Place:
 
 
 def down(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
-    """Wait until the vehicle has landed and disarmed. Returns why its motors stopped elsewhere, None if it stands."""
+    """Wait until the vehicle has landed and disarmed. Returns why its motors stopped elsewhere, None if so."""
     vehicle, fast_at = flight.vehicle, -math.inf
     while vehicle.armed or not vehicle.connected:
         fast_at = flight.now if vehicle.speed > FALLS else fast_at
@@ -259,7 +322,7 @@ def down(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome 
 def stands(
     flight: ProcedureContext, task: Task, fast_at: float, where: str = ""
 ) -> Generator[None, None, Outcome | None]:
-    """Whether motors that have stopped just now did so on the ground; None if they did, why not otherwise.
+    """Judge whether motors that have just stopped did so on the ground. Returns None if so, else why not.
 
     What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
     itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time; `where` is for people.
@@ -287,11 +350,11 @@ def parked(flight: ProcedureContext) -> bool:
 
 
 def from_home(flight: ProcedureContext) -> float | None:
-    """Metres over ground from home, None if nothing tells."""
+    """Return the horizontal distance from home in metres, None if it is not known."""
     position, home = flight.vehicle.position, flight.vehicle.home
     return None if position is None or home is None else home.distance(position)
 
 
 def metres(distance: float | None) -> str:
-    """A distance in words."""
+    """Return a distance for people."""
     return "an unknown distance" if distance is None else f"{distance:.1f} m"

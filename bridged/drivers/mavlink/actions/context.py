@@ -55,9 +55,9 @@ class Task(Execution):
     by_agent: bool = False
     """An agent wished it: what it moves, or sets the mode of, is in the agent's control."""
     trouble: str = ""
-    """What keeps it from its end, in words: a warning of health."""
+    """What keeps it from its end, for people: a warning of health."""
     leaves: str = ""
-    """What would be left half done if it ended now, in words."""
+    """What would be left half done if it ended now, for people."""
     call: Call | None = None
     """What it carries out."""
     commands: list[Command] = field(default_factory=list)
@@ -109,7 +109,7 @@ class Plan:
     items: tuple[Item, ...] | None = None
     """As it was sent or read last; none = not known. The first is home."""
     broken: str = ""
-    """What an upload that did not end has left, in words."""
+    """What an interrupted upload has left, for people."""
     busy: str = ""
     """The action that is speaking the mission protocol now: the vehicle speaks it with one at a time."""
     flown_by: str = ""
@@ -139,11 +139,11 @@ class ProcedureContext:
         self.asked_last = -1
         """The mode that we asked for last: one that it takes on while it cannot be heard is nobody else's."""
         self.message: dialect.MAVLink_message | None = None
-        """What has just come from the vehicle; none while only time passes."""
+        """The present message of the vehicle; None while only time passes."""
         self.tell = tell
         """Takes readings of the driver's own sources."""
         self.interrupted: list[Call] = []
-        """What the last pause has ended: a takeoff among them goes on in the air."""
+        """Calls that the last pause has interrupted: a takeoff among them continues in the air."""
         self.plan = Plan()
         self.parameters: dict[str, float] = {}
         """Those that were asked for, under the name that was asked for."""
@@ -162,7 +162,7 @@ class ProcedureContext:
         return max(mission, wall * self._speed)
 
     def to_wall(self, mission: float) -> float:
-        """Wall seconds that a span of mission seconds lasts: silence is told in the seconds that limits are set in."""
+        """Return the wall seconds that a span of mission seconds takes."""
         return mission / self._speed
 
     def submit(
@@ -172,15 +172,16 @@ class ProcedureContext:
         parameters: Parameters,
         retry: Retry,
         may_repeat: Callable[[], bool] = lambda: True,
+        frame: int | None = None,
     ) -> Command:
-        """Send a command for a task."""
-        return self.submit_call(task, Call(number, parameters, retry), may_repeat)
-
-    def submit_call(self, task: Task, call: Call, may_repeat: Callable[[], bool] = lambda: True) -> Command:
-        """Send the command of a call for a task."""
-        command = Command(call.number, call.parameters, call.retry, may_repeat, call.frame if call.by_int else None)
+        """Send a command for a task: as COMMAND_INT if its place is in a `frame`."""
+        command = Command(number, parameters, retry, may_repeat, frame)
         task.commands.append(command)
         return self.commands.submit(command, self.now)
+
+    def submit_call(self, task: Task, call: Call) -> Command:
+        """Send the command of a call for a task."""
+        return self.submit(task, call.number, call.parameters, call.retry, frame=call.frame if call.by_int else None)
 
     def send_target(self, place: Place, frame: int, yaw: float | None = None) -> None:
         """Send a position target; nothing acknowledges it."""
@@ -231,14 +232,14 @@ class ProcedureContext:
         )
 
     def learn(self, asked: str, value: float) -> None:
-        """Keep a parameter's value and tell it, under the name that was asked for."""
+        """Keep a parameter's value and report it, under the requested name."""
         if asked not in self.parameters and len(self.parameters) >= MAX_PARAMETERS:
             self.parameters.pop(next(iter(self.parameters)))
         self.parameters[asked] = value
         self.tell(Reading("PARAM", {"name": asked, "value": value}))
 
     def expect_mode(self, mode: int) -> None:
-        """Count `mode` as asked for by us for a while: a pilot's change must be told from our own."""
+        """Count `mode` as requested by us for a while: a pilot's change must be distinguished from ours."""
         self.asked_last = mode
         self._expected = {known: until for known, until in self._expected.items() if until >= self.now}
         self._expected[mode] = self.now + self.wait(*EXPECTED_FOR)
@@ -260,18 +261,18 @@ class ProcedureContext:
         return vehicle.home.altitude if vehicle.home is not None else None
 
     def outside_limits(self, place: Place) -> str:
-        """Which limit of the mission a point (metres above home) breaks, in words; empty = none."""
+        """Return which limit of the mission a point (metres above home) breaks, for people; empty = none."""
         return self.too_high(place.altitude) or self.too_far(place)
 
     def too_high(self, altitude: float) -> str:
-        """In words, whether metres above home are above the mission's limit; empty = they are not."""
+        """Return that metres above home exceed the mission's limit, for people; empty = they do not."""
         limit = self.limits.altitude
         if limit is None or altitude <= limit:
             return ""
         return f"altitude {altitude:g} m is above the mission's limit of {limit:g} m"
 
     def too_far(self, place: Place) -> str:
-        """In words, whether a point is farther from home than the mission's limit; empty = it is not."""
+        """Return that a point is farther from home than the mission's limit, for people; empty = it is not."""
         limit, home = self.limits.radius, self.vehicle.home
         if limit is None:
             return ""
@@ -281,7 +282,7 @@ class ProcedureContext:
         return f"{distance:.0f} m from home is outside the mission's limit of {limit:g} m" if distance > limit else ""
 
     def leads_outside(self, velocity: Triple) -> str:
-        """Which limit a velocity (m/s north, east, down) breaks before the vehicle stops by itself, in words."""
+        """Return which limit a velocity (m/s north, east, down) breaks before the vehicle stops by itself."""
         here = self.vehicle.position
         if here is None:
             return "the vehicle's position is not known yet" if self.limited else ""
@@ -298,12 +299,12 @@ class ProcedureContext:
         return f"in {GUIDED_TIMEOUT:g} s at that velocity: {broken}" if broken else ""
 
     def with_texts(self, said: str, since: float) -> str:
-        """A reason with what the vehicle itself said since then, or with its state if it said nothing."""
+        """Return a reason with the vehicle's texts since then, or with its state if there were none."""
         texts = self.texts.since(since - self.wait(*TEXT_WINDOW))
         return f"{said}: {texts}" if texts else f"{said}; {self.state_in_words()}"
 
     def state_in_words(self) -> str:
-        """Mode, arming and where it is."""
+        """Return mode, arming and whether it flies, for people."""
         vehicle = self.vehicle
         if not vehicle.connected:
             return "the vehicle is not connected"
@@ -313,3 +314,40 @@ class ProcedureContext:
 
 
 Procedure = Callable[[ProcedureContext, Task, Call], Steps]
+
+
+MARGIN = 2.0
+"""Metres beyond a limit that are no excursion: arriving at the limit itself overshoots a little."""
+
+
+class LimitWatch:
+    """Whether one vehicle is outside the limits of the mission file."""
+
+    def __init__(self, flight: ProcedureContext) -> None:
+        self._flight = flight
+        self.outside = ""
+        """Which limit is broken now, for people; empty = none."""
+
+    def look(self) -> str:
+        """Return which limit was just left; empty if none was, or if others or RTL fly the vehicle."""
+        vehicle, modes = self._flight.vehicle, self._flight.vehicle.modes
+        before, broken = self.outside, self._broken()
+        if broken or not self._broken(0.0):
+            self.outside = broken
+        steered = vehicle.mode in (modes.guided, modes.auto)
+        leaving = self._flight.expects(modes.rtl) or self._flight.expects(modes.land)
+        if broken and not before and vehicle.aloft and steered and not leaving:
+            return f"the vehicle left the mission's limits: {broken}"
+        return ""
+
+    def _broken(self, margin: float = MARGIN) -> str:
+        limits, vehicle = self._flight.limits, self._flight.vehicle
+        if vehicle.position is None:
+            return ""
+        if limits.altitude is not None and vehicle.position.altitude > limits.altitude + margin:
+            return f"{vehicle.position.altitude:.1f} m above home, the limit is {limits.altitude:g} m"
+        if limits.radius is not None and vehicle.home is not None:
+            away = vehicle.home.distance(vehicle.position)
+            if away > limits.radius + margin:
+                return f"{away:.0f} m from home, the limit is {limits.radius:g} m"
+        return ""

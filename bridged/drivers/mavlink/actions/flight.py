@@ -124,7 +124,7 @@ def take_off_by_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def _climb_on(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """Go on with a takeoff that a pause has interrupted in the air, where NAV_TAKEOFF is refused: by a target above."""
+    """Continue a takeoff that was paused in the air, where NAV_TAKEOFF is refused: by a target above."""
     vehicle, wanted, asked = flight.vehicle, call.parameters[6], flight.now
     if vehicle.position is None:
         return Outcome("refused", "the vehicle has not told where it is")
@@ -199,7 +199,7 @@ def reposition_and_arrive(flight: ProcedureContext, task: Task, call: Call) -> S
 
 
 def land(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """NAV_LAND: landed and disarmed. At once if it stands disarmed already: LAND is no mode to arm in."""
+    """NAV_LAND: landed and disarmed. Succeeds immediately on the ground and disarmed: LAND is no mode to arm in."""
     modes = flight.vehicle.modes
     if parked(flight):
         return SUCCEEDED
@@ -213,7 +213,7 @@ def land(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def return_home(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """NAV_RETURN_TO_LAUNCH: landed and disarmed at home. At once if it stands there already."""
+    """NAV_RETURN_TO_LAUNCH: landed and disarmed at home. Succeeds immediately if it is there."""
     vehicle, near = flight.vehicle, call.tolerance or 3.0
     if parked(flight):
         away = from_home(flight)
@@ -262,7 +262,7 @@ def mode_call(mode: int) -> Call:
 
 
 def secure(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """An order from above the agents: the mode shows at two HEARTBEATs; on the ground the motors stop instead.
+    """An order above the agents: the mode shows at two HEARTBEATs; on the ground the motors stop instead.
 
     `call.parameters[1]` is the mode. What follows the mode (the flight home, the landing) is not waited for. Judged
     here, when the vehicle is heard: it may have turned home while it could not be.
@@ -287,7 +287,7 @@ def _enter_mode_of(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def hold_by_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """What pausing does: the mode of `call` shows at two HEARTBEATs. Motors are left as they are, on the ground too."""
+    """A pause: the mode of `call` shows at two HEARTBEATs. Motors are left as they are, on the ground too."""
     vehicle = flight.vehicle
     if not vehicle.armed:
         return Outcome("succeeded", "the vehicle is not armed")
@@ -295,7 +295,7 @@ def hold_by_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def leave_hold(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """What continuing does: a vehicle that is in the mode of the order `hold` enters that of `call`."""
+    """The end of a pause: a vehicle in the mode of the order `hold` enters that of `call`."""
     vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.hold:
         return Outcome("succeeded", f"the vehicle is in {vehicle.mode_name}")
@@ -303,7 +303,7 @@ def leave_hold(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def stay(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """What cancelling a motion does: the vehicle stays where it is, on the ground its motors stop.
+    """After a cancelled motion: the vehicle stays where it is, on the ground its motors stop.
 
     It is tried until the vehicle does it: nobody else waits for it. In flight GUIDED with the present place as the
     target comes first, the mode of the order `hold` after that, or at once if nothing tells where the vehicle is.
@@ -349,7 +349,7 @@ def _stay_here(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def _stop_motors(flight: ProcedureContext, task: Task, lift_off: float) -> Generator[None, None, Outcome | None]:
-    """Disarm a vehicle that has not left the ground; None if it leaves the ground all the same."""
+    """Disarm a vehicle that has not left the ground; None if it leaves the ground anyway."""
     vehicle = flight.vehicle
     stopped = yield from arm(flight, task, Call(dialect.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,) * 7, Retry()))
     if stopped.state == "succeeded":

@@ -1,4 +1,4 @@
-"""A stored mission is flown: read and judged first, seen to its end, and never changed under way by us."""
+"""Flying the stored mission: read and checked first, watched to its end, not changed by us meanwhile."""
 
 from __future__ import annotations
 
@@ -8,19 +8,33 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.confirmation import FALLS, acknowledged, from_home, metres, stands
+from bridged.drivers.mavlink.actions.confirmation import (
+    FALLS,
+    Poll,
+    acknowledged,
+    asked_message,
+    from_home,
+    metres,
+    stands,
+)
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.actions.flight import change_mode, mode_call
-from bridged.drivers.mavlink.actions.mission_actions import Speaking, go_to_item, outside, tell_items
+from bridged.drivers.mavlink.actions.mission_actions import (
+    TRY_EVERY,
+    Speaking,
+    download,
+    go_to_item,
+    outside,
+    same_items,
+    tell_items,
+)
 from bridged.drivers.mavlink.actions.mission_items import Item
-from bridged.drivers.mavlink.actions.mission_transfer import TRY_EVERY, download, same_items
-from bridged.drivers.mavlink.actions.requests import Poll, asked_message
 from schemas.manifest.loader import Retry
 
 PROGRESS_EVERY = (1.0, 0.5)
 """Mission and wall seconds between requests for MISSION_CURRENT."""
 END_SHOWS = (3.0, 2.0)
-"""Mission and wall seconds in which a vehicle that left AUTO by itself tells that its mission is over."""
+"""Mission and wall seconds in which a vehicle that left AUTO by itself reports that its mission is over."""
 BEGINS_WITHIN = (15.0, 3.0)
 """Mission and wall seconds in which a vehicle on the ground must take off for its mission."""
 HOME_NEAR = 3.0
@@ -39,7 +53,7 @@ def enter_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def may_fly(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
-    """Whatever makes the vehicle fly its mission: it must be whole, and within the limits if there are any."""
+    """Check a mission before the vehicle flies it: it must be complete, and within the limits if there are any."""
     if flight.plan.broken:
         return Outcome("refused", flight.plan.broken)
     if not flight.limited:
@@ -184,7 +198,7 @@ def _broken_off(flight: ProcedureContext, reached: int, last: int, asked: float)
 
 
 def _read_within_limits(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
-    """Read what the vehicle stores; percepts follow. Returns why it cannot be flown, None if it can."""
+    """Read the stored mission; percepts follow. Returns why it cannot be flown, None if it can."""
     with Speaking(flight, task) as busy:
         if busy:
             return Outcome("refused", busy)
@@ -203,7 +217,7 @@ def _ground(flight: ProcedureContext) -> bool:
 
 
 class _Flying:
-    """The mission is started or flown for one action: it is not changed under it."""
+    """Reserve the mission for one action, so that it is not changed meanwhile."""
 
     def __init__(self, flight: ProcedureContext, task: Task) -> None:
         self._plan, self._task = flight.plan, task

@@ -1,4 +1,4 @@
-"""The items of a mission: what a plan may say of them, and what MISSION_ITEM_INT says."""
+"""Items of a mission, from the terms of a plan and from MISSION_ITEM_INT."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bridged.drivers.api import Value
 from bridged.drivers.mavlink.vehicle.state import Place
 
 MAX_ITEMS = 700
-"""Items of one mission; ArduPilot stores about as many."""
+"""Most items of one mission; ArduPilot stores about as many."""
 RELATIVE, AMSL = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL
 _AMSL = frozenset({dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT})
 _RELATIVE = frozenset({dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT})
@@ -28,12 +28,12 @@ SHORT = {
 }
 """Short names of commands in a mission; every other has its MAVLink name or number."""
 LAST_NAV = dialect.MAV_CMD_NAV_LAST
-"""Commands up to this one are flown; those above are done on the way."""
+"""Commands up to this one are flown; those above are carried out on the way."""
 FORMS = "[Lat, Lon, Alt] or [Command, Lat, Lon, Alt, P1, P2, P3, P4]"
 NAMES = {"x_lat": "latitude", "y_long": "longitude", "z_alt": "altitude"}
-"""Other names of what an item may say: those of mavros' Waypoint."""
+"""Other names of an item's fields: those of mavros' Waypoint."""
 SAID = ("command", "latitude", "longitude", "altitude", "frame", "param1", "param2", "param3", "param4")
-"""What an item may say by name, when the manifest declares it with `each`."""
+"""Fields of an item, for manifests that declare items with `each`."""
 NOT_NEEDED = frozenset({"is_current", "autocontinue"})
 
 
@@ -60,12 +60,12 @@ class Item:
 
     @property
     def flown(self) -> bool:
-        """Whether the vehicle flies it, rather than do it on the way."""
+        """Whether the vehicle flies it, rather than carry it out on the way."""
         return self.command <= int(LAST_NAV)
 
     @property
     def ends_on_ground(self) -> bool:
-        """Whether it ends with the motors."""
+        """Whether the motors stop at its end."""
         return self.command in (dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 
     @property
@@ -75,7 +75,7 @@ class Item:
 
     @property
     def placed(self) -> bool:
-        """Whether it says where; 0/0 means here."""
+        """Whether it has a position; 0/0 means here."""
         return bool(self.flown and (self.x or self.y))
 
     @property
@@ -84,7 +84,7 @@ class Item:
         return Place(self.x / 1e7, self.y / 1e7, self.z)
 
     def outside(self, too_high: Callable[[float], str], too_far: Callable[[Place], str], home_amsl: float) -> str:
-        """Which limit it breaks, in words; `home_amsl` is the altitude of home."""
+        """Return which limit it breaks; `home_amsl` is the altitude of home in metres."""
         if not self.flown or self.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             return ""
         above = self.z - home_amsl if self.frame in _AMSL else self.z
@@ -100,7 +100,7 @@ class Item:
 
 
 def read_items(value: Value, frame: int) -> tuple[Item, ...]:
-    """Read the items of a mission without home. Raises ValueError in words for the first that is wrong."""
+    """Read the items of a mission without home. Raises ValueError for the first that is wrong."""
     if not isinstance(value, list) or not value:
         raise ValueError(f"a mission is a list of items, each {FORMS}")
     if len(value) > MAX_ITEMS:

@@ -1,4 +1,4 @@
-"""Commands that move no vehicle, or that are known by their acknowledgement alone: servo, gripper, fence, anything."""
+"""Commands that move no vehicle, or are confirmed by their acknowledgement alone: servo, gripper, fence, others."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.confirmation import acknowledged
+from bridged.drivers.mavlink.actions.confirmation import Fits, Poll, acknowledged
 from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
 from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters
-from bridged.drivers.mavlink.actions.requests import Fits, Poll
 
 SERVOS = 16
-"""Outputs that SERVO_OUTPUT_RAW tells of in one message."""
+"""Outputs in one SERVO_OUTPUT_RAW message."""
 PWM_NEAR = 1
 """Microseconds."""
 GRIPPER_PWM = {dialect.GRIPPER_ACTION_RELEASE: "GRIP_RELEASE", dialect.GRIPPER_ACTION_GRAB: "GRIP_GRAB"}
-"""Parameters that tell the output of a gripper, by param2 of DO_GRIPPER."""
+"""Parameters of a gripper's PWM, by param2 of DO_GRIPPER."""
 FUNCTIONS = tuple(f"SERVO{output}_FUNCTION" for output in range(1, SERVOS + 1))
 GRIPPER = 28.0
 """SERVOn_FUNCTION of an output that moves a gripper."""
@@ -29,7 +28,7 @@ SHOWS_WITHIN, FENCE_SHOWS_WITHIN = (5.0, 3.0), (2.0, 1.5)
 
 
 def acknowledge(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """Any command: the vehicle said ACCEPTED. The weakest of all: it says that it will try, not that it did.
+    """Any command: the vehicle acknowledged it with ACCEPTED. The weakest confirmation: it will try.
 
     MISSION_START needs a mission that may be flown; under limits home, from where they are measured, is not moved.
     """
@@ -99,7 +98,7 @@ def fence(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def _shown(flight: ProcedureContext, task: Task, call: Call, what: str, fits: Fits) -> Generator[None, None, Outcome]:
-    """Send the command; the output proves it, also when the acknowledgement is lost."""
+    """Send the command; the output confirms it, also if the acknowledgement is lost."""
     asked, shown = flight.now, _Seen(flight, task, "SERVO_OUTPUT_RAW", fits)
     command = flight.submit_call(task, call)
     refusal = yield from acknowledged(flight, task, command, shown)
@@ -115,7 +114,7 @@ def _shown(flight: ProcedureContext, task: Task, call: Call, what: str, fits: Fi
 
 
 class _Seen:
-    """Asks for a message again and again, and tells whether one has come that fits."""
+    """Requests a message repeatedly, and tells whether one that fits has arrived."""
 
     def __init__(self, flight: ProcedureContext, task: Task, name: str, fits: Fits) -> None:
         self._flight, self._name, self._fits = flight, name, fits

@@ -17,20 +17,20 @@ from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureCo
 
 READ_TRIES, SET_TRIES, PULL_TRIES = 6, 3, 3
 AT_ONCE = 50
-"""Parameters of a list that are asked for one by one at once, if they did not come with it."""
+"""Missing parameters of a list that are requested together, one by one."""
 READ_EVERY, PULL_EVERY = (0.5, 0.5), (1.0, 1.0)
-"""Mission and wall seconds. With every fifth packet lost each way, six tries call one known name in 500 unknown."""
+"""Mission and wall seconds. With a loss of 20 % each way, six tries take one known name in 500 for unknown."""
 _NEW_NAMES = {"SYSID_THISMAV": "MAV_SYSID", "SYSID_MYGCS": "MAV_GCS_SYSID"}
 _OLD_NAMES = {new: old for old, new in _NEW_NAMES.items()}
 _RENAMED = (_NEW_NAMES, _OLD_NAMES)
 _FAILSAFE_SWITCHES = frozenset({"FS_GCS_ENABLE", "FS_GCS_ENABL", "FS_ACTION"})
 _FAILSAFE_SETTINGS = frozenset({"MAV_GCS_SYSID", "SYSID_MYGCS", "FS_GCS_TIMEOUT"})
 _FENCE_SWITCHES = frozenset({"FENCE_ENABLE", "FENCE_ACTION", "FENCE_TYPE"})
-"""Switches are off at 0; any other value of a setting may make the failsafe watch somebody else, or too late."""
+"""Switches are off at 0; another value of a setting may make the failsafe watch another station, or react late."""
 
 
 def spellings(name: str) -> tuple[str, ...]:
-    """The names that a parameter may have: ArduPilot 4.7 renamed SYSID_* and SRn_* to MAV_* and MAVn_*."""
+    """Return the names that a parameter may have: ArduPilot 4.7 renamed SYSID_* and SRn_* to MAV_* and MAVn_*."""
     for names in _RENAMED:
         if name in names:
             return (name, names[name])
@@ -43,7 +43,7 @@ def spellings(name: str) -> tuple[str, ...]:
 
 
 def read_parameter(flight: ProcedureContext, task: Task, name: str) -> Generator[None, None, tuple[str, float] | None]:
-    """Ask for a parameter. Returns its name on the vehicle and its value, None if the vehicle knows none."""
+    """Request a parameter. Returns its name on the vehicle and its value, None if the vehicle has none."""
     names = spellings(name)
     for _ in range(READ_TRIES):
         for one in names:
@@ -61,7 +61,7 @@ def read_parameter(flight: ProcedureContext, task: Task, name: str) -> Generator
 def read_parameters(
     flight: ProcedureContext, task: Task, names: tuple[str, ...]
 ) -> Generator[None, None, dict[str, float]]:
-    """Ask for several parameters at once. Returns those that the vehicle told."""
+    """Request several parameters together. Returns those that arrived."""
     told: dict[str, float] = {}
     for _ in range(READ_TRIES):
         for name in names:
@@ -80,7 +80,7 @@ def read_parameters(
 
 
 def get_parameter(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """`param_get`: the vehicle tells the value, which becomes a reading of PARAM."""
+    """`param_get`: the vehicle sends the value, which becomes a reading of PARAM."""
     name = str(call.arguments["name"])
     found = yield from read_parameter(flight, task, name)
     if found is None:
@@ -90,7 +90,7 @@ def get_parameter(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def pull_parameters(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """`param_pull`: the vehicle tells every parameter, each a reading of PARAM; what was lost is asked for again."""
+    """`param_pull`: the vehicle sends every parameter, each a reading of PARAM; lost ones are requested again."""
     told, count, tries = set[int](), 0, 0
     identity = flight.commands.identity
     while tries < PULL_TRIES:
@@ -120,7 +120,7 @@ def pull_parameters(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def set_parameter(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """`param_set`: the vehicle tells that it has the value that was asked for."""
+    """`param_set`: the vehicle reports the requested value."""
     name, wanted = str(call.arguments["name"]), call.arguments["value"]
     if not isinstance(wanted, int | float):
         return Outcome("refused", f"a parameter's value is a number, got {wanted!r}")
@@ -131,7 +131,7 @@ def set_parameter(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def guard(flight: ProcedureContext, name: str, value: float) -> str:
-    """In words, that the mission file relies on what a value would switch off; empty = it does not."""
+    """Return that a value would switch off what the mission file relies on, for people; empty = it would not."""
     name, off = name.upper(), abs(value) < 1
     if flight.failsafe.watches and (name in _FAILSAFE_SETTINGS or (name in _FAILSAFE_SWITCHES and off)):
         return f"{name} is not set to {value:g}: the mission declares `failsafe`, which relies on it"

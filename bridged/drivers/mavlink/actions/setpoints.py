@@ -1,4 +1,4 @@
-"""Targets that nothing acknowledges: places and velocities in metres and m/s, and the channels of a remote control.
+"""Setpoints without acknowledgement: places in metres, velocities in m/s, and the channels of a remote control.
 
 The vehicle's own report is the proof: POSITION_TARGET_LOCAL_NED shows the target that it flies, RC_CHANNELS what it
 takes for the sticks.
@@ -13,7 +13,15 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.confirmation import TARGET_ATTEMPTS, TARGET_NEAR, TARGET_WAIT, arrive, guided_aloft
+from bridged.drivers.mavlink.actions.confirmation import (
+    TARGET_ATTEMPTS,
+    TARGET_NEAR,
+    TARGET_WAIT,
+    Fits,
+    arrive,
+    asked_message,
+    guided_aloft,
+)
 from bridged.drivers.mavlink.actions.context import (
     POSITION_IGNORED,
     SUCCEEDED,
@@ -25,7 +33,6 @@ from bridged.drivers.mavlink.actions.context import (
     Task,
     Triple,
 )
-from bridged.drivers.mavlink.actions.requests import Fits, asked_message
 
 SPEED_NEAR = 0.15
 """m/s between the velocity sent and the one reported."""
@@ -90,7 +97,7 @@ def send_velocity(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 
 def override_channels(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """RC_CHANNELS_OVERRIDE: RC_CHANNELS shows what was sent; of a channel that is released nothing can be shown."""
+    """RC_CHANNELS_OVERRIDE: RC_CHANNELS shows the values; a released channel cannot be confirmed."""
 
     def fits(message: dialect.MAVLink_message) -> bool:
         return all(
@@ -153,7 +160,7 @@ def _sent_until_shown(
 
 
 def _from_origin(flight: ProcedureContext, target: LocalTarget, here: dialect.MAVLink_message) -> Triple | None:
-    """A place in metres north, east, down of the origin; a place of the body counts from here."""
+    """Return a place in metres north, east, down of the origin; one in the body frame is relative to the vehicle."""
     north, east, down = target.position or (0.0, 0.0, 0.0)
     if target.frame == LOCAL:
         return north, east, down

@@ -1,20 +1,79 @@
-"""What stands under a MAVLink link: the parts that sockets and serial lines have in common."""
+"""Under a MAVLink link: its peers, and the UDP sockets, TCP connections and serial lines that carry its bytes."""
+
+from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import socket
+import termios
+import tty
 from collections.abc import Awaitable, Callable, Iterator
-from contextlib import suppress
-from typing import NamedTuple, Protocol
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from math import inf
+from typing import TYPE_CHECKING, NamedTuple, cast
 
-from bridged.drivers.mavlink.transport.address import LinkAddress
-from bridged.drivers.mavlink.transport.link_peers import LinkCounters, Peer
+from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+
+if TYPE_CHECKING:
+    from bridged.drivers.mavlink.transport.link import Link
+
+
+class LinkError(OSError):
+    """A link that cannot be opened: the address is taken, the device is missing, and so on."""
+
+
+class Ids(NamedTuple):
+    """MAVLink ids of a sender."""
+
+    system: int
+    component: int
+
+
+@dataclass(slots=True)
+class LinkCounters(WireCounters):
+    """What passed over one link since it was opened."""
+
+    sent: int = 0
+    dropped: int = 0  # packets of ours that a full buffer or a link that was down swallowed
+    unroutable: int = 0  # packets of ours to a system that was never heard
+    moves: int = 0  # times that a system id began to speak from another address
+    reopened: int = 0  # times that a link was lost and opened again
+    errors: int = 0  # errors that the operating system reported on the way (nobody listens at the other end, ...)
+
+
+@dataclass(eq=False, slots=True)
+class Peer:
+    """One other end of a link: an address, a connection, a serial line."""
+
+    label: str
+    write: Callable[[bytes], bool]
+    framer: Framer = field(init=False)  # given by the link, whose choice of packets may depend on the peer
+    waiting: Callable[[], int] = lambda: 0  # bytes that wait to be written
+    heard_at: float = 0.0  # event loop time of its last valid packet
+    heard: bool = False
+    closed: bool = False  # a connection that ended; an address of UDP never does
+    told_at: float = -inf  # event loop time at which its clock was told last that it is behind
+    systems: dict[int, float] = field(default_factory=dict)  # who spoke from here, and when last
+    encoders: dict[Ids, Encoder] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.label
+
+    def encoder(self, ids: Ids) -> Encoder:
+        """Return the encoder for this peer and these ids: each has its own sequence numbers."""
+        encoder = self.encoders.get(ids)
+        if encoder is None:
+            encoder = self.encoders[ids] = Encoder(*ids)
+        return encoder
+
 
 MAX_QUEUED_BYTES = 65536
 """Bytes that may wait for one peer; about 1500 packets, 11 s of a 57600 baud line."""
 
 MAX_FOREIGN_BYTES = 4096
-"""Bytes that may wait at a vehicle's link for more of a ground station's packets to be let in: ours come next, soon."""
+"""Bytes that may wait at a vehicle's link when a ground station's packet is accepted: our own packets have priority."""
 
 BACKOFF_S = (0.2, 5.0)
 """First and longest pause between two attempts to open a link again, in wall seconds."""
@@ -22,36 +81,23 @@ STEADY_S = 5.0
 """Wall seconds that a link must have been open for the next attempt to come soon again."""
 
 
-class Switchboard(Protocol):
-    """What an endpoint needs of its link."""
-
-    address: LinkAddress
-    counters: LinkCounters
-
-    def add_peer(self, key: object, label: str, write: Callable[[bytes], bool]) -> Peer: ...
-    def find_peer(self, key: object) -> Peer | None: ...
-    def drop_peer(self, key: object) -> None: ...
-    def received(self, peer: Peer, data: bytes, *, datagram: bool) -> None: ...
-    def set_state(self, up: bool, why: str) -> None: ...
-
-
 class Endpoint:
-    """What carries a link's bytes."""
+    """A transport of a link's bytes."""
 
     async def close(self) -> None:
-        """Frees the socket or the device."""
+        """Free the socket or the device."""
         raise NotImplementedError
 
 
 class Connection(NamedTuple):
     """A TCP connection or a serial line that is open now."""
 
-    lost: asyncio.Future[str]  # done when it is gone, with the reason in words
+    lost: asyncio.Future[str]  # done with the reason when it is lost
     close: Callable[[], None]
 
 
 def in_words(error: OSError) -> str:
-    """The reason without its number, which says nothing to people."""
+    """Return the reason of an error for people, without its number."""
     if isinstance(error, socket.gaierror):
         return "the host name is not known"
     return (os.strerror(error.errno) if error.errno else str(error)).lower()
@@ -68,7 +114,7 @@ class Supervised(Endpoint):
     """Keeps one connection open: whenever it is lost it is opened again, with backoff."""
 
     def __init__(
-        self, link: Switchboard, connect: Callable[[], Awaitable[Connection]], opened: Connection | None = None
+        self, link: Link, connect: Callable[[], Awaitable[Connection]], opened: Connection | None = None
     ) -> None:
         """`opened` is the first connection if it is there already."""
         self._link = link
@@ -102,3 +148,283 @@ class Supervised(Endpoint):
             self._present.close()
         with suppress(asyncio.CancelledError):
             await self._task
+
+
+CONNECT_TIMEOUT_S = 5.0
+"""Seconds that a TCP peer may take to accept a connection."""
+
+LOOKUP_TIMEOUT_S = 10.0
+"""Seconds that the name service may take to resolve the host of a link."""
+
+ROOM_EACH, ROOM_STEP = 10 * 1024, 16
+"""Bytes that the system is asked to keep of what waits to be read, for each address that speaks: about what a vehicle
+sends in a second, for more would only be old when it is read. It is asked at every so many addresses; what it keeps
+unasked is room for the first of them. It may give less (Linux: net.core.rmem_max)."""
+
+MAX_REMEMBERED = 1024
+"""Addresses that a socket remembers before it forgets those that the link has forgotten."""
+
+UNANSWERED_TIMEOUT_MS = 10_000
+"""Milliseconds for which TCP data may stay unacknowledged until the connection is lost (Linux TCP_USER_TIMEOUT)."""
+
+
+NOBODY_THERE = frozenset({errno.ECONNREFUSED, errno.EMSGSIZE, errno.ENOBUFS, errno.EAGAIN, errno.EPERM})
+"""Errors that a new socket would meet as well: nobody listens yet, a buffer is full, a rule forbids it."""
+NO_WAY = frozenset({errno.ENETUNREACH, errno.EHOSTUNREACH, errno.EHOSTDOWN})
+"""Errors of one way out: the other addresses of a listening socket may be reached all the same."""
+
+
+class UdpSocket(asyncio.DatagramProtocol):
+    """One UDP socket, listening or connected to one address."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._listens = link.address.kind == "udpin"
+        self._transport: asyncio.DatagramTransport | None = None
+        self._queued: Callable[[], int] = lambda: 0
+        self._peers: set[object] = set()
+        self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+
+    def connection_made(self, transport: asyncio.DatagramTransport) -> None:  # type: ignore[override]
+        self._transport = transport
+        self._queued = cast(asyncio.WriteTransport, transport).get_write_buffer_size
+        if not self._listens:
+            # The socket is connected: the kernel passes only what comes from there.
+            self._add_peer("remote", str(self._link.address), None)
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        key: object = addr if self._listens else "remote"
+        peer = self._link.find_peer(key) or self._add_peer(key, f"udp:{addr[0]}:{addr[1]}", addr)
+        self._link.received(peer, data, datagram=True)
+
+    def error_received(self, exc: Exception) -> None:
+        self._link.counters.errors += 1
+        number = exc.errno if isinstance(exc, OSError) else None
+        if number not in NOBODY_THERE and not (self._listens and number in NO_WAY):
+            self._lose(exc)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._lose(exc)
+
+    def close(self) -> None:
+        if self._transport is not None:
+            self._transport.abort()
+            self._transport = None
+            for key in self._peers:
+                self._link.drop_peer(key)
+
+    def _lose(self, exc: Exception | None) -> None:
+        self.close()
+        if not self.lost.done():
+            self.lost.set_result(in_words(exc) if isinstance(exc, OSError) else "closed")
+
+    def _add_peer(self, key: object, label: str, addr: tuple[str, int] | None) -> Peer:
+        if len(self._peers) > MAX_REMEMBERED:
+            self._peers = {key for key in self._peers if self._link.find_peer(key) is not None}
+        self._peers.add(key)
+        if len(self._peers) % ROOM_STEP == 0 and self._transport is not None:
+            wire: socket.socket = self._transport.get_extra_info("socket")
+            with suppress(OSError):  # what the system gives will do
+                wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM_EACH * (len(self._peers) + ROOM_STEP))
+        peer = self._link.add_peer(key, label, lambda data: self._write(data, addr))
+        peer.waiting = self._queued
+        return peer
+
+    def _write(self, data: bytes, addr: tuple[str, int] | None) -> bool:
+        transport = self._transport
+        if transport is None or transport.is_closing() or self._queued() > MAX_QUEUED_BYTES:
+            return False
+        transport.sendto(data, addr)
+        return True
+
+
+@contextmanager
+def _in_words(link: Link) -> Iterator[None]:
+    """Raise LinkError for what keeps a socket of a link from being opened."""
+    try:
+        yield
+    except TimeoutError as error:
+        said = socket.gaierror(socket.EAI_AGAIN, f"no answer within {LOOKUP_TIMEOUT_S:g} s")
+        said.__cause__ = error
+        raise LinkError(f"link {link.address} cannot be opened: the name service does not answer") from said
+    except OSError as error:
+        raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
+
+
+async def open_udp(link: Link) -> Connection:
+    """Bind or connect a socket as the link's address says. Raises LinkError."""
+    where = (link.address.host, link.address.port)
+    ends = {"local_addr": where} if link.address.kind == "udpin" else {"remote_addr": where}
+    loop = asyncio.get_running_loop()
+    with _in_words(link):
+        async with asyncio.timeout(LOOKUP_TIMEOUT_S):
+            _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(link), **ends)  # type: ignore[arg-type]
+    link.set_state(True, "open")
+    return Connection(opened.lost, opened.close)
+
+
+class _TcpConnection(asyncio.Protocol):
+    """One TCP connection, ours or a client's."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._peer: Peer | None = None
+        self.transport: asyncio.Transport | None = None
+        self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        self.transport = transport
+        wire: socket.socket = transport.get_extra_info("socket")
+        with suppress(OSError, AttributeError):
+            wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNANSWERED_TIMEOUT_MS)
+            # Megabytes may wait in the system, for minutes: what waits is to be seen here, and bounded here.
+            wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, MAX_FOREIGN_BYTES)
+        remote = transport.get_extra_info("peername") or ("?", 0)
+        self._peer = self._link.add_peer(self, f"tcp:{remote[0]}:{remote[1]}", self._write)
+        self._peer.waiting = transport.get_write_buffer_size
+
+    def data_received(self, data: bytes) -> None:
+        if self._peer is not None:
+            self._link.received(self._peer, data, datagram=False)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._link.drop_peer(self)
+        if self._peer is not None:
+            self._peer.closed = True
+        if not self.lost.done():
+            why = in_words(exc) if isinstance(exc, OSError) else "the other end closed the connection"
+            self.lost.set_result(why)
+
+    def abort(self) -> None:
+        if self.transport is not None:
+            self.transport.abort()
+
+    def _write(self, data: bytes) -> bool:
+        transport = self.transport
+        if transport is None or transport.is_closing() or transport.get_write_buffer_size() > MAX_QUEUED_BYTES:
+            return False
+        transport.write(data)
+        return True
+
+
+class TcpListener(Endpoint):
+    def __init__(self, server: asyncio.Server, connections: list[_TcpConnection]) -> None:
+        self._server = server
+        self._connections = connections
+
+    @classmethod
+    async def open(cls, link: Link) -> TcpListener:
+        connections: list[_TcpConnection] = []
+
+        def accept() -> _TcpConnection:
+            connection = _TcpConnection(link)
+            connections[:] = [other for other in connections if not other.lost.done()]
+            connections.append(connection)
+            return connection
+
+        loop = asyncio.get_running_loop()
+        with _in_words(link):
+            async with asyncio.timeout(LOOKUP_TIMEOUT_S):
+                server = await loop.create_server(accept, link.address.host, link.address.port, reuse_address=True)
+        link.set_state(True, "open")
+        return cls(server, connections)
+
+    async def close(self) -> None:
+        self._server.close()
+        for connection in self._connections:
+            connection.abort()
+
+
+async def call_tcp(link: Link) -> Connection:
+    loop = asyncio.get_running_loop()
+    async with asyncio.timeout(CONNECT_TIMEOUT_S):
+        _, connection = await loop.create_connection(lambda: _TcpConnection(link), link.address.host, link.address.port)
+    return Connection(connection.lost, connection.abort)
+
+
+_READ_BYTES = 4096
+
+
+async def open_serial(link: Link) -> Connection:
+    """Open the device of the link's address. Raises LinkError."""
+    line = SerialLine(link)
+    return Connection(line.lost, line.close)
+
+
+class SerialLine:
+    """A serial device in raw mode: 8 data bits, no parity, 1 stop bit, no flow control."""
+
+    def __init__(self, link: Link) -> None:
+        """Open the device. Raises LinkError."""
+        self._link = link
+        try:
+            self._device = os.open(link.address.host, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            raise LinkError(f"link {link.address} cannot be opened: {in_words(error)}") from error
+        try:
+            _make_raw(self._device, link.address.port)
+        except (OSError, termios.error) as error:
+            os.close(self._device)
+            raise LinkError(f"link {link.address} cannot be opened: it is not a serial device") from error
+        self._waiting = bytearray()
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(self._device, self._read)
+        self._open = True
+        self._peer = link.add_peer(self, str(link.address), self._write)
+        self._peer.waiting = lambda: len(self._waiting)
+        self.lost: asyncio.Future[str] = self._loop.create_future()
+
+    def close(self, why: str = "closed") -> None:
+        if self._open:
+            self._open = False
+            self._loop.remove_reader(self._device)
+            self._loop.remove_writer(self._device)
+            os.close(self._device)
+            self._link.drop_peer(self)
+            if not self.lost.done():
+                self.lost.set_result(why)
+
+    def _read(self) -> None:
+        try:
+            data = os.read(self._device, _READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self.close(in_words(error))
+            return
+        if data:
+            self._link.received(self._peer, data, datagram=False)
+        else:
+            self.close("the device was unplugged")
+
+    def _write(self, data: bytes) -> bool:
+        if not self._open or len(self._waiting) > MAX_QUEUED_BYTES:
+            return False
+        idle = not self._waiting
+        self._waiting += data
+        if idle:
+            self._flush()
+        return self._open
+
+    def _flush(self) -> None:
+        try:
+            written = os.write(self._device, self._waiting)
+        except OSError as error:
+            if error.errno not in (errno.EAGAIN, errno.EWOULDBLOCK):
+                self.close(in_words(error))
+                return
+            written = 0
+        del self._waiting[:written]
+        if self._waiting:
+            self._loop.add_writer(self._device, self._flush)
+        else:
+            self._loop.remove_writer(self._device)
+
+
+def _make_raw(device: int, baud: int) -> None:
+    tty.setraw(device)
+    settings = termios.tcgetattr(device)
+    speed = getattr(termios, f"B{baud}")
+    settings[2] = settings[2] & ~termios.CRTSCTS & ~termios.CSTOPB & ~termios.PARENB | termios.CLOCAL | termios.CREAD
+    settings[4] = settings[5] = speed
+    termios.tcsetattr(device, termios.TCSANOW, settings)

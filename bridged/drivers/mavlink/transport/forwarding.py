@@ -29,7 +29,7 @@ LISTENS_FOR = 30.0
 ECHO_FOR = 10.0
 """Wall seconds for which a part of a vehicle that spoke on its link is no part of it that speaks from a station."""
 NEVER_SENT = (255, 190)
-"""A link has ids of its own; this one never speaks for itself."""
+"""Ids of a link on which nothing of our own is sent."""
 log = logging.getLogger("mavlink")
 
 PassOn = Callable[[bytes], bool]
@@ -54,10 +54,10 @@ class GroundStation:
         self.address = address
         self.counters = ForwardCounters()
         self.speaks_as: tuple[int, int] | None = None
-        """The ids of its last HEARTBEAT."""
+        """Ids of its last HEARTBEAT."""
         self._vehicles: dict[int, PassOn] = {}
         self._parts: dict[tuple[int, int], float] = {}
-        """Who spoke on the links of the vehicles, by system and component, and when last."""
+        """When each system and component was heard last on the links of the vehicles."""
         self._echo: tuple[int, float] | None = None
         """Of which vehicle a packet came from the station, as if it were its autopilot, and when last."""
         self._link: Link | None = None
@@ -70,7 +70,7 @@ class GroundStation:
         return list(self._vehicles)
 
     def attach(self, vehicle: int, pass_on: PassOn) -> None:
-        """Let the station see a vehicle; the first one opens the link. Raises LinkError for a second one of an id."""
+        """Add a vehicle; the first one opens the link. Raises LinkError for a second one of an id."""
         if vehicle in self._vehicles:
             raise LinkError(f"forward {self.address}: system {vehicle} of another link goes there already")
         self._vehicles[vehicle] = pass_on
@@ -78,7 +78,7 @@ class GroundStation:
             self._opening = asyncio.create_task(self._open(), name=f"forward {self.address}")
 
     async def detach(self, vehicle: int) -> None:
-        """The vehicle goes; the last one closes the link."""
+        """Remove a vehicle; the last one closes the link."""
         self._vehicles.pop(vehicle, None)
         if not self._vehicles and self._opening is not None:
             opening, self._opening = self._opening, None
@@ -90,7 +90,7 @@ class GroundStation:
                 await link.close()
 
     def copy(self, packet: bytes) -> None:
-        """A packet of a vehicle, for the station."""
+        """Send a vehicle's packet to the station."""
         if self._link is not None:
             now = asyncio.get_running_loop().time()
             self._parts[source(packet), component(packet)] = now
@@ -131,7 +131,7 @@ class GroundStation:
                 log.info("forwarding to %s", self.address)
 
     def take(self, packet: bytes, system: int, number: int) -> None:
-        """A packet of the station, for the vehicles."""
+        """Send a packet of the station to the vehicles."""
         part, now = component(packet), asyncio.get_running_loop().time()
         if system in self._vehicles and (part == AUTOPILOT or now - self._parts.get((system, part), -inf) < ECHO_FOR):
             self.counters.echoes += 1
@@ -150,7 +150,7 @@ class GroundStation:
 
 
 class _StationGate(Gate):
-    """Nothing of what a station sends is read here."""
+    """Reads nothing of what a station sends, but passes it on."""
 
     def __init__(self, station: GroundStation, peer: Peer) -> None:
         self._station, self._peer = station, peer
@@ -164,7 +164,7 @@ class _StationGate(Gate):
 
 
 def target_of(packet: bytes, number: int) -> int:
-    """The system that a packet is meant for; 0 = all of them, or the message names none."""
+    """Return the system that a packet is meant for; 0 = all of them, or the message names none."""
     place = _target_place(number)
     header, payload = (HEADER_1 if packet[0] == MAGIC_1 else HEADER_2), packet[1]
     return packet[header + place] if place is not None and place < payload else 0
@@ -172,7 +172,7 @@ def target_of(packet: bytes, number: int) -> int:
 
 @cache
 def _target_place(number: int) -> int | None:
-    """Where in its payload a kind of message says for which system it is."""
+    """Return the offset in the payload of a message's target system, None if it has none."""
     kind = dialect.mavlink_map.get(number)
     if kind is None or "target_system" not in kind.ordered_fieldnames:
         return None

@@ -26,7 +26,7 @@ _CHECKSUM, _SIGNATURE = 2, SIGNATURE_BYTES
 
 @dataclass(slots=True)
 class WireCounters:
-    """What came in: whole packets, and everything that was not one."""
+    """What came in: whole packets, and bytes that were none."""
 
     packets: int = 0
     skipped_bytes: int = 0  # bytes that belong to no packet (console text, noise)
@@ -38,25 +38,25 @@ class WireCounters:
 
 
 class Gate:
-    """What a framer asks about packets before it reads them. This one lets all of them through."""
+    """A framer's filter of packets before they are decoded. This one lets all of them through."""
 
     def wants(self, system: int, message_id: int) -> bool:
         """Whether somebody reads such messages of this system."""
         return True
 
     def signing(self, system: int) -> Signing | None:
-        """By what the packets of this system are checked; None = they need no signature."""
+        """Return what the packets of this system are checked by; None = they need no signature."""
         return None
 
     def refuse(self, system: int, objection: str) -> None:
-        """Be told of a packet that was not taken, and of the objection of `Signing`."""
+        """Take in that a packet was refused, with the objection of `Signing`."""
 
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
-        """Be told of every packet as it came: with a right checksum, wanted or not, or of a kind that is not known."""
+        """Take in every packet as it came: with a right checksum, wanted or not, or of an unknown kind."""
 
 
 class SignedGate(Gate):
-    """Takes what is signed with one key, whoever sent it; with no key everything."""
+    """Lets packets through that are signed with one key; without a key all of them."""
 
     def __init__(self, signing: Signing | None) -> None:
         self.by = signing
@@ -67,9 +67,9 @@ class SignedGate(Gate):
 
 
 class Framer:
-    """Cuts MAVLink 1 and 2 packets out of what one peer sends, whatever the bytes are.
+    """Cuts MAVLink 1 and 2 packets out of the bytes of one peer.
 
-    After a wrong checksum the search goes on at the next byte, so a false start inside noise loses no packet.
+    After a wrong checksum the search continues at the next byte, so a false start inside noise loses no packet.
     """
 
     def __init__(self, counters: WireCounters, signing: Signing | None = None, *, gate: Gate | None = None) -> None:
@@ -80,12 +80,12 @@ class Framer:
         self._pending = bytearray()
 
     def feed(self, data: bytes) -> list[dialect.MAVLink_message]:
-        """Bytes of a stream (TCP, serial): packets may be cut anywhere."""
+        """Read bytes of a stream (TCP, serial): packets may be cut anywhere."""
         self._pending += data
         return self._packets(ends_here=False)
 
     def feed_datagram(self, data: bytes) -> list[dialect.MAVLink_message]:
-        """One datagram. Packets cut by a datagram's border are joined, but noise at its end never delays the next."""
+        """Read one datagram. A packet across datagrams is joined, but noise at the end of one never delays the next."""
         if self._pending and _starts_whole(data):
             self.counters.skipped_bytes += len(self._pending)
             self._pending.clear()
@@ -128,7 +128,7 @@ class Framer:
         return messages
 
     def _pass_over(self, packet: bytearray, following: bytearray) -> int:
-        """How much to skip of what cannot be checked: it is one packet only if another one, or nothing, follows it."""
+        """Return how much to skip of what cannot be checked: a packet only if another one, or nothing, follows it."""
         if not following or following[0] in _MAGIC:
             self.counters.unknown_packets += 1
             self._gate.copy(packet, source(packet), message_id(packet))
@@ -137,7 +137,7 @@ class Framer:
         return 1
 
     def _read(self, packet: bytearray, number: int) -> dialect.MAVLink_message | None:
-        """The message in a packet with a right checksum, None if it is not taken."""
+        """Return the message in a packet with a right checksum, None if it is not wanted or refused."""
         system = source(packet)
         self._gate.copy(packet, system, number)
         if packet[0] == MAGIC_2 and packet[2] & ~SIGNED:
@@ -170,7 +170,7 @@ class Encoder:
         self._signing = signing
 
     def pack(self, message: dialect.MAVLink_message, signing: Signing | None = None) -> bytes:
-        """The bytes of one packet, signed with `signing` if it is given.
+        """Return the bytes of one packet, signed with `signing` if it is given.
 
         Raises ValueError if a field does not fit into its type.
         """
@@ -188,30 +188,30 @@ class Encoder:
 
 
 def check_ids(system: int, component: int) -> None:
-    """Raises ValueError for MAVLink ids that nobody can have."""
+    """Raise ValueError for MAVLink ids out of range."""
     if not (1 <= system <= 255 and 1 <= component <= 255):
         raise ValueError(f"system and component ids lie between 1 and 255, got {system}/{component}")
 
 
 def source(packet: bytes | bytearray) -> int:
-    """The system that sent a packet."""
+    """Return the system id of a packet's sender."""
     return packet[3] if packet[0] == MAGIC_1 else packet[5]
 
 
 def component(packet: bytes | bytearray) -> int:
-    """The part of the system that sent a packet."""
+    """Return the component id of a packet's sender."""
     return packet[4] if packet[0] == MAGIC_1 else packet[6]
 
 
 def message_id(packet: bytes | bytearray) -> int:
-    """What kind of message a packet holds."""
+    """Return the message id of a packet."""
     if packet[0] == MAGIC_1:
         return packet[5]
     return packet[7] | packet[8] << 8 | packet[9] << 16
 
 
 def _packet_length(data: bytearray, at: int) -> int | None:
-    """Length of the packet that starts at `at`, None while its header is not there yet."""
+    """Return the length of the packet at `at`, None while its header is incomplete."""
     if len(data) - at < 3:
         return None
     payload = data[at + 1]

@@ -11,12 +11,21 @@ from collections.abc import Callable, Iterable
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.address import LinkAddress
-from bridged.drivers.mavlink.transport.endpoint import MAX_QUEUED_BYTES, Endpoint, Supervised
+from bridged.drivers.mavlink.transport.endpoint import (
+    MAX_QUEUED_BYTES,
+    Endpoint,
+    Ids,
+    LinkCounters,
+    LinkError,
+    Peer,
+    Supervised,
+    TcpListener,
+    call_tcp,
+    open_serial,
+    open_udp,
+)
 from bridged.drivers.mavlink.transport.framing import AUTOPILOT, Framer, Gate, check_ids
-from bridged.drivers.mavlink.transport.link_peers import Ids, LinkCounters, LinkError, Peer
-from bridged.drivers.mavlink.transport.serial_line import open_serial
 from bridged.drivers.mavlink.transport.signing import Signing
-from bridged.drivers.mavlink.transport.sockets import TcpListener, call_tcp, open_udp
 
 __all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
 
@@ -24,16 +33,16 @@ MAX_PEERS = 512
 """Addresses that a listening link remembers; the one silent longest goes first. A link may have 255 vehicles, each at
 an address of its own, and their cameras and ground stations."""
 STILL_THERE = 5.0
-"""Wall seconds within which a system that spoke from an address is taken to be there."""
+"""Wall seconds for which a system that was heard from an address counts as there."""
 
 OnPacket = Callable[[dialect.MAVLink_message, Peer], None]
 """Called with every valid packet and the peer that sent it."""
 
 OnState = Callable[[bool, str], None]
-"""Called with True when packets can pass and False when they cannot, and why in words."""
+"""Called with True when packets can pass and False when they cannot, and with the reason."""
 
 MakeGate = Callable[[Peer], Gate]
-"""Makes what is asked about the packets of one peer."""
+"""Makes the gate of one peer's packets."""
 
 
 class Link:
@@ -71,7 +80,7 @@ class Link:
         return [peer for peer in self._peers.values() if peer.heard or not self.address.kind.endswith("in")]
 
     def peer_of(self, sysid: int) -> Peer | None:
-        """Where the system's autopilot was heard last; if it never was, any part of the system."""
+        """Return where the system's autopilot was heard last; if it never was, any part of the system."""
         return self._routes.get(sysid)
 
     def send(
@@ -82,7 +91,7 @@ class Link:
         ids: Ids | None = None,
         signing: Signing | None = None,
     ) -> bool:
-        """Sends to where `sysid` was heard last, or to every peer if it is None or 0.
+        """Send to where `sysid` was heard last, or to every peer if it is None or 0.
 
         `ids` and `signing` are the link's own if they are not given. True if the packet is on its way to at least one
         peer. A link with one other end (udpout, tcp, serial) sends there in any case. Raises ValueError if a field of
@@ -98,12 +107,17 @@ class Link:
         ids: Ids | None = None,
         signing: Signing | None = None,
     ) -> bool:
-        """Sends to some peers, False if it was dropped for all of them."""
+        """Send to some peers. Returns False if it was dropped for all of them."""
         packed = [(peer, peer.encoder(ids or self._ids).pack(message, signing or self.signing)) for peer in peers]
-        return sum(self._write(peer, packet) for peer, packet in packed) > 0
+        sent = 0
+        for peer, packet in packed:
+            sent += peer.write(packet)
+        self.counters.sent += sent
+        self.counters.dropped += len(packed) - sent
+        return sent > 0
 
     def pass_on(self, peers: Iterable[Peer], packet: bytes, most: int = MAX_QUEUED_BYTES) -> bool:
-        """Sends somebody else's packet as it is to some peers, False if it was dropped for all of them.
+        """Send somebody else's packet unchanged to some peers. Returns False if it was dropped for all of them.
 
         It is dropped for a peer for which more than `most` bytes wait; that is for its sender to count.
         """
@@ -112,7 +126,7 @@ class Link:
         return sent > 0
 
     def peers_of(self, sysid: int) -> list[Peer]:
-        """Every address from which the system has spoken lately: more than one if two vehicles have one id."""
+        """Return every address where the system was heard lately: more than one if two vehicles have one id."""
         since = asyncio.get_running_loop().time() - STILL_THERE
         return [peer for peer in self.peers if peer.systems.get(sysid, since) > since]
 
@@ -128,19 +142,12 @@ class Link:
             self.counters.dropped += 1
         return targets
 
-    def _write(self, peer: Peer, packet: bytes) -> bool:
-        if peer.write(packet):
-            self.counters.sent += 1
-            return True
-        self.counters.dropped += 1
-        return False
-
     async def open(self) -> None:
         """For `open_link` and for links that do more: begin to carry bytes. Raises LinkError."""
         self._endpoint = await _open_endpoint(self)
 
     async def close(self) -> None:
-        """Leaves at once; packets still waiting to be written are lost. May be called twice."""
+        """Close the link without waiting: packets not yet written are lost. May be called twice."""
         endpoint, self._endpoint = self._endpoint, None
         if endpoint is not None:
             await endpoint.close()
@@ -170,7 +177,7 @@ class Link:
             self._autopilots &= self._routes.keys()
 
     def received(self, peer: Peer, data: bytes, *, datagram: bool) -> None:
-        """For endpoints: bytes came in. An error of the callback is reported to the event loop; the link goes on."""
+        """For endpoints: bytes came in. An error of the callback is reported to the event loop; the link stays up."""
         loop = asyncio.get_running_loop()
         for message in peer.framer.feed_datagram(data) if datagram else peer.framer.feed(data):
             sysid = message.get_srcSystem()
@@ -185,7 +192,7 @@ class Link:
                 )
 
     def _route(self, sysid: int, component: int, peer: Peer) -> None:
-        """A camera or companion of the same id may speak from elsewhere: what is sent goes to the autopilot."""
+        """Route a system to its autopilot's peer: a camera or companion of the same id may use another address."""
         if component == AUTOPILOT:
             known = sysid in self._autopilots
             self._autopilots.add(sysid)
@@ -209,7 +216,7 @@ class Link:
 
 
 class _OpenGate(Gate):
-    """Everything is wanted; what is not signed as the link needs it is not taken."""
+    """Lets all messages through that are signed as the link requires."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -228,7 +235,7 @@ async def open_link(
     signing: Signing | None = None,
     make_gate: MakeGate | None = None,
 ) -> Link:
-    """Opens a link and keeps it open.
+    """Open a link and keep it open.
 
     `system` and `component` are our own MAVLink ids. `signing` signs what is sent and checks what comes; `make_gate`
     chooses and checks what comes instead. Raises LinkError if a port cannot be bound or a device cannot be opened. A

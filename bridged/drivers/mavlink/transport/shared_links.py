@@ -1,6 +1,6 @@
-"""The links that several robots share in one process: each opened once, its messages given to the robot they are of.
+"""Links that several robots of one process share: each is opened once, and its messages go to the robot they are of.
 
-A robot's driver takes a seat at the link of its vehicle. The first one opens the link, the last one closes it.
+A robot's driver is a client of the link of its vehicle. The first one opens the link, the last one closes it.
 """
 
 from __future__ import annotations
@@ -22,34 +22,33 @@ from bridged.drivers.mavlink.transport.endpoint import MAX_FOREIGN_BYTES
 from bridged.drivers.mavlink.transport.forwarding import GroundStation
 from bridged.drivers.mavlink.transport.framing import AUTOPILOT, SIGNED, Gate, component
 from bridged.drivers.mavlink.transport.link import STILL_THERE, Ids, Link, LinkError, Peer, open_link
-from bridged.drivers.mavlink.transport.signed_streams import OUTDATED, SignedStreams
-from bridged.drivers.mavlink.transport.signing import Signing, SigningError, Timestamps
+from bridged.drivers.mavlink.transport.signing import OUTDATED, SignedStreams, Signing, SigningError, Timestamps
 from bridged.drivers.mavlink.transport.vehicle_address import VehicleAddress
 from schemas.wire.records import Note
 
 STRANGE_FOR = 10.0
-"""Wall seconds for which a vehicle that nobody claims, or a packet that was not taken, is a warning."""
+"""Wall seconds for which an unclaimed vehicle, or a refused packet, is a warning."""
 MAX_NOTED = 8
-"""Such vehicles, and such packets, that are remembered."""
+"""Most such vehicles, and such packets, that are remembered."""
 HOME_AFTER = 3.0
-"""Wall seconds of silence after which a camera or companion of a vehicle may speak to stations from another address."""
+"""Wall seconds of silence after which packets of a camera or companion may come from another address."""
 TELL_AGAIN = 1.0
-"""Wall seconds between two packets that tell a sender how late it is."""
+"""Wall seconds between two packets that tell a sender the time."""
 log = logging.getLogger("mavlink")
 
 
 @dataclass(eq=False)
 class LinkClient:
-    """One robot at a link: who it is, what it reads and who is told."""
+    """One robot at a link: its ids, the messages it reads, and its callbacks."""
 
     robot: str
     vehicle: int
     """System id of its vehicle."""
     ids: Ids
     """Ours, under which we speak to it."""
-    receive: Callable[[dialect.MAVLink_message, Peer], None]
+    receive: Callable[[dialect.MAVLink_message], None]
     on_state: Callable[[bool], None] = lambda up: None
-    """Told when packets can pass and when they cannot."""
+    """Called with whether packets can pass, when that changes."""
     unread: frozenset[int] = frozenset()
     """Message ids that nobody reads: they are dropped before they are decoded."""
     key: bytes | None = None
@@ -86,7 +85,7 @@ class Links:
 
     @asynccontextmanager
     async def seat(self, address: LinkAddress, link_client: LinkClient) -> AsyncIterator[SharedLink]:
-        """Sit at a link while the block lasts. Raises LinkError if it cannot be opened, or the place is taken."""
+        """Be a client of a link while the block lasts. Raises LinkError if it cannot be opened, or the id is taken."""
         link = self._links.setdefault(str(address), SharedLink(address, self.stations))
         await link.enter(link_client)
         try:
@@ -112,7 +111,7 @@ class SharedLink:
         self._by_key: dict[bytes, Signing] = {}
         self._strangers: dict[int, tuple[str, float]] = {}
         self._refused: dict[tuple[int, str, str], float] = {}
-        self._homes: dict[tuple[int, int], tuple[Peer, float]] = {}
+        self.homes: dict[tuple[int, int], tuple[Peer, float]] = {}
         """Where each part of each vehicle, by system and component, spoke last, and when."""
 
     @property
@@ -121,7 +120,7 @@ class SharedLink:
         return self.link is not None and self.link.up
 
     async def enter(self, link_client: LinkClient) -> None:
-        """Take a robot in; the first one opens the link. Raises LinkError."""
+        """Add a robot; the first one opens the link. Raises LinkError."""
         async with self._lock:
             if other := self.link_clients.get(link_client.vehicle):
                 raise LinkError(f"link {self.address}: system {link_client.vehicle} is robot {other.robot} already")
@@ -133,14 +132,14 @@ class SharedLink:
                     system=link_client.ids.system,
                     component=link_client.ids.component,
                     on_state=self._tell_state,
-                    make_gate=lambda peer: _RiderGate(self, peer),
+                    make_gate=lambda peer: _ClientGate(self, peer),
                 )
             self.link_clients[link_client.vehicle] = link_client
             for address in link_client.forward:
                 self._attach(link_client, address)
 
     async def leave(self, link_client: LinkClient) -> None:
-        """Let a robot go; the last one closes the link."""
+        """Remove a robot; the last one closes the link."""
         async with self._lock:
             if self.link_clients.get(link_client.vehicle) is link_client:
                 del self.link_clients[link_client.vehicle]
@@ -150,7 +149,7 @@ class SharedLink:
             if not self.link_clients and self.link is not None:
                 link, self.link = self.link, None
                 await link.close()
-                self._homes.clear()
+                self.homes.clear()
                 if self._timestamps is not None:
                     self._timestamps.close()
                     self._signed.close()
@@ -158,20 +157,23 @@ class SharedLink:
                     self._by_key.clear()
 
     def send(self, link_client: LinkClient, message: dialect.MAVLink_message) -> None:
-        """Send to a robot's vehicle where it is. Raises ValueError if the message cannot be packed."""
+        """Send to a robot's vehicle where it is; if there are two, to each address where one was heard lately.
+
+        Raises ValueError if the message cannot be packed.
+        """
         if self.link is None:
             return
-        if (home := link_client.address.peer) is not None and not home.closed:
-            self.link.send_to([home], message, ids=link_client.ids, signing=link_client.signing)
+        ids, signing, home = link_client.ids, link_client.signing, link_client.address.peer
+        if self.two_vehicles(link_client):
+            self.link.send_to(self.link.peers_of(link_client.vehicle), message, ids=ids, signing=signing)
+        elif home is not None and not home.closed:
+            self.link.send_to([home], message, ids=ids, signing=signing)
         else:
-            self.link.send(message, link_client.vehicle, ids=link_client.ids, signing=link_client.signing)
+            self.link.send(message, link_client.vehicle, ids=ids, signing=signing)
 
-    def send_everywhere(self, link_client: LinkClient, message: dialect.MAVLink_message) -> None:
-        """Send to every address where a robot's vehicle was heard lately. Raises ValueError as `send` does."""
-        if self.link is not None:
-            self.link.send_to(
-                self.link.peers_of(link_client.vehicle), message, ids=link_client.ids, signing=link_client.signing
-            )
+    def two_vehicles(self, link_client: LinkClient) -> str:
+        """Return the warning that two vehicles have the system id of a robot's, empty if there is one."""
+        return link_client.address.two_vehicles(asyncio.get_running_loop().time())
 
     def notes(self, link_client: LinkClient) -> list[Note]:
         """Return the warnings of the link that hold now, and those of one robot's place at it."""
@@ -236,32 +238,8 @@ class SharedLink:
             counters["forward_astray"] = sum(one.astray for one in each)
         return counters
 
-    def copy(self, packet: bytearray, system: int, peer: Peer) -> None:
-        """A packet came: pass it to the ground stations of its vehicle, unless it comes back from one of them.
-
-        Each part of a vehicle has one address at a time: what another address says in its name meanwhile may be our
-        own copy. Where signatures are needed, an address is that of a vehicle once a packet from there was taken.
-        """
-        link_client = self.link_clients.get(system)
-        if link_client is None or not link_client.stations:
-            return
-        if link_client.signing is not None and system not in peer.systems:
-            return
-        now = asyncio.get_running_loop().time()
-        speaker = (system, component(packet))
-        if speaker[1] == AUTOPILOT:
-            if link_client.address.peer is not None and str(link_client.address.peer) != str(peer):
-                return
-        else:
-            home, at = self._homes.get(speaker, (peer, now))
-            if home is not peer and now - at < HOME_AFTER and self.link is not None and home in self.link.peers:
-                return
-        self._homes[speaker] = (peer, now)
-        for station in link_client.stations:
-            station.copy(bytes(packet))
-
     def refuse(self, system: int, objection: str, peer: Peer) -> None:
-        """A packet was not taken for its signature."""
+        """Take in that a packet was refused for its signature."""
         what, now = (system, objection, str(peer)), asyncio.get_running_loop().time()
         if objection == OUTDATED and now - peer.told_at >= TELL_AGAIN:
             peer.told_at = now
@@ -274,9 +252,9 @@ class SharedLink:
         self._refused[what] = now
 
     def _tell_time(self, system: int, peer: Peer) -> None:
-        """A vehicle whose clock stood still takes the time from our signature; until then nothing of it is taken.
+        """Send the time in a signature: a vehicle whose clock stood still takes it over, and is refused until then.
 
-        It has no route yet, so nothing else would reach it. The message itself asks for nothing but an answer.
+        It has no route yet, so nothing else would reach it. The message itself asks only for an answer.
         """
         link_client = self.link_clients.get(system)
         if link_client is not None and self.link is not None:
@@ -284,7 +262,7 @@ class SharedLink:
             self.link.send_to([peer], asks, ids=link_client.ids, signing=link_client.signing)
 
     def _signing(self, link_client: LinkClient) -> Signing | None:
-        """One for each key, all with one row of timestamps: a vehicle on the air may hear what is said to others."""
+        """Return the signing of a key; all share one row of timestamps: a vehicle may hear packets to others."""
         if link_client.key is None:
             return None
         try:
@@ -310,11 +288,11 @@ class SharedLink:
             link_client.stations.append(station)
 
     def _pass_on(self, link_client: LinkClient, packet: bytes) -> bool:
-        """To the autopilot, and to the other parts of the vehicle wherever they speak."""
+        """Send a packet to the autopilot, and to the other parts of the vehicle where they were heard."""
         since = asyncio.get_running_loop().time() - STILL_THERE
         homes = {
             home
-            for (system, part), (home, at) in self._homes.items()
+            for (system, part), (home, at) in self.homes.items()
             if system == link_client.vehicle and (part == AUTOPILOT or at > since)
         }
         return self.link is not None and bool(homes) and self.link.pass_on(homes, packet, MAX_FOREIGN_BYTES)
@@ -322,25 +300,18 @@ class SharedLink:
     def _receive(self, message: dialect.MAVLink_message, peer: Peer) -> None:
         system = message.get_srcSystem()
         if link_client := self.link_clients.get(system):
-            if not self._is_own_word(link_client, message, peer):
-                return
+            # Cameras and companions may speak from anywhere: what they say is not the vehicle's state.
+            if message.get_srcComponent() == AUTOPILOT and self.address.kind.endswith("in"):
+                heartbeat, now = message.get_type() == "HEARTBEAT", asyncio.get_running_loop().time()
+                if not link_client.address.counts(peer, now, heartbeat=heartbeat):
+                    return
             link_client.signs = bool(message.get_header().incompat_flags & SIGNED)
-            link_client.receive(message, peer)
+            link_client.receive(message)
         elif message.get_type() == "HEARTBEAT" and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
             self.strange += 1
             self._strangers[system] = (str(peer), asyncio.get_running_loop().time())
             if len(self._strangers) > MAX_NOTED:
                 del self._strangers[next(iter(self._strangers))]
-
-    def _is_own_word(self, link_client: LinkClient, message: dialect.MAVLink_message, peer: Peer) -> bool:
-        """Whether what is said in the autopilot's name comes from the vehicle; a link with one other end has no choice.
-
-        Cameras and companions may speak from anywhere: what they say is not the vehicle's state.
-        """
-        if message.get_srcComponent() != AUTOPILOT or not self.address.kind.endswith("in"):
-            return True
-        heartbeat = message.get_type() == "HEARTBEAT"
-        return link_client.address.counts(peer, asyncio.get_running_loop().time(), heartbeat=heartbeat)
 
     def _tell_state(self, up: bool, why: str) -> None:
         log.info("link %s %s: %s", self.address, "up" if up else "down", why)
@@ -352,8 +323,8 @@ class SharedLink:
                 asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
 
 
-class _RiderGate(Gate):
-    """Reads what the robots at the link read, and of other systems only who they are."""
+class _ClientGate(Gate):
+    """Lets through what the robots at the link read, and HEARTBEATs of other systems."""
 
     def __init__(self, link: SharedLink, peer: Peer) -> None:
         self._link, self._peer = link, peer
@@ -374,4 +345,26 @@ class _RiderGate(Gate):
         self._link.refuse(system, objection, self._peer)
 
     def copy(self, packet: bytearray, system: int, message_id: int) -> None:
-        self._link.copy(packet, system, self._peer)
+        """Pass a packet to the ground stations of its vehicle, unless it comes back from one of them.
+
+        Each part of a vehicle has one address at a time: what another address says in its name meanwhile may be our
+        own copy. Where signatures are needed, an address is that of a vehicle once a packet from there was taken.
+        """
+        link, peer = self._link, self._peer
+        link_client = link.link_clients.get(system)
+        if link_client is None or not link_client.stations:
+            return
+        if link_client.signing is not None and system not in peer.systems:
+            return
+        now = asyncio.get_running_loop().time()
+        speaker = (system, component(packet))
+        if speaker[1] == AUTOPILOT:
+            if link_client.address.peer is not None and str(link_client.address.peer) != str(peer):
+                return
+        else:
+            home, at = link.homes.get(speaker, (peer, now))
+            if home is not peer and now - at < HOME_AFTER and link.link is not None and home in link.link.peers:
+                return
+        link.homes[speaker] = (peer, now)
+        for station in link_client.stations:
+            station.copy(bytes(packet))

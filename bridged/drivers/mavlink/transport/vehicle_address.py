@@ -1,6 +1,6 @@
-"""Where one vehicle is: a vehicle is a system id *and* the address that its HEARTBEATs come from.
+"""The address of one vehicle: a vehicle is a system id *and* the address that its HEARTBEATs come from.
 
-The one judgement of whose packets count as the vehicle's, where ours go, and whether two vehicles have one system id.
+This decides whose packets count as the vehicle's, where ours go, and whether two vehicles have one system id.
 Pure: packets' senders and the time in wall seconds go in.
 
 The address that is known keeps counting while HEARTBEATs come from there. Another one takes its place once the known
@@ -15,11 +15,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from bridged.drivers.mavlink.transport.link_peers import Peer
+from bridged.drivers.mavlink.transport.endpoint import Peer
 from schemas.wire.records import Note
 
 BACK_WITHIN = 5.0
-"""Seconds within which an address that was left speaks again if there are two vehicles, of 1 Hz each."""
+"""Seconds within which a former address is heard again if there are two vehicles, of 1 Hz each."""
 HEARD_FOR = 0.5
 """Seconds for which a new address must be heard alone. After this process stood still, packets of before are read in a
 row: the known address then has its turn before a new one counts."""
@@ -48,7 +48,7 @@ class VehicleAddress:
         self.peer: Peer | None = None
         """The known address; None before the first HEARTBEAT."""
         self.foreign = 0
-        """Packets so far that came in the vehicle's name from elsewhere, and did not count."""
+        """Packets of the vehicle's system id from elsewhere so far, which did not count."""
         self._system = system
         self._heard: dict[str, _Heard] = {}
         self._last = ""
@@ -57,22 +57,22 @@ class VehicleAddress:
         self._moved, self._moved_until = "", -math.inf
 
     def counts(self, peer: Peer, now: float, *, heartbeat: bool) -> bool:
-        """Whether a packet of the autopilot is the vehicle's own word: it came from the vehicle's address."""
+        """Whether a packet of the autopilot counts: it came from the vehicle's address."""
         if heartbeat:
             self._heartbeat(peer, now)
-        if self.peer is not None and str(peer) == str(self.peer):
+        if self.peer is not None and (peer is self.peer or str(peer) == str(self.peer)):
             self.peer = peer
             return True
         self.foreign += 1
         known = "no HEARTBEAT was heard yet" if self.peer is None else f"its HEARTBEATs come from {self.peer}"
         said = f"packets of system {self._system} from {peer} are not taken: {known}"
-        if now >= self._foreign_until:  # whoever speaks from ever new ports does not fill the log
+        if now >= self._foreign_until:  # a sender at ever new ports does not fill the log
             log.warning("%s", said)
         self._foreign, self._foreign_until = said, now + NOTED_FOR
         return False
 
     def two_vehicles(self, now: float) -> str:
-        """The warning that two vehicles have this system id, while both speak; empty if there is one."""
+        """Return the warning that two vehicles have this system id, while both are heard; empty if there is one."""
         return self._two if now < self._two_until else ""
 
     def notes(self, now: float) -> Sequence[Note]:

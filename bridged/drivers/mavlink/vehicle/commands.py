@@ -1,4 +1,4 @@
-"""Commands on their way to a vehicle: sent, sent again, acknowledged. Pure: messages and time go in and out.
+"""Commands to a vehicle: sent, repeated, acknowledged. Pure: messages and time go in and out.
 
 MAVLink devguide, command.md: the same command is sent again with `confirmation` counted up; IN_PROGRESS lengthens the
 wait; one instance of a command at a time. An acknowledgement proves little (facts/arducopter.md), so nothing here says
@@ -18,14 +18,14 @@ from schemas.manifest.loader import Retry
 IN_PROGRESS_WAIT = 3.0
 """Wall seconds of patience after an acknowledgement that says IN_PROGRESS."""
 MAX_WAITING = 64
-"""Commands that may wait for their turn; more is a mistake of ours."""
+"""Commands that may wait for their turn."""
 
 Parameters = tuple[float, float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The MAVLink ids under which we speak, and to whom."""
+    """Our MAVLink ids, and the vehicle's."""
 
     system: int
     component: int
@@ -35,7 +35,7 @@ class Identity:
 
 @dataclass(eq=False)
 class Command:
-    """One command and what came of it."""
+    """One command and its result."""
 
     number: int
     parameters: Parameters
@@ -76,7 +76,7 @@ class Command:
 
     @property
     def over(self) -> bool:
-        """Whether nothing more is expected of the vehicle."""
+        """Whether no answer of the vehicle is expected."""
         return self.result is not None or self.silent or self.abandoned
 
 
@@ -104,11 +104,11 @@ class Commands:
         return command
 
     def abandon(self, command: Command) -> None:
-        """Send it no more; its late acknowledgement is nobody's."""
+        """Send it no more; a late acknowledgement does not count."""
         command.abandoned = True
 
     def clear(self) -> None:
-        """Give all of them up, as when the link is lost."""
+        """Give up all commands, as when the link is lost."""
         for queue in self._queues.values():
             for command in queue:
                 command.silent = True

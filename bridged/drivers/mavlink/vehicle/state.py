@@ -1,4 +1,4 @@
-"""What a vehicle has told of itself so far. Pure: decoded messages go in, with the time in mission seconds."""
+"""The state of a vehicle by its messages. Pure: decoded messages go in, with the time in mission seconds."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Place:
         return geo.distance((self.latitude, self.longitude), (other.latitude, other.longitude))
 
     def moved(self, north: float, east: float, up: float) -> Place:
-        """The point so many metres away."""
+        """Return the point at these distances, in metres."""
         latitude = self.latitude + math.degrees(north / geo.EARTH_RADIUS)
         turn = east / (geo.EARTH_RADIUS * max(1e-6, math.cos(math.radians(self.latitude))))
         return Place(latitude, self.longitude + math.degrees(turn), self.altitude + up)
@@ -48,17 +48,17 @@ class Vehicle:
 
     def __init__(self, modes: ModeTable) -> None:
         self.modes = modes
-        """Of what the vehicle says that it is, once it has said so."""
+        """Of the kind that the vehicle reports, once it has."""
         self.declared = modes
-        """Of what the manifest says that it is."""
+        """Of the kind that the manifest declares."""
         self.type = dialect.MAV_TYPE_GENERIC
         """MAV_TYPE of its HEARTBEAT."""
         self.autopilot: int | None = None
         """MAV_AUTOPILOT of its HEARTBEAT; None before the first."""
         self.connected = False
-        """Heard within the link-loss time; kept by the conversation."""
+        """Heard within the link-loss time; set by the session."""
         self.heartbeats = 0
-        """How many came so far: "still at the next HEARTBEAT" is told by this count."""
+        """Count of HEARTBEATs, for "still at the next HEARTBEAT"."""
         self.heard_at = -math.inf
         """Time of the last HEARTBEAT."""
         self.mode = -1
@@ -69,11 +69,11 @@ class Vehicle:
         """MAV_STATE of its HEARTBEAT."""
         self.landed_state = 0
         self.landed_at = -math.inf
-        """When it was told last."""
+        """When it was reported last."""
         self.now = 0.0
-        """When its last message came."""
+        """Time of its last message."""
         self.stale_after = 5.0
-        """Mission seconds after which what it told of where it is proves nothing; set by the conversation."""
+        """Mission seconds after which its reported position is stale; set by the session."""
         self.prearm_ok = False
         self._unhealthy = 0
         self.ekf_flags = 0
@@ -83,18 +83,18 @@ class Vehicle:
         self.position: Place | None = None
         """Metres above home."""
         self.positions = 0
-        """How many position messages came so far."""
+        """Count of position messages."""
         self.position_at = -math.inf
-        """When the last one came."""
+        """Time of the last one."""
         self.amsl = 0.0
         self.heading: float | None = None
         """Radians from north, clockwise."""
         self.speed = 0.0
         """m/s, over all three axes."""
         self.target: Place | None = None
-        """What the vehicle itself says it flies to (message 87), AMSL."""
+        """The vehicle's own target (message 87), AMSL."""
         self.targets = 0
-        """How many such messages came so far."""
+        """Count of such messages."""
         self.reboots = 0
         self._boot_ms = 0
 
@@ -105,7 +105,7 @@ class Vehicle:
 
     @property
     def aloft(self) -> bool:
-        """Whether it is off the ground: as it says (EXTENDED_SYS_STATE), or by its height if it says nothing.
+        """Whether it is off the ground: by EXTENDED_SYS_STATE, or by its height without that.
 
         A vehicle that never leaves the ground counts as aloft while it is armed: it may be moving.
         """
@@ -117,12 +117,12 @@ class Vehicle:
 
     @property
     def on_ground(self) -> bool:
-        """Whether it says now that it stands on the ground; what it said long ago proves nothing."""
+        """Whether it reports to be on the ground, and not long ago."""
         return self.landed_state == ON_GROUND and not self._stale(self.landed_at)
 
     @property
     def placed(self) -> bool:
-        """Whether it has told lately where it is."""
+        """Whether its position is not stale."""
         return self.position is not None and not self._stale(self.position_at)
 
     def _stale(self, at: float) -> bool:
@@ -178,7 +178,7 @@ class Vehicle:
 
     @property
     def contradiction(self) -> str:
-        """In words, that the vehicle is another kind than the manifest says; empty if it is not."""
+        """That the vehicle is another kind than the manifest declares, for people; empty if it is not."""
         return "" if self.unknown_autopilot else contradiction(self.declared, self.type)
 
     @property
@@ -235,7 +235,7 @@ class Vehicle:
         self._boot_ms = max(boot_ms, self._boot_ms)
 
     def _rebooted(self) -> None:
-        """It says so itself (MAV_STATE_BOOT), or its clock went back: what it told before is over."""
+        """Forget what it reported: it is booting (MAV_STATE_BOOT), or its clock went back."""
         self.reboots += 1
         self._boot_ms = 0
         self.landed_state, self.prearm_ok, self.ekf_flags, self.gps_fix = 0, False, 0, 0

@@ -22,7 +22,7 @@ SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "i
 REPEATS_WITHIN = (60.0, 60.0)
 """Mission and wall seconds within which a text is a repetition: ArduPilot says what hinders arming every 30 s."""
 MAX_DISTINCT = 20
-"""Different warnings in that time that are told; the others are counted, as by a vehicle that floods its link."""
+"""Different warnings in that time that are passed on; a vehicle that floods its link has the others counted."""
 
 
 class Said(NamedTuple):
@@ -50,7 +50,7 @@ class _Long:
         return ended and len(self.chunks) == last + 1
 
     def text(self) -> str:
-        """Return what has come of it; ... for what was lost."""
+        """Return the received chunks, with ... for lost ones."""
         return "".join(self.chunks.get(seq, "...") for seq in range(max(self.chunks) + 1))
 
 
@@ -81,16 +81,16 @@ class Texts:
         return whole
 
     def since(self, when: float) -> str:
-        """What was said since `when`, without repetitions: the warnings, or the last lines if there was no warning."""
+        """Return the warnings since `when`, without repetitions, or the last texts if there was no warning."""
         said = [one.text for one in self._texts if one.at >= when]
         return self.warnings(when) or "; ".join(dict.fromkeys(said[-MAX_INFORMATION:]))
 
     def warnings(self, when: float) -> str:
-        """The warnings and worse since `when`, without repetitions."""
+        """Return the warnings and worse since `when`, without repetitions."""
         return "; ".join(dict.fromkeys(one.text for one in self._texts if one.at >= when and one.severity <= NOTABLE))
 
     def beginning(self, prefix: str, when: float) -> list[str]:
-        """What follows `prefix` in the texts since `when` that begin with it, without repetitions."""
+        """Return the rest of each text since `when` that begins with `prefix`, without repetitions."""
         said = (one.text.removeprefix(prefix) for one in self._texts if one.at >= when and one.text.startswith(prefix))
         return list(dict.fromkeys(said))
 
@@ -102,7 +102,7 @@ class Texts:
 
 
 class Warnings:
-    """Which of the vehicle's warnings are told: each once while it is repeated, and so many different ones at most."""
+    """Which of the vehicle's warnings are new: each once while it is repeated, `MAX_DISTINCT` at most."""
 
     def __init__(self) -> None:
         self.dropped = 0

@@ -1,4 +1,4 @@
-"""Which messages a vehicle is asked to send, and asking again when they stop (facts/arducopter.md, Streams).
+"""The messages that a vehicle is asked to send, and their fields (facts/arducopter.md, Streams).
 
 An autopilot sends little unasked, forgets what it was asked when it reboots, and other ground stations on the link
 change its rates. Pure: it counts messages and says what to ask for.
@@ -7,7 +7,7 @@ change its rates. Pure: it counts messages and says what to ask for.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -79,7 +79,7 @@ class Streams:
         self._starved: list[str] = []
 
     def adopt(self, manifest: Manifest, now: float) -> None:
-        """Want what another manifest needs, and ask for what has changed."""
+        """Request what another manifest needs and differs."""
         old = self._streams
         self._streams = {}
         for stream in _wanted(manifest):
@@ -92,19 +92,19 @@ class Streams:
             self._open_window(now)
 
     def count(self, name: str) -> None:
-        """A message of this name came."""
+        """Count a message of this name."""
         if stream := self._streams.get(name):
             stream.received += 1
 
     def request(self, now: float) -> None:
-        """Ask for everything, as after a connect or a reboot."""
+        """Request all streams, as after a connect or a reboot."""
         for stream in self._streams.values():
             self._ask(stream, now)
         self._open_window(now)
         self._home_at = now
 
     def pace(self, at_work: bool, now: float) -> None:
-        """Ask for the full rates, or for what is enough while nothing happens."""
+        """Request the full rates, or the idle ones."""
         if at_work == self.at_work:
             return
         self.at_work = at_work
@@ -115,7 +115,7 @@ class Streams:
             self._open_window(now)
 
     def stop(self) -> None:
-        """Judge nothing while the link is lost."""
+        """Stop judging rates while the link is lost."""
         self._judge_at = self._home_at = math.inf
         self._starved = []
 
@@ -123,10 +123,7 @@ class Streams:
         """Note denials, ask again for what falls under half of its rate, and ask for home until it is known."""
         for stream in self._streams.values():
             if stream.pending is not None and stream.pending.over:
-                stream.denied = stream.pending.result in (
-                    dialect.MAV_RESULT_DENIED,
-                    dialect.MAV_RESULT_UNSUPPORTED,
-                )
+                stream.denied = stream.pending.result in (dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED)
                 unheard = stream.pending.silent and stream.name in SPORADIC  # of the others, what came is judged
                 stream.pending = None
                 if (unheard or stream.asked != self._rate(stream)) and self._judge_at < math.inf:
@@ -184,3 +181,39 @@ def message_number(name: str) -> int:
         return int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
     except AttributeError:
         raise ValueError(f"MAVLink has no message {name}") from None
+
+
+FOR_PERCEPTS_ONLY = (
+    "AHRS", "AHRS2", "AHRS3", "ALTITUDE", "ATTITUDE", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET", "DISTANCE_SENSOR",
+    "ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8", "GPS2_RAW", "GPS_RTK", "HIGHRES_IMU", "HWSTATUS", "MCU_STATUS",
+    "MEMINFO", "OPTICAL_FLOW", "PID_TUNING", "POWER_STATUS", "RAW_IMU", "RC_CHANNELS_RAW", "RC_CHANNELS_SCALED",
+    "SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3", "SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3",
+    "SENSOR_OFFSETS", "SIMSTATE", "SIM_STATE", "TERRAIN_REPORT", "TIMESYNC", "VFR_HUD", "VIBRATION",
+    "WIND",
+)  # fmt: skip
+"""Telemetry that the driver itself does not need: read only for percepts."""
+
+
+def unread(manifest: Manifest) -> frozenset[int]:
+    """Return the ids of messages that nobody reads: they are not decoded."""
+    sources = {percept.source for percept in manifest.percepts.values()}
+    return frozenset(getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in FOR_PERCEPTS_ONLY if name not in sources)
+
+
+class MessageFields(Mapping[str, object]):
+    """The fields of a message by name; texts are strings. Fields are converted when they are read."""
+
+    def __init__(self, message: dialect.MAVLink_message) -> None:
+        self._message = message
+
+    def __getitem__(self, name: str) -> object:
+        if name not in self._message.fieldnames:
+            raise KeyError(name)
+        value: object = self._message.format_attr(name)
+        return value
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._message.fieldnames)
+
+    def __len__(self) -> int:
+        return len(self._message.fieldnames)

@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Gate
-from bridged.drivers.mavlink.transport.signed_streams import LATEST
-from bridged.drivers.mavlink.transport.signing import Signing
+from bridged.drivers.mavlink.transport.signing import LATEST, Signing
 from bridged.simulation.copter.battery import CHARGE_S
 from bridged.simulation.copter.boot import BootKind, Milestone
 from bridged.simulation.copter.copter import Copter

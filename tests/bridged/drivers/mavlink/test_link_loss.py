@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from bridged.drivers.api import Reading
+from bridged.drivers.mavlink.session import LinkState
 from bridged.drivers.mavlink.transport import endpoint
 from bridged.drivers.mavlink.transport.address import LinkAddress
+from bridged.drivers.mavlink.transport.endpoint import UdpSocket
 from bridged.drivers.mavlink.transport.framing import Encoder
 from bridged.drivers.mavlink.transport.link import Link, open_link
-from bridged.drivers.mavlink.transport.link_state import LinkState
-from bridged.drivers.mavlink.transport.sockets import UdpSocket
 from schemas.manifest.loader import read_manifest
 from schemas.wire.terms import Atom
 from tests.bridged.radio import BEAT, Ride, Speaker, place, riding

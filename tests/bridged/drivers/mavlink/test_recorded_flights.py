@@ -9,9 +9,8 @@ import pytest
 
 from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Outcome, Value
+from bridged.drivers.mavlink.action_binding import call_of, offer_of
 from bridged.drivers.mavlink.actions.context import Task
-from bridged.drivers.mavlink.manifest.action_binding import call_of
-from bridged.drivers.mavlink.manifest.capabilities import offer_of
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from bridged.drivers.mavlink.vehicle.state import Place
@@ -20,6 +19,7 @@ from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Perception
 from schemas.wire.term_text import write
 from tests.bridged.recorded import DATA, RECORDINGS, moments, packet_count, packets
+from tests.bridged.sky import VirtualClock
 
 MANIFEST = load_manifest("arducopter")
 GROUND = Identity(255, 190, 1)
@@ -32,17 +32,28 @@ class Replay:
         self.name, self.identity = name, identity
         self.told: list[tuple[float, Perception]] = []
         self.sent: Counter[str] = Counter()
-        self.now = 0.0
+        self.clock = VirtualClock()
         self.board = PerceptPublisher(
-            MANIFEST, ["uav"], lambda _agent, one: self.told.append((self.now, one)), robot="r", boot="b", stamp=int
+            MANIFEST,
+            ["uav"],
+            lambda _agent, one: self.told.append((self.now, one)),
+            robot="r",
+            boot="b",
+            clock=self.clock,
         )
         self.talk = VehicleSession(
-            MANIFEST,
-            identity,
-            lambda message: self.sent.update([message.get_type()]),
-            lambda reading: self.board.take(reading, self.now),
+            MANIFEST, identity, lambda message: self.sent.update([message.get_type()]), self.board.take
         )
         self.ended: dict[str, tuple[float, Outcome]] = {}
+
+    @property
+    def now(self) -> float:
+        """Mission seconds."""
+        return self.clock.time
+
+    @now.setter
+    def now(self, now: float) -> None:
+        self.clock.time = now
 
     def run(self, *actions: tuple[float, str, dict[str, Value]]) -> None:
         """Replay everything; begin each action at its time, and note when and how it ends."""
@@ -56,18 +67,18 @@ class Replay:
                 task = Task(name, moves=entry.motion)
                 call = call_of(entry, arguments, self.talk.modes)
                 running.append(self.talk.perform(task, offer_of(entry, call.number), call))
-            self.now = packet.at
+            self.clock.time = packet.at
             self.talk.receive(packet.message, self.now)
-            self.board.tick(self.now)
+            self.board.tick()
             for task in [task for task in running if task.outcome is not None]:
                 running.remove(task)
                 assert task.outcome is not None
                 self.ended[task.name] = (self.now, task.outcome)
 
     def tick(self, now: float) -> None:
-        self.now = now
+        self.clock.time = now
         self.talk.tick(now)
-        self.board.tick(now)
+        self.board.tick()
 
 
 @pytest.mark.parametrize("name", RECORDINGS)

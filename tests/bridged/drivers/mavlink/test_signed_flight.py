@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bridged.drivers.mavlink.transport.signed_streams import MINUTE
-from bridged.drivers.mavlink.transport.signing import Signing, Timestamps, key_of, now_10us
+from bridged.drivers.mavlink.transport.signing import MINUTE, Signing, Timestamps, key_of, now_10us
 from tests.bridged.drivers.mavlink.test_ground_stations import copter
 from tests.bridged.radio import BEAT, COPTER, Speaker, riding
 from tests.support.buses import until
@@ -30,10 +29,7 @@ def test_a_signed_copter_is_armed_by_who_has_the_passphrase_and_by_nobody_else(t
     async def body(port: int) -> None:
         link = f"link: 'udpin:127.0.0.1:{port}', signing: {{passphrase_file: '%s'}}"
         async with riding(link % wrong, state=tmp_path / "wrong") as [ride]:
-            await until(
-                lambda: any(note.code == "packets_refused" for note in ride.driver.notes()),
-                "the note",
-            )
+            await until(lambda: any(note.code == "packets_refused" for note in ride.driver.notes()), "the note")
             assert not ride.driver.heard
         for life in ("first", "second"):  # the second one goes on above the timestamps of the first
             async with riding(link % right, state=tmp_path / "right") as [ride]:

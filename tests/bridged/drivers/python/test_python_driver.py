@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from bridged.drivers import registry
-from bridged.drivers.python.actions import MAX_RATE, Call
 from bridged.drivers.python.driver import PythonDriver
+from bridged.drivers.python.worker_threads import MAX_RATE, Call
 from schemas.files.findings import Findings
 from schemas.manifest.loader import read_manifest
 from schemas.wire.records import Note

@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bridged.drivers import check_manifest
 from bridged.drivers.argument_check import read_arguments
-from bridged.drivers.zenoh.manifest_validation import payload_of
-from bridged.drivers.zenoh.payload_codecs import CODECS, BadPayload
+from bridged.drivers.registry import check_manifest
+from bridged.drivers.zenoh.payload_codecs import CODECS, BadPayload, payload_of
 from bridged.drivers.zenoh.registration import check_robot
 from schemas.manifest.loader import read_manifest
 from schemas.mission.model import Robot

@@ -8,8 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.drivers.mavlink.transport.signed_streams import MINUTE
-from bridged.drivers.mavlink.transport.signing import Signing, key_of, now_10us
+from bridged.drivers.mavlink.transport.signing import MINUTE, Signing, key_of, now_10us
 from bridged.simulation.copter.battery import ChargeState
 from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.fault_injection import Faults

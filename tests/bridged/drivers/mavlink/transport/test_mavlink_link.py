@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
+from bridged.drivers.mavlink.transport.endpoint import ROOM_EACH
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.link import MAX_PEERS, Link, LinkError, open_link
-from bridged.drivers.mavlink.transport.sockets import ROOM_EACH
 from tests.support.amount import some_of
 from tests.support.buses import until
 from tests.support.ports import free_port

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.manifest.message_fields import FOR_PERCEPTS_ONLY, MessageFields
 from bridged.drivers.mavlink.registration import check_robot
 from bridged.drivers.mavlink.transport.framing import Encoder
 from bridged.drivers.mavlink.transport.link import LinkError
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import our_ids
+from bridged.drivers.mavlink.vehicle.streams import FOR_PERCEPTS_ONLY, MessageFields
 from schemas.manifest.loader import read_manifest
 from schemas.mission.model import Failsafe, Ids
 from tests.bridged.radio import BEAT, COPTER, STATION_BEAT, Speaker, place, riding, robot_of, spoken_as
@@ -89,9 +89,9 @@ def test_commands_go_to_the_autopilot_whoever_else_of_its_system_speaks_from_els
             autopilot.say(BEAT)
             await until(lambda: "COMMAND_LONG" in autopilot.kinds(1, 191), "the autopilot is asked for streams")
             camera.listen()
-            assert ride.driver._link is not None
-            assert ride.driver._link.link is not None
-            counters = ride.driver._link.link.counters
+            assert ride.driver.link is not None
+            assert ride.driver.link.link is not None
+            counters = ride.driver.link.link.counters
             before, moved, read = len(camera.heard), counters.moves, counters.packets
             for number in range(20):
                 camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))

@@ -8,10 +8,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
-from bridged.drivers.mavlink.transport.signed_streams import AHEAD, LATEST, MINUTE, OUTDATED, SignedStreams
 from bridged.drivers.mavlink.transport.signing import (
+    AHEAD,
     FAR_AHEAD,
+    LATEST,
+    MINUTE,
+    OUTDATED,
     RESERVE,
+    SignedStreams,
     Signing,
     SigningError,
     Timestamps,

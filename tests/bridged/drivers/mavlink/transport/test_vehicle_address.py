@@ -11,12 +11,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Setup
+from bridged.drivers.mavlink.action_binding import leads_down, may_lead_down
 from bridged.drivers.mavlink.actions.context import Call
 from bridged.drivers.mavlink.driver import MavlinkDriver
+from bridged.drivers.mavlink.transport.endpoint import Peer
 from bridged.drivers.mavlink.transport.framing import Encoder
-from bridged.drivers.mavlink.transport.link_peers import Peer
 from bridged.drivers.mavlink.transport.vehicle_address import BACK_WITHIN, VehicleAddress
-from bridged.drivers.mavlink.vehicle.descent_actions import leads_down, may_lead_down
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from commd.common.clock import Clock
 from schemas.manifest.loader import load_manifest

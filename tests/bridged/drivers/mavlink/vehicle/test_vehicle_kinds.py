@@ -10,7 +10,6 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import by_operator
-from bridged.drivers import check_manifest
 from bridged.drivers.mavlink.vehicle.flight_modes import (
     ARDUCOPTER,
     ARDUPLANE,
@@ -21,6 +20,7 @@ from bridged.drivers.mavlink.vehicle.flight_modes import (
     contradiction,
     table_of,
 )
+from bridged.drivers.registry import check_manifest
 from schemas.manifest.loader import load_manifest
 from schemas.wire.log_lines import RobotLeft
 from schemas.wire.records import Note

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bridged.drivers import check_manifest
-from bridged.drivers.mavlink.manifest.capabilities import CALLS, COMMANDS, MESSAGES
+from bridged.drivers.mavlink.action_binding import CALLS, COMMANDS, MESSAGES
+from bridged.drivers.registry import check_manifest
 from schemas.files.findings import Findings
 from schemas.manifest.loader import read_manifest
 

@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.manifest.capabilities import (
+from bridged.drivers.mavlink.action_binding import (
     CALLS,
     CHANNELS,
     COMMAND_FIELDS,

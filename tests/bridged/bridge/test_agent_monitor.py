@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bridged.bridge.idle_monitor import Idleness
+from bridged.bridge.agent_monitor import Idleness
 
 
 def idle_for(idleness: Idleness, there: set[str], *, seconds: float, speed: float = 1.0) -> float:

@@ -1,7 +1,9 @@
-"""What agents perceive: only changes, at most so often, aged by their source, and the same on both ends of the bus."""
+"""Percepts: terms of readings, only changes, limited by rate, aged by their source, equal at both ends of the bus."""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -13,6 +15,8 @@ from bridged.drivers.api import Reading
 from schemas.manifest.loader import Manifest, read_manifest
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Perception
+from schemas.wire.terms import Atom, Number
+from tests.bridged.sky import VirtualClock
 
 MANIFEST = """
 [robot]
@@ -64,7 +68,7 @@ class Board:
     """A percept board with its time and what it has told."""
 
     def __init__(self, manifest: Manifest | None = None, speed: float = 1.0) -> None:
-        self.now = 0.0
+        self.clock = VirtualClock(speed)
         self.told: list[Perception] = []
         self.board = PerceptPublisher(
             manifest or read_manifest(MANIFEST, "m.toml"),
@@ -72,17 +76,16 @@ class Board:
             lambda agent, one: self.told.append(one) if agent == "uav" else None,
             robot="r",
             boot="b1",
-            stamp=lambda: 7,
-            speed=speed,
+            clock=self.clock,
         )
 
     def hear(self, source: str, **fields: object) -> None:
-        self.board.take(Reading(source, fields), self.now)
+        self.board.take(Reading(source, fields))
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
-            self.now += 0.1
-            self.board.tick(self.now)
+            self.clock.time += 0.1
+            self.board.tick()
 
     def taken(self) -> list[tuple[str, str, tuple[Any, ...]]]:
         told, self.told[:] = [(one.update, one.name, one.parameters) for one in self.told], []
@@ -112,8 +115,8 @@ def test_a_number_within_its_deadband_is_no_change_but_creeping_is(board: Board)
 def test_the_rate_bounds_what_is_told_and_the_newest_value_is_never_left_out(board: Board) -> None:
     for step in range(50):
         board.hear("POSITION", alt=step * 100)
-        board.now += 0.02
-        board.board.tick(board.now)
+        board.clock.time += 0.02
+        board.board.tick()
     board.wait(0.2)
     told = board.taken()
     assert 10 <= len(told) <= 13
@@ -161,7 +164,7 @@ def test_three_sonars_have_each_their_own_rate_deadband_and_age() -> None:
     for sonar in range(3):
         board.hear("SONAR", id=sonar, range=1.0)
     assert board.taken() == [("replace", "sonar", (sonar, 1.0)) for sonar in range(3)]
-    board.now += 0.1
+    board.clock.time += 0.1
     board.hear("SONAR", id=0, range=1.05)
     board.hear("SONAR", id=1, range=2.0)
     assert board.taken() == [], "one has not moved, the other's rate is not over"
@@ -247,7 +250,7 @@ def test_a_belief_that_another_manifest_would_not_have_is_withdrawn_first(old: s
 def test_a_percept_that_is_converted_otherwise_keeps_its_belief_until_the_next_reading() -> None:
     board = changed(MANIFEST.replace("scale = 0.001}]\nrate = 10", "scale = 0.01}]\nrate = 1"))
     assert board.taken() == []
-    board.now += 0.5
+    board.clock.time += 0.5
     board.hear("POSITION", alt=5000)
     assert board.taken() == [], "the new rate holds at once"
     board.wait(0.6)
@@ -259,7 +262,7 @@ def test_a_value_that_the_robot_does_not_know_is_no_percept(board: Board) -> Non
     board.hear("BATTERY", id=0, volts=[])
     board.hear("BATTERY", id=0)
     assert board.taken() == []
-    assert board.board.translator.unreadable == 2
+    assert board.board.unreadable == 2
 
 
 def test_events_are_all_told_even_when_they_are_equal(board: Board) -> None:
@@ -270,16 +273,16 @@ def test_events_are_all_told_even_when_they_are_equal(board: Board) -> None:
 
 def test_a_source_that_says_it_is_over_removes_its_percepts(board: Board) -> None:
     board.hear("MODE", name="RTL", armed=True)
-    board.board.take(Reading("MODE", None), board.now)
+    board.board.take(Reading("MODE", None))
     assert board.taken()[-1] == ("remove", "mode", ("RTL", True))
 
 
 def test_what_is_held_back_by_the_rate_is_told_before_a_status_refers_to_it(board: Board) -> None:
     board.hear("POSITION", alt=1000)
-    board.now += 0.01
+    board.clock.time += 0.01
     board.hear("POSITION", alt=2000)
     assert board.taken() == [("replace", "altitude", (1.0,))]
-    board.board.flush(board.now)
+    board.board.flush()
     assert board.taken() == [("replace", "altitude", (2.0,))]
     assert board.board.last_seq("uav") == 2
 
@@ -328,10 +331,7 @@ def test_the_loss_of_the_last_percept_is_noticed_by_the_digest(board: Board) -> 
     assert copy.needs_repair(board.board.sets["uav"].digest())
     changes = copy.restore(board.board.sets["uav"].snapshot())
     assert changes is not None
-    assert [(one.update, one.parameters) for one in changes] == [
-        ("remove", ("GUIDED", False)),
-        ("add", ("RTL", True)),
-    ]
+    assert [(one.update, one.parameters) for one in changes] == [("remove", ("GUIDED", False)), ("add", ("RTL", True))]
 
 
 def test_an_older_digest_is_asked_about_and_what_is_newer_stays(board: Board) -> None:
@@ -425,24 +425,108 @@ def contents(percepts: PerceptSet) -> set[tuple[str, Any]]:
 
 def test_a_percept_that_is_new_or_another_belief_is_made_of_what_its_source_said_last() -> None:
     text = '[robot]\ndriver = "zenoh"\n[percepts.home]\nsource = "HOME"\nargs = ["lat"]\n'
-    told: list[tuple[str, str, tuple[object, ...]]] = []
-    board = PerceptPublisher(
-        read_manifest(text, "m.toml"),
-        ["uav"],
-        lambda agent, one: told.append((one.update, one.name, one.parameters)),
-        robot="uav1",
-        boot="b",
-        stamp=lambda: 0,
-    )
-    board.take(Reading("HOME", {"lat": 1, "alt": 2}), 0.0)
-    told.clear()
-    board.adopt(
+    board = Board(read_manifest(text, "m.toml"))
+    board.hear("HOME", lat=1, alt=2)
+    board.taken()
+    board.board.adopt(
         read_manifest(
             text.replace('["lat"]', '["lat", "alt"]') + '[percepts.height]\nsource = "HOME"\nargs = ["alt"]\n', "m.toml"
         )
     )
-    assert told == [("remove", "home", (1,)), ("replace", "home", (1, 2)), ("replace", "height", (2,))]
-    board.take(Reading("HOME", None), 1.0)
-    told.clear()
-    board.adopt(read_manifest(text, "m.toml"))
-    assert told == [], "what its source has taken back does not come again"
+    assert board.taken() == [("remove", "home", (1,)), ("replace", "home", (1, 2)), ("replace", "height", (2,))]
+    board.board.take(Reading("HOME", None))
+    board.taken()
+    board.board.adopt(read_manifest(text, "m.toml"))
+    assert board.taken() == [], "what its source has taken back does not come again"
+
+
+def published(text: str, *readings: Reading) -> tuple[list[tuple[str, str, tuple[Any, ...]]], int]:
+    """What an agent is told of readings (update, name, arguments), and how many were unreadable."""
+    board = Board(read_manifest(text, "m.toml"))
+    for reading in readings:
+        board.board.take(reading)
+    return board.taken(), board.board.unreadable
+
+
+def perceived(args: str, message: Mapping[str, object]) -> tuple[Any, ...] | str:
+    """The arguments of a percept of `message`; `unreadable` or `unknown` if there is none."""
+    text = f'[robot]\ndriver = "zenoh"\n[percepts.p]\nsource = "m"\nargs = {args}\n'
+    told, unreadable = published(text, Reading("m", message))
+    return told[0][2] if told else "unreadable" if unreadable else "unknown"
+
+
+DIAGNOSTICS = {
+    "status": [
+        {"name": "imu", "values": [{"key": "t", "value": 31.5}, {"key": "ok", "value": True}]},
+        {"name": "gps", "values": []},
+    ]
+}
+STATUS = '{field = "status", each = ["name", {field = "values", each = ["key", "value"]}]}'
+
+
+@pytest.mark.parametrize(
+    ("args", "message", "expected"),
+    [
+        (f"[{STATUS}]", DIAGNOSTICS, ([["imu", [["t", 31.5], ["ok", True]]], ["gps", []]],)),
+        ('[{field = "status", each = ["name"]}]', DIAGNOSTICS, (["imu", "gps"],)),
+        ('["status.0.values.1.key"]', DIAGNOSTICS, ("ok",)),
+        ('["status"]', DIAGNOSTICS, "unreadable"),
+        ('[{field = "status", each = ["level"]}]', DIAGNOSTICS, "unreadable"),
+        ('[{field = "x", each = ["a"]}]', {"x": 3}, "unreadable"),
+        ('[{field = "x", each = ["0", "1"]}]', {"x": [[1, 2], [3, 4]]}, ([[1, 2], [3, 4]],)),
+        ('["x"]', {"x": [1, 2.5, "a", [True, b"\x01\x02"]]}, ([1, 2.5, "a", [True, [1, 2]]],)),
+        ('[{field = "x", scale = 0.001}]', {"x": [12600, 12500]}, ([12.6, 12.5],)),
+        ('[{field = "x", scale = 0.001, absent = 65535}]', {"x": [12600, 65535]}, ([12.6],)),
+        ('[{field = "x", scale = 2, offset = -1}]', {"x": 3}, (5.0,)),
+        ('[{field = "x", scale = 2}]', {"x": [[1], [2, "a"]]}, ([[2.0], [4.0, "a"]],)),
+        ('[{field = "x", scale = 2}]', {"x": True}, (True,)),
+        ('[{field = "x", absent = -1}]', {"x": -1}, "unknown"),
+        (
+            '[{field = "cells", each = ["id", {field = "mv", scale = 0.001, absent = 0}]}]',
+            {"cells": [{"id": 1, "mv": 3700}, {"id": 2, "mv": 0}]},
+            ([[1, 3.7]],),
+        ),
+        ('["x"]', {"x": float("nan")}, (Number("NaN"),)),
+        ('["x"]', {"x": None}, "unreadable"),
+        ('[{field = "x", scale = 0.5}]', {"x": 10**400}, "unreadable"),
+        ('["x", "y"]', {"x": 1}, "unreadable"),
+        ('["x"]', {"x": Atom("down")}, (Atom("down"),)),
+    ],
+)
+def test_what_a_robot_says_becomes_terms(args: str, message: Mapping[str, object], expected: object) -> None:
+    assert perceived(args, message) == expected
+
+
+def test_sources_of_one_name_of_two_drivers_are_two() -> None:
+    text = """
+[robot]
+driver = "zenoh"
+[percepts.depth]
+source = "sonar"
+args = ["m"]
+[percepts.echo]
+source = "sonar"
+driver = "python"
+args = ["ms"]
+"""
+    said = [Reading("sonar", {"m": 3}), Reading("sonar", {"ms": 4}, driver="python")]
+    assert published(text, *said) == ([("replace", "depth", (3,)), ("replace", "echo", (4,))], 0)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [10**30, "\ud800", [[0]] * 40_000, functools.reduce(lambda inner, _: [inner], range(50_000), [])],
+    ids=["an integer of 100 bits", "half a character", "too large", "too deep"],
+)
+def test_what_cannot_be_told_is_counted_and_hides_no_other_percept(value: object) -> None:
+    text = (
+        '[robot]\ndriver = "zenoh"\n[percepts.odd]\nsource = "s"\nargs = ["odd"]\n[percepts.even]\nsource = "s"\n'
+        'args = ["even"]\n'
+    )
+    assert published(text, Reading("s", {"odd": value, "even": 2})) == ([("replace", "even", (2,))], 1)
+
+
+def test_a_value_that_the_robot_no_longer_knows_ends_the_belief() -> None:
+    text = '[robot]\ndriver = "zenoh"\n[percepts.depth]\nsource = "s"\nargs = [{field = "d", absent = -1}]\n'
+    told, _ = published(text, *(Reading("s", {"d": depth}) for depth in (5, -1)))
+    assert told == [("replace", "depth", (5,)), ("remove", "depth", (5,))]

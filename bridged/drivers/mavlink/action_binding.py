@@ -1,0 +1,310 @@
+"""From an action's entry in the manifest to a procedure and its call.
+
+Tables say what the driver offers a manifest: confirmations of commands, messages, and calls of its own; each row says
+which fields there are, how it is carried out, and which figures it reports as feedback."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridged.drivers.api import Value
+from bridged.drivers.mavlink.actions import flight, mission_actions, mission_execution, outputs, parameters, setpoints
+from bridged.drivers.mavlink.actions.context import Call, LocalTarget, Procedure, Triple
+from bridged.drivers.mavlink.actions.setpoints import RC_CHANNELS, RC_IGNORE, RC_IGNORE_HIGH
+from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
+from bridged.drivers.mavlink.vehicle.state import Place
+from schemas.manifest.loader import ActionEntry, FieldValue
+
+COMMAND_FIELDS = tuple(f"param{index}" for index in range(1, 8))
+GLOBAL_TARGET, LOCAL_TARGET = "SET_POSITION_TARGET_GLOBAL_INT", "SET_POSITION_TARGET_LOCAL_NED"
+CHANNELS = "RC_CHANNELS_OVERRIDE"
+REPOSITION = "MAV_CMD_DO_REPOSITION"
+GLOBAL_FRAMES: Mapping[str, int] = MappingProxyType(
+    {"relative": dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, "amsl": dialect.MAV_FRAME_GLOBAL_INT}
+)
+COMMAND_FRAMES: Mapping[str, int] = MappingProxyType(
+    {"relative": dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, "amsl": dialect.MAV_FRAME_GLOBAL}
+)
+LOCAL_FRAMES: Mapping[str, int] = MappingProxyType({"local": setpoints.LOCAL, "body": setpoints.BODY})
+
+_CLIMB = ("altitude", "to_go")
+_WAY = ("distance", "altitude", "speed")
+_DOWN = ("altitude", "distance")
+_ITEMS = ("item", "items")
+
+
+@dataclass(frozen=True)
+class Offer:
+    """How an action is carried out once its fields are filled in."""
+
+    procedure: Procedure
+    feedback: tuple[str, ...] = ()
+    """The figures of its progress."""
+    sets_mode: bool = False
+    takes_control: bool = False
+    judges_mode: bool = False
+
+
+@dataclass(frozen=True)
+class MessageOffer:
+    """A message that the driver sends: its fields, its frames, and what confirms it."""
+
+    fields: tuple[str, ...]
+    frames: Mapping[str, int]
+    confirm: Mapping[str, Offer]
+    needed: Mapping[str, tuple[str, ...]]
+    """By confirmation: fields without which it says nothing."""
+
+
+@dataclass(frozen=True)
+class CallOffer:
+    """A call by a name of the driver's own, and what it is given."""
+
+    fields: tuple[str, ...]
+    offer: Offer
+    needed: tuple[str, ...] = ()
+    confirm: str = ""
+    """What its manifest entry must say as `confirm`; empty = it confirms itself."""
+    frames: Mapping[str, int] = field(default_factory=dict)
+
+
+COMMANDS: Mapping[str, Offer] = MappingProxyType({
+    "mode": Offer(mission_execution.enter_mode, sets_mode=True, takes_control=True),
+    "armed": Offer(flight.arm, ("cause",)),
+    "altitude": Offer(flight.take_off, _CLIMB),
+    "target": Offer(flight.reposition),
+    "arrival": Offer(flight.reposition_and_arrive, _WAY),
+    "landed": Offer(flight.land, _DOWN),
+    "home": Offer(flight.return_home, _DOWN),
+    "at_home": Offer(flight.return_above, ("distance", "speed")),
+    "servo": Offer(outputs.move_servo),
+    "gripper": Offer(outputs.grip),
+    "fence": Offer(outputs.fence),
+    "ack": Offer(outputs.acknowledge),
+})  # fmt: skip
+"""Confirmations of commands."""
+
+COMMANDS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({
+    "mode": ("MAV_CMD_DO_SET_MODE",),
+    "armed": ("MAV_CMD_COMPONENT_ARM_DISARM",),
+    "altitude": ("MAV_CMD_NAV_TAKEOFF",),
+    "target": (REPOSITION,),
+    "arrival": (REPOSITION,),
+    "servo": ("MAV_CMD_DO_SET_SERVO",),
+    "gripper": ("MAV_CMD_DO_GRIPPER",),
+    "fence": ("MAV_CMD_DO_FENCE_ENABLE",),
+})  # fmt: skip
+"""Confirmations that read the parameters of one command, and are of no other."""
+
+MESSAGES: Mapping[str, MessageOffer] = MappingProxyType({
+    GLOBAL_TARGET: MessageOffer(
+        ("lat_int", "lon_int", "alt", "yaw"),
+        GLOBAL_FRAMES,
+        {"target": Offer(flight.send_target), "arrival": Offer(flight.go_to, _WAY)},
+        dict.fromkeys(("target", "arrival"), ("lat_int", "lon_int", "alt")),
+    ),
+    LOCAL_TARGET: MessageOffer(
+        ("x", "y", "z", "vx", "vy", "vz", "yaw", "yaw_rate"),
+        LOCAL_FRAMES,
+        {
+            "target": Offer(setpoints.send_local_place),
+            "arrival": Offer(setpoints.go_to_local, _WAY),
+            "velocity": Offer(setpoints.send_velocity),
+        },
+        {"target": ("x", "y", "z"), "arrival": ("x", "y", "z"), "velocity": ("vx", "vy")},
+    ),
+    CHANNELS: MessageOffer(
+        ("channels", *(f"chan{index}_raw" for index in range(1, setpoints.RC_CHANNELS + 1))),
+        {},
+        {"rc": Offer(setpoints.override_channels), "sent": Offer(setpoints.send_channels)},
+        {},
+    ),
+})  # fmt: skip
+"""Messages that are sent instead of a command: nothing acknowledges them."""
+
+CALLS: Mapping[str, CallOffer] = MappingProxyType({
+    "mission_upload": CallOffer(
+        ("items", "home_first"), Offer(mission_actions.upload_mission, _ITEMS), ("items",), frames=GLOBAL_FRAMES
+    ),
+    "mission_download": CallOffer((), Offer(mission_actions.download_mission, _ITEMS)),
+    "mission_start": CallOffer(
+        (),
+        Offer(
+            mission_execution.start_mission, ("item", "items", "reached", "altitude", "distance"), judges_mode=True
+        ),
+    ),
+    "mission_clear": CallOffer((), Offer(mission_actions.clear_mission)),
+    "mission_set_current": CallOffer(("seq",), Offer(mission_actions.set_current), ("seq",)),
+    "param_pull": CallOffer((), Offer(parameters.pull_parameters, ("params", "of"))),
+    "param_get": CallOffer(("name",), Offer(parameters.get_parameter), ("name",)),
+    "param_set": CallOffer(("name", "value"), Offer(parameters.set_parameter), ("name", "value")),
+    "takeoff_by_mode": CallOffer(
+        ("altitude",), Offer(flight.take_off_by_mode, _CLIMB), ("altitude",)
+    ),
+    "command": CallOffer(
+        ("command", *COMMAND_FIELDS), Offer(outputs.acknowledge), ("command",), confirm="ack", frames=COMMAND_FRAMES
+    ),
+})  # fmt: skip
+"""Calls of the driver's own."""
+
+KNOWN_BETTER: Mapping[int, str] = MappingProxyType({
+    dialect.MAV_CMD_DO_SET_MODE: "mode",
+    dialect.MAV_CMD_COMPONENT_ARM_DISARM: "armed",
+    dialect.MAV_CMD_NAV_TAKEOFF: "altitude",
+    dialect.MAV_CMD_NAV_LAND: "landed",
+    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: "home",
+    dialect.MAV_CMD_DO_REPOSITION: "target",
+    dialect.MAV_CMD_DO_SET_SERVO: "servo",
+    dialect.MAV_CMD_DO_FENCE_ENABLE: "fence",
+})  # fmt: skip
+"""Commands that the call `command` does not leave at the acknowledgement: what proves them is known; limits hold."""
+
+
+def offer_of(entry: ActionEntry, number: int) -> Offer:
+    """Return how an entry that nothing is wrong with is carried out; `number` is the command that it came to."""
+    if entry.call:
+        if entry.call == "command" and number in KNOWN_BETTER:
+            return COMMANDS[KNOWN_BETTER[number]]
+        return CALLS[entry.call].offer
+    return MESSAGES[entry.message].confirm[entry.confirm] if entry.message else COMMANDS[entry.confirm]
+
+
+FLOAT32_MAX = 3.4e38
+
+
+def call_of(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeTable) -> Call:
+    """Fill the arguments into an action. Raises ValueError for one that the driver cannot use."""
+    call = Call(retry=entry.retry, tolerance=entry.tolerance)
+    if entry.call == "command":
+        return _command(call, entry, _raw(entry, arguments), modes)
+    if entry.call:
+        frame = GLOBAL_FRAMES[entry.frame or "relative"] if entry.frame in (None, *GLOBAL_FRAMES) else call.frame
+        return replace(call, arguments=_given(entry, arguments), frame=frame)
+    if entry.message == CHANNELS:
+        return replace(call, channels=_channels(_raw(entry, arguments)))
+    values = {field: _value(value, arguments, modes) for field, value in entry.fields.items()}
+    if entry.message == GLOBAL_TARGET:
+        place = Place(values["lat_int"] / 1e7, values["lon_int"] / 1e7, values["alt"])
+        frame = GLOBAL_FRAMES[entry.frame or "relative"]
+        return replace(call, target=_on_earth(place), frame=frame, yaw=values.get("yaw"))
+    if entry.message:
+        return replace(call, local=_local(entry, values))
+    return _command(call, entry, values | {"command": float(getattr(dialect, entry.command))}, modes)
+
+
+def _command(call: Call, entry: ActionEntry, values: Mapping[str, object], modes: ModeTable) -> Call:
+    """A command of the manifest, or one that an argument names."""
+    said = values["command"]
+    number = getattr(dialect, said, None) if isinstance(said, str) and said.startswith("MAV_CMD_") else said
+    if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number <= 65535:
+        raise ValueError(f"MAVLink has no command {said!r}")
+    one, two, three, four, five, six, seven = (_number(values.get(field, 0.0)) for field in COMMAND_FIELDS)
+    call = replace(call, number=int(number), parameters=(one, two, three, four, five, six, seven))
+    if entry.frame is None:
+        if call.number == dialect.MAV_CMD_DO_REPOSITION:
+            raise ValueError("MAV_CMD_DO_REPOSITION needs the `frame` of its altitude, relative or amsl")
+        return call
+    place = Place(five, six, seven)
+    return replace(call, by_int=True, target=_on_earth(place), frame=COMMAND_FRAMES[entry.frame])
+
+
+def _local(entry: ActionEntry, values: Mapping[str, float]) -> LocalTarget:
+    position = velocity = None
+    if entry.confirm == "velocity":
+        velocity = _triple(values, "vx", "vy", "vz")
+    else:
+        position = _triple(values, "x", "y", "z")
+    frame = LOCAL_FRAMES[entry.frame or "local"]
+    return LocalTarget(frame, position, velocity, values.get("yaw"), values.get("yaw_rate"))
+
+
+def _triple(values: Mapping[str, float], *names: str) -> Triple:
+    one, two, three = (values.get(name, 0.0) for name in names)
+    return one, two, three
+
+
+def _channels(values: Mapping[str, object]) -> tuple[int, ...]:
+    """Return channels by their fields, or all of them as a list; those not given stay as they are."""
+    listed = values.get("channels", [])
+    if not isinstance(listed, list) or len(listed) > RC_CHANNELS:
+        raise ValueError(f"expected a list of {RC_CHANNELS} channels at most, got {listed!r}")
+    said: dict[int, object] = dict(enumerate(listed, 1))
+    said |= {int(name[4:-4]): value for name, value in values.items() if name != "channels"}
+    top = max(said, default=0)
+    if not top:
+        raise ValueError("no channel is given")
+    channels = []
+    for index in range(1, top + 1):
+        value = _number(said.get(index, RC_IGNORE if index <= 8 else RC_IGNORE_HIGH))
+        if not (value.is_integer() and 0 <= value <= RC_IGNORE):
+            raise ValueError(f"channel {index}: expected whole microseconds, 0 to release or 65535 to ignore it")
+        channels.append(int(value))
+    return tuple(channels)
+
+
+def _given(entry: ActionEntry, arguments: Mapping[str, Value]) -> dict[str, Value]:
+    """Return the arguments of a call: by its fields, or by the parameters' names if the entry has none."""
+    return _raw(entry, arguments) if entry.fields else dict(arguments)
+
+
+def _raw(entry: ActionEntry, arguments: Mapping[str, Value]) -> dict[str, Value]:
+    """Return the fields with numbers converted; texts and lists are unchanged."""
+    if not entry.fields:
+        return dict(arguments)
+    return {field: _filled(said, arguments) for field, said in entry.fields.items()}
+
+
+def _filled(said: Value | FieldValue, arguments: Mapping[str, Value]) -> Value:
+    spec = said if isinstance(said, FieldValue) else FieldValue(param=said) if isinstance(said, str) else None
+    if spec is None:
+        return said  # type: ignore[return-value]
+    value = arguments[spec.param] if spec.value is None else spec.value
+    if isinstance(value, int | float) and not isinstance(value, bool) and (spec.scale, spec.offset) != (1.0, 0.0):
+        return float(value) * spec.scale + spec.offset
+    return value
+
+
+def _value(said: Value | FieldValue, arguments: Mapping[str, Value], modes: ModeTable) -> float:
+    spec = said if isinstance(said, FieldValue) else FieldValue(param=said) if isinstance(said, str) else None
+    if spec is None:
+        return _number(said)
+    value = arguments[spec.param] if spec.value is None else spec.value
+    if spec.table == "modes" and isinstance(value, str | int):
+        return float(modes.number(value))
+    return _number(_number(value) * spec.scale + spec.offset)
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool | int | float) and abs(value) <= FLOAT32_MAX:
+        return float(value)
+    raise ValueError(f"expected a number that fits into 32 bits, got {value!r}")
+
+
+def _on_earth(place: Place) -> Place:
+    if not (abs(place.latitude) <= 90 and abs(place.longitude) <= 180 and math.isfinite(place.altitude)):
+        raise ValueError(f"no place on earth: latitude {place.latitude:g}, longitude {place.longitude:g}")
+    return place
+
+
+WAYS_DOWN = frozenset({"landed", "home", "at_home", "mode", "armed"})
+"""Confirmations of actions that can bring a vehicle down, or end its flight."""
+
+
+def may_lead_down(entry: ActionEntry) -> bool:
+    """Whether an action can bring a vehicle down that flies: landing, returning, or a mode or disarming that may."""
+    return entry.confirm in WAYS_DOWN
+
+
+def leads_down(entry: ActionEntry, call: Call, modes: ModeTable) -> bool:
+    """Whether it does so with its arguments filled in: it starts no motors and sets no mode but the safe ones."""
+    match entry.confirm:
+        case "mode":
+            return call.parameters[1] in (modes.hold, modes.land, modes.rtl)
+        case "armed":
+            return call.parameters[0] == 0.0
+    return may_lead_down(entry)

@@ -1,1 +1,0 @@
-"""What a manifest may say of a MAVLink vehicle: actions, message fields, and their validation."""
