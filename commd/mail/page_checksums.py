@@ -117,14 +117,19 @@ class PageChecksums:
             self._file = -1
 
     def _pages_in_log(self) -> set[int]:
+        """Return the numbers of the pages in the log, read frame by frame: the whole log would stay in the heap."""
+        found: set[int] = set()
         try:
-            data = Path(f"{self._path}-wal").read_bytes()
+            with open(f"{self._path}-wal", "rb", buffering=0) as file:
+                head = file.read(_LOG_HEAD)
+                if len(head) < _LOG_HEAD:
+                    return found
+                frame = _FRAME_HEAD + int.from_bytes(head[8:12])
+                for at in range(_LOG_HEAD, os.fstat(file.fileno()).st_size, frame):
+                    found.add(int.from_bytes(os.pread(file.fileno(), 4, at)))
         except FileNotFoundError:
-            return set()
-        if len(data) < _LOG_HEAD:
-            return set()
-        frame = _FRAME_HEAD + int.from_bytes(data[8:12])
-        return {int.from_bytes(data[at : at + 4]) for at in range(_LOG_HEAD, len(data), frame)}
+            pass
+        return found
 
     def _write(self, known: bool) -> None:
         body = self._sums.tobytes() if known else b""

@@ -6,6 +6,7 @@ import asyncio
 import random
 import shutil
 import sqlite3
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -94,3 +95,25 @@ def test_a_bit_of_a_mail_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> 
             assert store.set_aside == store.damaged == []
 
     asyncio.run(body())
+
+
+def test_a_long_log_is_carried_over_without_holding_it_in_memory(tmp_path: Path) -> None:
+    path = tmp_path / "long.db"
+    sums = PageChecksums(path)
+    database = sqlite3.connect(path, isolation_level=None)
+    database.execute("PRAGMA journal_mode = WAL")
+    database.execute("PRAGMA wal_autocheckpoint = 0")
+    sums.carry_over(database)
+    database.execute("CREATE TABLE t (data)")
+    database.execute("INSERT INTO t VALUES (?)", (bytes(4_000_000),))
+    assert sums.due(4_000_000)
+    tracemalloc.start()
+    try:
+        sums.carry_over(database)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 1_000_000
+    database.close()
+    sums.close()
+    assert PageChecksums(path).damage() == ""
