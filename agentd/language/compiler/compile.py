@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import count
 from pathlib import PurePosixPath
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from agentd.language.compiler.plan_patterns import PATTERNS, WrongPattern
 from agentd.language.syntax_tree import nodes
@@ -220,6 +220,9 @@ _QUERIES = {
 """Internal actions whose argument at this place is a formula or a goal, which belongs to the namespace as well."""
 
 
+_Literal = TypeVar("_Literal", nodes.Structure, nodes.Variable, nodes.Structure | nodes.Variable)
+
+
 class Qualifier:
     """Qualifies beliefs, goals, triggers, formulas and code in braces, but not the arguments inside them.
 
@@ -267,7 +270,7 @@ class Qualifier:
             subplans=tuple(self.plan(p) for p in plan.subplans),
         )
 
-    def literal(self, literal: Any) -> Any:
+    def literal(self, literal: _Literal) -> _Literal:
         """A literal or variable of the block."""
         namespace = literal.namespace
         if namespace is None or namespace == THIS_NS:

@@ -64,7 +64,7 @@ class Library(Protocol):
 class _Written(NamedTuple):
     """A part of a term: its node, its local if it has been written, whether it is a constant."""
 
-    node: Any
+    node: nodes.Term
     local: str
     constant: bool
 
@@ -97,7 +97,7 @@ class TermCompiler:
 
     def _build_deep(self, node: nodes.Term, scope: Scope) -> str:
         """As `build`, by a statement for each part, the innermost first: Python nests no deeper than 200 brackets."""
-        work: list[tuple[Any, int]] = [(node, -1)]
+        work: list[tuple[nodes.Term, int]] = [(node, -1)]
         done: list[_Written] = []
         while work:
             part, count = work.pop()
@@ -115,7 +115,7 @@ class TermCompiler:
                 done.append(_Written(part, "", not isinstance(getattr(part, "namespace", None), nodes.Variable)))
                 continue
             # A part that has been written is a local: a variable of an impossible name takes its place.
-            names = {w.node.name: w.local for w in built if w.local}
+            names = {f"{w.local}.": w.local for w in built if w.local}
             scope.update(names)
             local = self.function.assign(self._build(with_parts(part, tuple(w.node for w in built)), scope))
             for name in names:
@@ -155,7 +155,7 @@ class TermCompiler:
                 return self._code(inner, scope)
         raise TypeError(f"not a term: {node!r}")
 
-    def _constant_term(self, node: Any) -> str:
+    def _constant_term(self, node: nodes.Term) -> str:
         if is_plain_atom(node) and not self.library.is_function(node.functor, 0):
             return self.constant(shared_atom(node.functor))
         term = constant_term(node)
@@ -218,7 +218,7 @@ class TermCompiler:
             parts.append(f"Rest({self.build(node.tail, scope)})")
         return tuple_of(parts)
 
-    def _expression(self, operator: str, operands: tuple[Any, ...], scope: Scope) -> str:
+    def _expression(self, operator: str, operands: tuple[nodes.Term, ...], scope: Scope) -> str:
         return f"Expression({self.constant(operator)}, {tuple_of([self.build(o, scope) for o in operands])})"
 
     def _code(self, inner: Any, scope: Scope) -> str:
@@ -229,7 +229,7 @@ class TermCompiler:
         values = ", ".join(f"{self.constant(name)}: {scope[name]}" for name in known)
         return f"capture({self.constant(inner)}, {{{values}}})"
 
-    def _call(self, name: str, args: tuple[Any, ...], scope: Scope) -> str:
+    def _call(self, name: str, args: tuple[nodes.Term, ...], scope: Scope) -> str:
         """A function of the program; what is no function stays a term."""
         if name == ".count" and len(args) == 1:
             return self.count(args[0], scope)
@@ -241,7 +241,7 @@ class TermCompiler:
         called = self.library.function(name, len(args))
         return self.function.assign(f"call({self.constant(called)}, m, trail, {sig}, {tuple_of(built)})")
 
-    def count(self, query: Any, scope: Scope) -> str:
+    def count(self, query: nodes.Term, scope: Scope) -> str:
         """``.count(Query)`` as a function."""
         raise NotImplementedError
 

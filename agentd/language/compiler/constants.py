@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeGuard
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT, Signature, signature
@@ -21,7 +21,7 @@ def signature_of(node: nodes.Structure) -> Signature:
 
 def is_constant(node: Any) -> bool:
     """Whether a node is a ground term that needs no computing: it can be made once."""
-    pending = [node]
+    pending: list[Any] = [node]
     while pending:
         node = pending.pop()
         kind = type(node)
@@ -42,9 +42,9 @@ def is_constant(node: Any) -> bool:
     return True
 
 
-def is_number(node: Any) -> bool:
+def is_number(node: object) -> bool:
     """Whether a node is a numeral, or arithmetic over numerals (but ``div``, which may have no value)."""
-    pending = [node]
+    pending: list[object] = [node]
     while pending:
         node = pending.pop()
         if type(node) is nodes.Arithmetic and node.operator != "div":
@@ -54,10 +54,11 @@ def is_number(node: Any) -> bool:
     return True
 
 
-def is_plain_atom(node: Any) -> bool:
+def is_plain_atom(node: object) -> TypeGuard[nodes.Structure]:
     """Whether a node is an atom of the default namespace, without decorations."""
-    plain = type(node) is nodes.Structure and not node.args and node.annotations is None and not node.negated
-    return plain and node.namespace in (None, DEFAULT)
+    if type(node) is not nodes.Structure or node.args or node.annotations is not None or node.negated:
+        return False
+    return node.namespace is None or node.namespace == DEFAULT
 
 
 @lru_cache(maxsize=8192)
@@ -66,7 +67,7 @@ def shared_atom(name: str) -> Literal:
     return atom(name)
 
 
-def constant_term(node: Any) -> Any:
+def constant_term(node: nodes.Term) -> Any:
     """The ground term of a constant node."""
     term = instantiate(node)
     if type(term) is Literal and is_source(term) and type(term.args[0]) is Literal and not term.annots:

@@ -33,7 +33,7 @@ class FormulaCompiler(MatchCompiler):
     rows: list[str] | None = None
     """While a ``for`` is written: expressions for the facts that a solution rests on."""
 
-    def formula(self, node: Any, scope: Scope, then: Next) -> None:
+    def formula(self, node: nodes.Term, scope: Scope, then: Next) -> None:
         """Write a formula; ``then`` is written once, where it holds, and may be reached several times."""
         if self.function.indent > MAX_INDENT or self.function.loops > _MAX_LOOPS:
             self._apart(node, scope, then)
@@ -62,7 +62,7 @@ class FormulaCompiler(MatchCompiler):
             case _:
                 self._dynamic(node, scope, then)
 
-    def _apart(self, node: Any, scope: Scope, then: Next) -> None:
+    def _apart(self, node: nodes.Term, scope: Scope, then: Next) -> None:
         """Make the formula a generator that yields the values of the variables it binds."""
         new = [name for name in variables(node) if name not in scope]
         name = self.helper(node, scope, new, "yield")
@@ -71,11 +71,11 @@ class FormulaCompiler(MatchCompiler):
         with self.function.block(f"for {targets_of(targets) if targets else '_'} in {call}:"):
             then({**scope, **dict(zip(new, targets, strict=True))})
 
-    def passed(self, node: Any, scope: Scope) -> list[str]:
+    def passed(self, node: nodes.Term, scope: Scope) -> list[str]:
         """The locals that a function of its own gets for the variables of a formula."""
         return [scope[name] for name in variables(node) if name in scope]
 
-    def helper(self, node: Any, scope: Scope, new: list[str], verb: str) -> str:
+    def helper(self, node: nodes.Term, scope: Scope, new: list[str], verb: str) -> str:
         """A function of its own for a formula; ``verb`` says what it does at a success."""
         name = self.unit.name("h")
         known = [v for v in variables(node) if v in scope]
@@ -105,7 +105,7 @@ class FormulaCompiler(MatchCompiler):
         self.unit.add(function)
         return name
 
-    def _not(self, operand: Any, scope: Scope, then: Next) -> None:
+    def _not(self, operand: nodes.Term, scope: Scope, then: Next) -> None:
         name = self.helper(operand, scope, [], "return True")
         call = f"{name}({', '.join(['m', 'trail', *self.passed(operand, scope)])})"
         mark = self.function.assign("len(trail)", "t")
@@ -165,7 +165,7 @@ class FormulaCompiler(MatchCompiler):
             if rows or annotated:
                 self.function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
 
-    def _patterns(self, args: tuple[Any, ...], given: list[str | None], scope: Scope) -> list[Any]:
+    def _patterns(self, args: tuple[nodes.Term, ...], given: list[str | None], scope: Scope) -> list[nodes.Term | None]:
         """For each argument that is known in part the pattern that a rule is asked with, None for the others.
 
         A rule may compare, negate or compute what it is asked with, so it has to see all that is known: ``box(5,_)``
@@ -179,7 +179,7 @@ class FormulaCompiler(MatchCompiler):
             patterns.append(None if alone else pattern)
         return patterns
 
-    def _known_part(self, node: Any, scope: Scope, depth: int = 0) -> Any:
+    def _known_part(self, node: nodes.Term, scope: Scope, depth: int = 0) -> nodes.Term:
         """A term with a variable in place of each part that is not known before the answer is compared with it."""
         if is_constant(node) or is_plain_variable(node):
             return node
@@ -189,18 +189,19 @@ class FormulaCompiler(MatchCompiler):
                     return replace(node, args=tuple(self._known_part(a, scope, depth + 1) for a in node.args))
                 case nodes.ListTerm(items=items, tail=tail):
                     parts = tuple(self._known_part(i, scope, depth + 1) for i in items)
-                    return nodes.ListTerm(parts, tail and self._known_part(tail, scope, depth + 1))
+                    known: Any = tail and self._known_part(tail, scope, depth + 1)
+                    return nodes.ListTerm(parts, known)
                 case nodes.Arithmetic() if all(name in scope for name in variables(node)):
                     return node
         return nodes.Variable("_")
 
-    def _asked(self, given: list[str | None], patterns: list[Any], scope: Scope) -> str:
+    def _asked(self, given: list[str | None], patterns: list[nodes.Term | None], scope: Scope) -> str:
         """What a rule is asked with: values, patterns with new variables in them, None for what it is to find."""
         inner = dict(scope)
         parts = zip(given, patterns, strict=True)
         return tuple_of([g or ("None" if p is None else self.build(p, inner)) for g, p in parts])
 
-    def _given(self, arg: Any, scope: Scope) -> str | None:
+    def _given(self, arg: nodes.Term, scope: Scope) -> str | None:
         """The local with the value of an argument that is known before the query; None for one to be found."""
         if is_plain_variable(arg):
             return scope.get(arg.name)
@@ -208,7 +209,7 @@ class FormulaCompiler(MatchCompiler):
             return self.function.assign(self.build(arg, dict(scope)))
         return None
 
-    def _match_row(self, parts: list[tuple[Any, str | None, str]], scope: Scope, then: Next) -> None:
+    def _match_row(self, parts: list[tuple[nodes.Term, str | None, str]], scope: Scope, then: Next) -> None:
         if not parts:
             then(scope)
             return
@@ -236,7 +237,7 @@ class FormulaCompiler(MatchCompiler):
         with self.function.block(f"for _ in subsets({built}, {annots}, trail):"):
             then(self.settled(scope, inner))
 
-    def _dynamic(self, node: Any, scope: Scope, then: Next) -> None:
+    def _dynamic(self, node: nodes.Term, scope: Scope, then: Next) -> None:
         """A formula that only the run knows: a variable, or a literal in a namespace that is a variable."""
         inner = dict(scope)
         built = self.function.assign(self.build(node, inner))
@@ -273,25 +274,25 @@ class FormulaCompiler(MatchCompiler):
         self.linking = False
         return built
 
-    def count(self, query: Any, scope: Scope) -> str:
+    def count(self, query: nodes.Term, scope: Scope) -> str:
         counter = self.function.assign("0", "c")
         self.each(query, scope, lambda _: self.function.emit(f"{counter} += 1"))
         return self.function.assign(f"float({counter})")
 
-    def each(self, query: Any, scope: Scope, take: Next) -> None:
+    def each(self, query: nodes.Term, scope: Scope, take: Next) -> None:
         """Write what is done for each solution of a query inside a formula, which binds nothing in that."""
         rows, self.rows = self.rows, None  # no one solution of the formula rests on these facts
         self.formula(query, dict(scope), take)
         self.rows = rows
 
 
-def conjuncts(node: Any) -> list[Any]:
+def conjuncts(node: nodes.Term) -> list[nodes.Term]:
     """The members of a conjunction from left to right."""
     return _members(node, nodes.And)
 
 
-def _members(node: Any, kind: type[nodes.And] | type[nodes.Or]) -> list[Any]:
-    found: list[Any] = []
+def _members(node: nodes.Term, kind: type[nodes.And] | type[nodes.Or]) -> list[nodes.Term]:
+    found: list[nodes.Term] = []
     pending = [node]
     while pending:
         node = pending.pop()
@@ -302,14 +303,14 @@ def _members(node: Any, kind: type[nodes.And] | type[nodes.Or]) -> list[Any]:
     return found
 
 
-def _conjunction(parts: list[Any]) -> Any:
+def _conjunction(parts: list[nodes.Term]) -> nodes.Term:
     node = parts[0]
     for part in parts[1:]:
         node = nodes.And(node, part)
     return node
 
 
-def _can_be_given(node: Any, depth: int = 0) -> bool:
+def _can_be_given(node: nodes.Term, depth: int = 0) -> bool:
     """Whether a term made of known variables may be built before it is compared (no anonymous variable in it)."""
     if depth > MAX_INDENT:
         return False
@@ -347,7 +348,7 @@ Returns False when its arguments are not of the kind: then the internal action i
 _FORMULAS = (nodes.Structure, nodes.InternalAction, nodes.Relation, nodes.Not, nodes.And, nodes.Or)
 
 
-def is_query(node: Any, scope: Scope) -> bool:
+def is_query(node: nodes.Term, scope: Scope) -> bool:
     """Whether an argument is a formula that can be compiled here (or a variable that will hold one)."""
     return isinstance(node, _FORMULAS) or (isinstance(node, nodes.Variable) and node.name in scope)
 

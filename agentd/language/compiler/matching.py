@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias, TypeGuard
 
 from agentd.language.compiler.code_writer import targets_of
 from agentd.language.compiler.compile_terms import Scope, TermCompiler
@@ -97,7 +97,7 @@ class MatchCompiler(TermCompiler):
         with self.function.block(f"if ({known} == {value} if {both} else unify({known}, {value}, trail)):"):
             then(scope)
 
-    def _match_constant(self, node: Any, value: str, scope: Scope, then: Next) -> None:
+    def _match_constant(self, node: nodes.Term, value: str, scope: Scope, then: Next) -> None:
         inner = dict(scope)
         constant = self.function.assign(self.build(node, inner))
         if isinstance(node, nodes.Structure | nodes.ListTerm):
@@ -129,12 +129,12 @@ class MatchCompiler(TermCompiler):
             head, rest = self.function.local(), self.function.local()
             self.function.emit(f"{head}, {rest} = {pair}")
             if len(node.items) > 1:
-                others: Any = nodes.ListTerm(node.items[1:], node.tail)
+                others: nodes.Term = nodes.ListTerm(node.items[1:], node.tail)
             else:
                 others = nodes.ListTerm() if node.tail is None else node.tail
             self.match_all([(node.items[0], head), (others, rest)], scope, then)
 
-    def match_all(self, pairs: list[tuple[Any, str]], scope: Scope, then: Next) -> None:
+    def match_all(self, pairs: list[tuple[nodes.Term, str]], scope: Scope, then: Next) -> None:
         """Match several patterns one after the other."""
         if not pairs:
             then(scope)
@@ -178,7 +178,7 @@ class MatchCompiler(TermCompiler):
         ]
         return f"({left} {operator} {right} if {' and '.join(checks) or 'True'} else {slow})"
 
-    def _unification(self, left: Any, right: Any, scope: Scope, then: Next) -> None:
+    def _unification(self, left: nodes.Term, right: nodes.Term, scope: Scope, then: Next) -> None:
         if self._is_new(left, scope) and self._is_new(right, scope) and not (left.anonymous or right.anonymous):
             # Linked free variables are not == (rule 25): each has a cell of its own.
             inner = dict(scope)
@@ -210,5 +210,5 @@ class MatchCompiler(TermCompiler):
             then(self.settled(scope, inner))
 
     @staticmethod
-    def _is_new(node: Any, scope: Scope) -> bool:
+    def _is_new(node: nodes.Term, scope: Scope) -> TypeGuard[nodes.Variable]:
         return is_plain_variable(node) and (node.anonymous or node.name not in scope)

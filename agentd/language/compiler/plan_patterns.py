@@ -22,17 +22,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 from agentd.language.parse import parse_formula, parse_literal, parse_trigger
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import Body, Operator, Plan, Position, Step, Structure, Trigger, Variable
+from agentd.language.syntax_tree.nodes import (
+    Body,
+    Formula,
+    Operator,
+    Plan,
+    Position,
+    Step,
+    Structure,
+    Trigger,
+    Variable,
+)
 
-Block = tuple[Any, ...]
+Block = tuple[nodes.Item, ...]
 """The beliefs and plans of a block, in order."""
 
-Pattern = Callable[[Position, tuple[Any, ...], Block], Block]
+Args = tuple[nodes.Term, ...]
+
+Pattern = Callable[[Position, Args, Block], Block]
 """Called with the place of the directive, its arguments and its block. Raises `WrongPattern`."""
 
 
@@ -41,16 +53,21 @@ class WrongPattern(ValueError):
 
 
 def _plan(
-    at: Position, operator: str, kind: str, literal: Any, context: Any = None, steps: tuple[Step, ...] = ()
+    at: Position,
+    operator: str,
+    kind: str,
+    literal: Structure | Variable,
+    context: Formula | None = None,
+    steps: tuple[Step, ...] = (),
 ) -> Plan:
     return Plan(Trigger(operator, kind, literal, at), context, Body(steps, at), position=at)
 
 
-def _call(at: Position, name: str, *args: Any) -> Step:
+def _call(at: Position, name: str, *args: nodes.Term) -> Step:
     return Step(Operator.ACTION, nodes.InternalAction(name, args, at), at)
 
 
-def _goal(args: tuple[Any, ...], place: int = 0) -> Structure:
+def _goal(args: Args, place: int = 0) -> Structure:
     if len(args) <= place or not isinstance(args[place], Structure):
         raise WrongPattern("needs a goal" if place == 0 else f"needs a literal as argument {place + 1}")
     goal = args[place]
@@ -58,7 +75,7 @@ def _goal(args: tuple[Any, ...], place: int = 0) -> Structure:
     return goal
 
 
-def _declarative(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+def _declarative(at: Position, args: Args, block: Block) -> Block:
     goal = _goal(args)
     return (
         _plan(at, "+", "!", goal, goal),
@@ -67,14 +84,14 @@ def _declarative(at: Position, args: tuple[Any, ...], block: Block) -> Block:
     )
 
 
-def _achieves(item: Any, goal: Structure) -> bool:
+def _achieves(item: nodes.Item, goal: Structure) -> bool:
     """Whether an item is a plan that achieves the goal of the pattern."""
     if not isinstance(item, Plan) or item.trigger.operator != "+" or item.trigger.goal != "!":
         return False
     return may_unify(item.trigger.literal, goal)
 
 
-def may_unify(left: Any, right: Any) -> bool:
+def may_unify(left: nodes.Term, right: nodes.Term) -> bool:
     """Whether two terms as written can be made equal, as far as their constants tell."""
     if isinstance(left, Variable) or isinstance(right, Variable):
         return True
@@ -84,25 +101,25 @@ def may_unify(left: Any, right: Any) -> bool:
     return type(left) is not type(right) or isinstance(left, nodes.ListTerm | nodes.Arithmetic) or left == right
 
 
-def _with_test(item: Any, goal: Structure) -> Any:
+def _with_test(item: nodes.Item, goal: Structure) -> nodes.Item:
     """A plan that achieves the goal ends with a test of it."""
-    if not _achieves(item, goal):
+    if not isinstance(item, Plan) or not _achieves(item, goal):
         return item
     test = Step(Operator.TEST, replace(item.trigger.literal, annotations=None), item.position)
     return replace(item, body=replace(item.body, formulas=(*item.body.formulas, test)))
 
 
-def _backtracking(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+def _backtracking(at: Position, args: Args, block: Block) -> Block:
     return (*_declarative(at, args, block), _plan(at, "-", "!", _goal(args)))
 
 
-def _exclusive(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+def _exclusive(at: Position, args: Args, block: Block) -> Block:
     goal = _goal(args)
     bare = replace(goal, annotations=None)
     marks: list[Structure] = []
-    items: list[Any] = []
+    items: list[nodes.Item] = []
     for item in block:
-        if not _achieves(item, goal):
+        if not isinstance(item, Plan) or not _achieves(item, goal):
             items.append(item)
             continue
         mark = Structure(f"p__{len(marks) + 1}", (replace(bare, namespace=None),), position=at)
@@ -113,7 +130,7 @@ def _exclusive(at: Position, args: tuple[Any, ...], block: Block) -> Block:
         body = replace(item.body, formulas=(noted, *item.body.formulas))
         items.append(_with_test(replace(item, context=context, body=body), goal))
     forget = tuple(Step(Operator.DELETE, mark, at) for mark in marks)
-    left: Any = None
+    left: Formula | None = None
     for mark in marks:
         untried = nodes.Not(mark, at)
         left = untried if left is None else nodes.Or(left, untried, at)
@@ -127,7 +144,7 @@ def _exclusive(at: Position, args: tuple[Any, ...], block: Block) -> Block:
     )
 
 
-def _inner(at: Position, args: tuple[Any, ...], place: int, block: Block) -> Block:
+def _inner(at: Position, args: Args, place: int, block: Block) -> Block:
     """The block as the pattern among the arguments makes it."""
     if len(args) <= place:
         return _backtracking(at, args, block)
@@ -137,9 +154,7 @@ def _inner(at: Position, args: tuple[Any, ...], place: int, block: Block) -> Blo
     return PATTERNS[pattern.functor](at, pattern.args or args[:1], block)
 
 
-def _blind(
-    at: Position, args: tuple[Any, ...], block: Block, place: int = 1, hopeless: Structure | None = None
-) -> Block:
+def _blind(at: Position, args: Args, block: Block, place: int = 1, hopeless: Structure | None = None) -> Block:
     goal = _goal(args)
     again = (Step(Operator.ACHIEVE, replace(goal, annotations=None), at),)
     kept = [item for item in _inner(at, args, place, block) if not _gives_up(item, goal)]
@@ -151,36 +166,36 @@ def _blind(
     return (*kept, *tries, gives_up, _plan(at, "+", "", hopeless, steps=(_call(at, ".fail_goal", goal),)))
 
 
-def _gives_up(item: Any, goal: Structure) -> bool:
+def _gives_up(item: nodes.Item, goal: Structure) -> bool:
     """Whether an item is the plan by which the pattern inside lets go of the goal."""
     if not isinstance(item, Plan) or (item.trigger.operator, item.trigger.goal) != ("-", "!"):
         return False
     return item.trigger.literal is goal or (item.trigger.literal == goal and not item.body.formulas)
 
 
-def _single_minded(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+def _single_minded(at: Position, args: Args, block: Block) -> Block:
     return _blind(at, args, block, 2, _goal(args, 1))
 
 
-def _relativised(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+def _relativised(at: Position, args: Args, block: Block) -> Block:
     goal, motive = _goal(args), _goal(args, 1)
     ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
     return (*_blind(at, args, block, 2), ends)
 
 
-def _open_minded(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+def _open_minded(at: Position, args: Args, block: Block) -> Block:
     goal, hopeless, motive = _goal(args), _goal(args, 1), _goal(args, 2)
     ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
     return (*_blind(at, args, block, 3, hopeless), ends)
 
 
-def _maintenance(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+def _maintenance(at: Position, args: Args, block: Block) -> Block:
     goal = _goal(args)
     adopted = _plan(at, "-", "", goal, steps=(Step(Operator.ACHIEVE, replace(goal, annotations=None), at),))
     return (nodes.Belief(goal, at), adopted, *_inner(at, args, 1, block))
 
 
-def _sequence(args: tuple[Any, ...]) -> tuple[Trigger, Any, Structure]:
+def _sequence(args: Args) -> tuple[Trigger, nodes.Term, Structure]:
     """Trigger, context and goal, each as a term or as a text."""
     match args:
         case (nodes.TriggerTerm(trigger=trigger), context, Structure() as goal):
@@ -195,7 +210,7 @@ def _sequence(args: tuple[Any, ...]) -> tuple[Trigger, Any, Structure]:
     raise WrongPattern("needs a trigger, a context and a goal: sga({ +event(X) }, ready, goal(X))")
 
 
-def _sequenced(at: Position, args: tuple[Any, ...], block: Block) -> Block:
+def _sequenced(at: Position, args: Args, block: Block) -> Block:
     trigger, context, goal = _sequence(args)
     busy, anyone = Structure("fl", (goal,), position=at), Structure("fl", (Variable("_", position=at),), position=at)
     turn = Structure("fg", (goal,), position=at)

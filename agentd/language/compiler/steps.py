@@ -46,7 +46,7 @@ class StepWriter:
         self.scope: Scope = {}
         self.bound = bound
 
-    def use(self, node: Any) -> Scope:
+    def use(self, node: nodes.Term) -> Scope:
         """Load the variables of a node into locals."""
         for name in variables(node):
             if name in self.scope:
@@ -76,7 +76,7 @@ class StepWriter:
         for name in scope:
             self.bound[name] = certain or self.bound.get(name, False)
 
-    def settle(self, term: Any) -> None:
+    def settle(self, term: nodes.Term) -> None:
         """After a formula that was written with `succeed`: what it surely binds is known to be bound."""
         for name in variables(term):
             self.bound[name] = name in self._certain or self.bound.get(name, False)
@@ -113,7 +113,7 @@ class StepWriter:
         """As `succeed`, after a call that may have bound variables."""
         self.succeed(self.compiler.settled(self.scope, scope))
 
-    def built(self, term: Any) -> tuple[str, Scope]:
+    def built(self, term: nodes.Term) -> tuple[str, Scope]:
         """An expression for a term, and the scope with its new variables."""
         scope = self.use(term)
         return self.compiler.build(term, scope), scope
@@ -124,7 +124,7 @@ class StepWriter:
         args = tuple_of([self.compiler.build(arg, scope) for arg in term.args])
         return args, self.compiler.event_annots(term.annotations, scope), scope
 
-    def dynamic(self, call: str, term: Any) -> None:
+    def dynamic(self, call: str, term: nodes.Term) -> None:
         """Leave a formula to the mind: ``call`` gets the built term."""
         built, scope = self.built(term)
         local = self.function.assign(built)
@@ -153,7 +153,7 @@ def write_step(writer: StepWriter, formula: nodes.Step) -> None:
             _change(writer, operator, term)
 
 
-def _action(writer: StepWriter, term: Any) -> None:
+def _action(writer: StepWriter, term: nodes.Term) -> None:
     match term:
         case nodes.InternalAction():
             _internal(writer, term)
@@ -175,7 +175,7 @@ def _action(writer: StepWriter, term: Any) -> None:
             writer.dynamic(f"run_term(m, i, f, {writer.step(writer.number)}, {{}})", term)
 
 
-def _achieve(writer: StepWriter, term: Any, new_focus: bool) -> None:
+def _achieve(writer: StepWriter, term: nodes.Term, new_focus: bool) -> None:
     if not isinstance(term, nodes.Structure) or isinstance(term.namespace, nodes.Variable):
         writer.dynamic(f"achieve_term(m, i, {{}}, {new_focus})", term)
         return
@@ -194,7 +194,7 @@ def _achieve(writer: StepWriter, term: Any, new_focus: bool) -> None:
         writer.became(scope)
 
 
-def _test(writer: StepWriter, term: Any) -> None:
+def _test(writer: StepWriter, term: nodes.Term) -> None:
     scope = writer.use(term)
     writer.compiler.formula(term, scope, writer.succeed)
     if isinstance(term, nodes.Structure) and not isinstance(term.namespace, nodes.Variable):
@@ -262,7 +262,7 @@ def _internal(writer: StepWriter, term: nodes.InternalAction) -> None:
     writer.became(scope)
 
 
-def _change(writer: StepWriter, operator: Operator, term: Any) -> None:
+def _change(writer: StepWriter, operator: Operator, term: nodes.Term) -> None:
     """Belief changes."""
     if not isinstance(term, nodes.Structure) or isinstance(term.namespace, nodes.Variable):
         writer.dynamic(f"change_term(m, i, {writer.constant(operator.value)}, {{}})", term)
@@ -335,7 +335,7 @@ def _wait(writer: StepWriter, term: nodes.InternalAction) -> None:
     writer.became(dict.fromkeys(variables(formula), ""), certain=False)
 
 
-def _is_condition(node: Any) -> bool:
+def _is_condition(node: nodes.Term) -> bool:
     """Whether the first argument of ``.wait`` is a formula (not a time, an event or a variable)."""
     return isinstance(
         node, nodes.Structure | nodes.Relation | nodes.And | nodes.Or | nodes.Not | nodes.InternalAction
@@ -354,7 +354,7 @@ class ComputedOnce:
         self._known = {name for name in scope if writer.bound.get(name)}
         self._count = 0
 
-    def formula(self, node: Any) -> Any:
+    def formula(self, node: nodes.Term) -> nodes.Term:
         """The formula with variables for functions."""
         match node:
             case nodes.And(left=left, right=right) | nodes.Or(left=left, right=right):
@@ -367,7 +367,7 @@ class ComputedOnce:
                 return replace(node, args=tuple(map(self._term, args)))
         return node
 
-    def _term(self, node: Any) -> Any:
+    def _term(self, node: nodes.Term) -> nodes.Term:
         match node:
             case nodes.InternalAction(name=name, args=args):
                 return self._value(node, name, args)
@@ -380,7 +380,7 @@ class ComputedOnce:
                 return replace(node, items=tuple(map(self._term, items)))
         return node
 
-    def _value(self, node: Any, name: str, args: tuple[Any, ...]) -> Any:
+    def _value(self, node: nodes.Term, name: str, args: tuple[nodes.Term, ...]) -> nodes.Term:
         counts = name == ".count" and len(args) == 1
         if not counts and not self._writer.library.is_function(name, len(args)):
             return node

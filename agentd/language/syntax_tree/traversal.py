@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass, replace
-from typing import Any
+from typing import Any, TypeGuard
 
 from agentd.language.syntax_tree import nodes
 
@@ -11,7 +11,7 @@ HIDDEN = "computed "
 """How the names of variables begin that no program can write."""
 
 
-def is_plain_variable(node: Any) -> bool:
+def is_plain_variable(node: object) -> TypeGuard[nodes.Variable]:
     """Whether a node is a variable without decorations."""
     return type(node) is nodes.Variable and node.annotations is None and not node.negated and node.namespace is None
 
@@ -48,7 +48,7 @@ def _part_names(kind: type) -> tuple[str, ...]:
     return tuple(f.name for f in reversed(fields(kind)) if f.name not in ("position", "operator", "functor", "negated"))
 
 
-def parts(node: Any) -> tuple[Any, ...] | None:
+def parts(node: nodes.Term) -> tuple[nodes.Term, ...] | None:
     """The nodes inside a compound term whose terms it is made of; None for all other nodes."""
     match node:
         case nodes.Structure(args=args, annotations=None):
@@ -70,7 +70,7 @@ def parts(node: Any) -> tuple[Any, ...] | None:
     return None
 
 
-def with_parts(node: Any, inner: tuple[Any, ...]) -> Any:
+def with_parts(node: nodes.Term, inner: tuple[Any, ...]) -> nodes.Term:
     """The same compound term with other parts, in the order of `parts`."""
     match node:
         case nodes.Structure(args=args, annotations=None):
@@ -87,4 +87,6 @@ def with_parts(node: Any, inner: tuple[Any, ...]) -> Any:
             return replace(node, operands=inner)
         case nodes.Relation() | nodes.And() | nodes.Or():
             return replace(node, left=inner[0], right=inner[1])
-    return replace(node, operand=inner[0])
+        case nodes.Not():
+            return replace(node, operand=inner[0])
+    raise TypeError(f"not a compound term: {node!r}")

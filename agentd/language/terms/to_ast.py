@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, Final
 
@@ -90,7 +91,7 @@ class ToSyntax:
             return replace(node, **changed)
         return node
 
-    def _several(self, terms: Any, depth: int) -> tuple[Any, ...]:
+    def _several(self, terms: Iterable[Any], depth: int) -> tuple[nodes.Term, ...]:
         return tuple(self.term(term, depth + 1) for term in terms)
 
     def _structure(self, term: Literal, depth: int) -> nodes.Structure:
@@ -109,7 +110,7 @@ class ToSyntax:
             return nodes.ListTerm(self._several(annots[:-1], depth), self.term(last.tail, depth + 1))
         return nodes.ListTerm(self._several(annots, depth))
 
-    def _open(self, term: Open, depth: int) -> Any:
+    def _open(self, term: Open, depth: int) -> nodes.Variable | nodes.Structure:
         """A decorated variable, or a literal in a namespace that is a variable."""
         namespace = deref(term.namespace)
         if namespace is not None and not isinstance(namespace, str):
@@ -136,7 +137,7 @@ def _string(value: str) -> nodes.String:
     return nodes.String(value)
 
 
-def _number(value: float) -> Any:
+def _number(value: float) -> nodes.Number | nodes.Arithmetic:
     """A numeral is never negative, and there is none for NaN."""
     if value != value:
         return nodes.Arithmetic("/", (nodes.Number(0.0), nodes.Number(0.0)))
@@ -145,7 +146,7 @@ def _number(value: float) -> Any:
     return nodes.Number(value)
 
 
-def _operation(operator: str, operands: tuple[Any, ...]) -> Any:
+def _operation(operator: str, operands: tuple[Any, ...]) -> nodes.Term:
     match operator:
         case "&":
             return nodes.And(*operands)
