@@ -202,7 +202,7 @@ def receive(mind: MindState, mail: Mail) -> None:
     The event is for plans of the program's own, and for an atomic plan: what is told in a literal is believed and a
     goal is desired while it runs, as in Jason; all other messages have their effects after it.
     """
-    if is_answer(mail.in_reply_to):
+    if mail.in_reply_to and is_answer(mail.in_reply_to):
         question = mind.questions.get(mail.in_reply_to)
         if question is not None and mail.sender in question.receivers:
             take_answer(mind, question, mail)
