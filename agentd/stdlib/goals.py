@@ -58,11 +58,6 @@ def intend(mind: MindState, trail: Trail, goal: Any, number: Any = None) -> Iter
     yield from _each(dropping.intended(mind, _any_goal(goal), trail), number, trail)
 
 
-def _own_end(mind: MindState, own: bool) -> bool | None:
-    """What a step returns that may have dropped its own intention."""
-    return True if own else None
-
-
 @internal_action(".drop_intention", (0, 1), suspends=True)
 def drop_intention(mind: MindState, trail: Trail, goal: Term | None = None) -> bool | None:
     """``.drop_intention(G)``: ends every intention with G, without any event; its action is cancelled.
@@ -73,19 +68,19 @@ def drop_intention(mind: MindState, trail: Trail, goal: Term | None = None) -> b
         dropped(mind, mind.own_intention)
         drop(mind, mind.own_intention)
         return True
-    return _own_end(mind, dropping.drop_intention(mind, _goal(goal), trail))
+    return dropping.drop_intention(mind, _goal(goal), trail) or None
 
 
 @internal_action(".drop_desire", 1, suspends=True)
 def drop_desire(mind: MindState, trail: Trail, goal: Term) -> bool | None:
     """``.drop_desire(G)``: ``.drop_event`` and ``.drop_intention``."""
-    return _own_end(mind, dropping.drop_desire(mind, _goal(goal), trail))
+    return dropping.drop_desire(mind, _goal(goal), trail) or None
 
 
 @internal_action(".drop_event", 1, suspends=True)
 def drop_event(mind: MindState, trail: Trail, goal: Term) -> bool | None:
     """``.drop_event(G)``: takes G out of the events that wait, with the intentions that wait for it."""
-    return _own_end(mind, dropping.drop_event(mind, _goal(goal), trail))
+    return dropping.drop_event(mind, _goal(goal), trail) or None
 
 
 @internal_action(".drop_all_intentions", 0)
@@ -128,7 +123,7 @@ def _end(mind: MindState, goal: Term, trail: Trail, succeeded: bool) -> bool | N
     for event in mind.all_events():
         if dropping.asked_for(pattern, event, trail):
             dropping.end_event(mind, event, succeeded)
-    return _own_end(mind, own)
+    return own or None
 
 
 @internal_action(".succeed_goal", 1, suspends=True)
@@ -153,7 +148,7 @@ def drop_future_intention(mind: MindState, trail: Trail, goal: Term) -> bool | N
             own |= intention is mind.current
             drop(mind, intention)
         undo(trail, mark)
-    return _own_end(mind, own)
+    return own or None
 
 
 @internal_action(".current_intention", (1, 2))
@@ -212,7 +207,7 @@ def suspend(mind: MindState, trail: Trail, goal: Term | None = None) -> bool | N
             _halt(mind, mind.new_intention(), event)
     held = {id(intention.held) for intention in mind.suspended.values()}
     dropping.keep_events(mind, [event for event in mind.events if id(event) not in held])
-    return _own_end(mind, own)
+    return own or None
 
 
 def _halt(mind: MindState, intention: Intention, event: Event | None) -> None:

@@ -91,10 +91,6 @@ class Step:
         self.next = None
         self.run = _not_loaded
 
-    @property
-    def line(self) -> int:
-        return int(self.syntax.position.line)
-
 
 def _not_loaded(mind: MindState, intention: Intention, frame: Frame) -> bool:
     raise RuntimeError("a step was run before its code was loaded")
@@ -157,22 +153,10 @@ class Intention:
         self.since = 0.0
         """Mission seconds since when it waits for what `waiting` says."""
 
-    def goals(self) -> list[tuple[Any, Literal]]:
-        """The goals and events that its plans answer, innermost first, with their `Relevant`."""
-        return [(f[RELEVANT], Literal(f[RELEVANT].sig, f[ARGS], f[ANNOTS])) for f in reversed(self.stack)]
-
     def trim(self, mark: int) -> None:
         """Forget the bindings since ``mark`` that no failure below needs to undo, after a frame has ended well."""
         trail, depth = self.trail, len(self.stack)
         trail[mark:] = [v for v in trail[mark:] if v.depth < depth]
-
-    def position(self) -> str:
-        """``file:line`` of the formula that comes next, or that it waits in."""
-        for frame in reversed(self.stack):
-            step = frame[STEP]
-            source = step.syntax if step is not None else frame[PLAN].syntax
-            return f"{source.position.file}:{source.position.line}"
-        return ""
 
 
 def values_of(frame: Frame) -> dict[str, Any]:

@@ -25,8 +25,8 @@ from schemas.wire.mind_records import WaitView
 class Fork:
     """The branches of one fork, and the intention that waits for them."""
 
-    def __init__(self, parent: Intention, frame: Frame, all_needed: bool, failing: Step | None) -> None:
-        self.parent, self.frame, self.all_needed, self.failing = parent, frame, all_needed, failing
+    def __init__(self, parent: Intention, frame: Frame, all_needed: bool) -> None:
+        self.parent, self.frame, self.all_needed = parent, frame, all_needed
         self.branches: list[Intention] = []
         self._free = [(place, v) for place, v in enumerate(frame) if place >= VARIABLES and type(deref(v)) is Var]
         """The variables that are free when the fork begins: each branch has its own, one branch's count (rule 80)."""
@@ -83,7 +83,7 @@ def fork(mind: MindState, intention: Intention, frame: Frame, operator: str, fir
     """Start the branches; the intention waits for their join."""
     if mind.crowded:
         raise Failed("too_many_intentions", "there are as many events and intentions as there may be")
-    state = Fork(intention, frame, operator == "|&|", firsts[0] if firsts else None)
+    state = Fork(intention, frame, operator == "|&|")
     for first in firsts:
         branch = mind.new_intention()
         branch.stack.append(state.frame_of_branch(first))

@@ -51,18 +51,15 @@ def run_intention(mind: MindState, intention: Intention) -> None:
             if step.run(mind, intention, frame):
                 return
         except Exception as error:  # an internal action may raise anything; it must not end the mind
-            _run_failed(mind, intention, step, frame, as_failed(error))
+            failed = as_failed(error)
+            if failed.error == "test_goal_failed" and not failed.args[0].startswith("Failed"):
+                code = code_of(step, frame)
+                failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
+            step_failed(mind, intention, step, frame, failed)
             return
     if intention.stack[-1][STEP] is None and not end_frames(mind, intention):
         return
     mind.running.append(intention)
-
-
-def _run_failed(mind: MindState, intention: Intention, step: Step, frame: Frame, failed: Failed) -> None:
-    if failed.error == "test_goal_failed" and not failed.args[0].startswith("Failed"):
-        code = code_of(step, frame)
-        failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
-    step_failed(mind, intention, step, frame, failed)
 
 
 def end_frames(mind: MindState, intention: Intention) -> bool:
@@ -167,14 +164,6 @@ def step_failed(mind: MindState, intention: Intention, step: Step, frame: Frame,
     fail(mind, intention, annots, where, failure)
 
 
-def _calling_line(mind: MindState, intention: Intention) -> tuple[int, str]:
-    """Line and file of the formula that raised the event which the intention waits for."""
-    step = intention.last
-    if step is None:
-        return 0, ""
-    return step.syntax.position.line, step.syntax.position.file
-
-
 def goal_failed(mind: MindState, event: Event) -> None:
     """A goal event found no plan. Its own ``-!g`` is asked first, then those of the goals below."""
     relevant, args, annots, intention = event
@@ -194,7 +183,9 @@ def fail_event(mind: MindState, event: Event, failure: Failed) -> None:
     line, source, where = 0, "", f"{relevant.text}{text(failure.code)}"
     failure.goal = relevant
     if intention is not None and intention.stack:
-        line, source = _calling_line(mind, intention)
+        if intention.last is not None:
+            position = intention.last.syntax.position
+            line, source = position.line, position.file
         where = f"{source}:{line}: {where}"
         failure.step = intention.last
     extra = error_annots(failure, failure.code, line, source)

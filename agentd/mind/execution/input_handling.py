@@ -5,8 +5,7 @@ Percepts are beliefs with source(percept), which change only where something has
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, Final
+from typing import Any
 
 from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.order import sorted_annots
@@ -33,53 +32,49 @@ from agentd.mind.state import MindState, Perceived
 
 
 def take_inputs(mind: MindState) -> bool:
-    """All percepts and results that have come in: deletions of percepts before additions.
+    """Take all inputs but mail: deletions of percepts raise their events before additions.
 
-    Returns whether there were percepts only.
+    Return whether there were only percepts.
     """
-    batch: list[Any] = list(mind.inputs)
+    batch = list(mind.inputs)
     mind.inputs.clear()
-    added: list[Any] = []
+    added: list[Addition] = []
     percepts_only = True
     for item in batch:
         if mind.on_input is not None:
             mind.on_input(mind.cycle, item)
-        kind = type(item)
-        if kind in _PERCEPT:
-            update(mind, item, added)
-        elif kind is PerceptsChanged:
-            change(mind, item, added)
-        else:
-            percepts_only = False
-            _take(mind, item)
+        if type(item) is PerceptsChanged:
+            _change(mind, item, added)
+            continue
+        if isinstance(item, (PerceptReplaced, PerceptAdded, PerceptRemoved)):
+            _update(mind, item, added)
+            continue
+        percepts_only = False
+        if mind.recorder is not None:
+            mind.recorder.given(mind.cycle, item)
+        match item:
+            case ActionDone():
+                _end_action(mind, item)
+            case TeamReply():
+                take_reply(mind, item)
+            case GoalAdded(literal=literal):
+                add_goal(mind, literal)
+            case BeliefAdded(literal=literal):
+                add_belief(mind, literal)
+            case SignalRaised(literal=literal):
+                mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
     if added:
-        raise_additions(mind, added)
+        listening = mind.listeners or mind.plans.has_nested
+        for place, args, annots in added:
+            if listening:
+                raise_event(mind, None, place.gained, args, annots)
+            elif place.gained.plans:
+                mind.post(place.gained, args, annots)
     return percepts_only
 
 
-_PERCEPT: Final = frozenset((PerceptReplaced, PerceptAdded, PerceptRemoved))
-
-
-def _take(mind: MindState, item: Any) -> None:
-    """Take an input that is no percept."""
-    if mind.recorder is not None:
-        mind.recorder.given(mind.cycle, item)
-    match item:
-        case ActionDone():
-            _action_done(mind, item)
-        case TeamReply():
-            take_reply(mind, item)
-        case GoalAdded(literal=literal):
-            add_goal(mind, literal)
-        case BeliefAdded(literal=literal):
-            add_belief(mind, literal)
-        case SignalRaised(literal=literal):
-            mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))
-        case _:
-            pass
-
-
-def _action_done(mind: MindState, done: ActionDone) -> None:
+def _end_action(mind: MindState, done: ActionDone) -> None:
+    """Resume the intention that waits for an action, or fail the formula that it waits in."""
     intention = mind.action_client.pop(done.id, None)
     if intention is None or intention.action != done.id:
         return
@@ -118,7 +113,7 @@ def forget(mind: MindState, sig: Signature, args: tuple[Term, ...]) -> None:
         place.drop(args)
 
 
-def change(mind: MindState, item: PerceptsChanged, added: list[Addition]) -> None:
+def _change(mind: MindState, item: PerceptsChanged, added: list[Addition]) -> None:
     """Take and add percepts. Deletion events are raised at once; those of ``added`` are to follow them."""
     known = mind.percepts
     for (sig, args), literal in item.percepts.items():
@@ -130,8 +125,8 @@ def change(mind: MindState, item: PerceptsChanged, added: list[Addition]) -> Non
             _add(mind, place, literal, args, added)
 
 
-def update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemoved, added: list[Addition]) -> None:
-    """As `change`, for the percepts that a literal and a key describe."""
+def _update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemoved, added: list[Addition]) -> None:
+    """As `_change`, for the percepts that a literal and a key describe."""
     literal = item.literal
     place, args = perceived(mind, literal.sig), _arguments(literal)
     match item:
@@ -146,16 +141,6 @@ def update(mind: MindState, item: PerceptReplaced | PerceptAdded | PerceptRemove
             return
     if args not in place.args:
         _add(mind, place, literal, args, added)
-
-
-def raise_additions(mind: MindState, added: Iterable[Addition]) -> None:
-    """Raise the events of percepts that are new."""
-    heard = mind.listeners or mind.plans.has_nested
-    for place, args, annots in added:
-        if heard:
-            raise_event(mind, None, place.gained, args, annots)
-        elif place.gained.plans:
-            mind.post(place.gained, args, annots)
 
 
 def _arguments(literal: Literal) -> tuple[Term, ...]:

@@ -212,10 +212,7 @@ def receive(mind: MindState, mail: Mail) -> None:
         args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
         mind.post(custom, detach(args), ())
         return
-    try:
-        _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
-    except Exception as error:  # a function of the program's may raise anything; it must not end the mind
-        _not_handled(mind, mail, as_failed(error))
+    _handle(mind, mail)
 
 
 def is_answer(in_reply_to: str) -> bool:
@@ -228,9 +225,12 @@ def _is_direct(mail: Mail) -> bool:
     return mail.performative in ("tell", "achieve") and type(mail.content) is Literal
 
 
-def handle(mind: MindState, mail: Mail) -> None:
-    """Do what a message asks for, as the built-in plans for ``+!kqml_received``. Raises `Failed` where these fail."""
-    _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
+def _handle(mind: MindState, mail: Mail) -> None:
+    """Do what a message asks for, as the built-in plans for ``+!kqml_received``."""
+    try:
+        _HANDLERS.get(mail.performative, _nobody_handles)(mind, mail)
+    except Exception as error:  # a function of the program's may raise anything; it must not end the mind
+        _not_handled(mind, mail, as_failed(error))
 
 
 def _nobody_handles(mind: MindState, mail: Mail) -> None:
@@ -239,11 +239,7 @@ def _nobody_handles(mind: MindState, mail: Mail) -> None:
 
 def handle_event(mind: MindState, args: tuple[Term, ...], intention: Intention | None) -> None:
     """``+!kqml_received(Sender, Performative, Content, Id)`` that no plan of the program is applicable to."""
-    mail = _mail_of(args)
-    try:
-        handle(mind, mail)
-    except Exception as error:  # a function of the program's may raise anything; it must not end the mind
-        _not_handled(mind, mail, as_failed(error))
+    _handle(mind, _mail_of(args))
     if intention is not None:
         resume_waiting(mind, intention)
 

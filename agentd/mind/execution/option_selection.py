@@ -24,7 +24,6 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Code, Literal, Term, Var, atom, deref, make_list
 from agentd.mind.beliefs.term_copy import resolve, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import Event, Frame
 from agentd.mind.execution.cycle import atomic_cycle, take_mail
 from agentd.mind.execution.dropping import check_goal_conditions
@@ -86,7 +85,9 @@ class Chooser:
                     return
                 continue
             if mailbox:
-                self._take_message(mailbox)
+                mail = self._take(mailbox, self._message, "select_message", _itself)
+                if mail is not None:
+                    take_mail(mind, mail)
             while events:
                 taken = self._take(events, self._event, "select_event", WaitingEvent.of)
                 if taken is None or mind.take_event(mind, taken):
@@ -99,12 +100,6 @@ class Chooser:
                 return
             if effects:
                 return
-
-    def _take_message(self, mailbox: deque[Mail]) -> None:
-        mind = self._mind
-        mail = self._take(mailbox, self._message, "select_message", _itself)
-        if mail is not None:
-            take_mail(mind, mail)
 
     def _take(self, queue: deque[Any], selector: Selector | None, name: str, view: Callable[[Any], Any]) -> Any:
         """Take out of a queue what the selection function chooses; None if it chooses nothing."""

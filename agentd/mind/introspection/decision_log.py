@@ -59,7 +59,7 @@ class Decision(NamedTuple):
     those that are cells in the frame were free."""
 
     @property
-    def relevant(self) -> Any:
+    def relevant(self) -> Relevant:
         return self.event[0]
 
     @property

@@ -16,7 +16,7 @@ from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import ARGS, PLAN, RELEVANT, STEP, VARIABLES, Frame, Step
 from agentd.mind.introspection.decision_log import Decision, Failure
-from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.introspection.term_snapshot import place, short_text
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import CauseView, DecisionView, FailureView, PlanView, RejectedView
@@ -39,11 +39,10 @@ def views_of(
 
 def is_about(record: Decision | Failure, functor: str) -> bool:
     """Whether a record is about events or goals of this name."""
-    if type(record) is Decision:
-        return bool(record.relevant.sig.functor == functor)
-    goal = record.failed.goal  # type: ignore[union-attr]
-    names = [frame[RELEVANT].sig.functor for frame in record.frames]  # type: ignore[union-attr]
-    return functor in names or (goal is not None and goal.sig.functor == functor)
+    if isinstance(record, Decision):
+        return record.relevant.sig.functor == functor
+    names = [frame[RELEVANT].sig.functor for frame in record.frames]
+    return functor in names or (record.failed.goal is not None and record.failed.goal.sig.functor == functor)
 
 
 def view_of(mind: MindState, record: Decision | Failure) -> DecisionView | FailureView:
@@ -211,10 +210,10 @@ def _unbracketed(text: str) -> str:
     if not (text.startswith("(") and text.endswith(")")):
         return text
     depth = 0
-    for place, character in enumerate(text):
+    for at, character in enumerate(text):
         depth += (character == "(") - (character == ")")
         if depth == 0:
-            return text[1:-1] if place == len(text) - 1 else text
+            return text[1:-1] if at == len(text) - 1 else text
     return text
 
 
@@ -224,7 +223,7 @@ def plan_view(plan: Plan, bindings: dict[str, str] | None = None) -> PlanView:
     if texts is None:
         node = plan.syntax
         written_label = source_text(node.label) if node.label is not None else ""
-        texts = (written_label, source_text(node.trigger), f"{node.position.file}:{node.position.line}")
+        texts = (written_label, source_text(node.trigger), place(node.position))
         plan.shown = texts
     label, trigger, position = texts
     return PlanView(label=label, trigger=trigger, position=position, bindings=bindings or {})
@@ -239,7 +238,7 @@ def _values(frame: Frame, values: tuple[Term, ...] | None) -> dict[str, str]:
 
 
 def _place(step: Step | None) -> str:
-    return "" if step is None else f"{step.syntax.position.file}:{step.syntax.position.line}"
+    return "" if step is None else place(step.syntax.position)
 
 
 def failed_text(step: Step | None, code: Term) -> str:

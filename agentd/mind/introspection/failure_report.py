@@ -30,7 +30,7 @@ from agentd.mind.introspection.decision_views import (
     what_failed,
 )
 from agentd.mind.introspection.failure_text import as_they_are, failure_of
-from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.introspection.term_snapshot import place, short_text
 from agentd.mind.plans.nested_plans import candidates
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
@@ -50,7 +50,10 @@ def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames
     position = failed.step.syntax.position if failed.step is not None else None
     details = list(_hints(mind, failed))
     if goals:
-        calls = [f"{goal} ({_place(frame)})" for goal, frame in zip(goals, frames, strict=False)]
+        calls = []
+        for goal, frame in zip(goals, frames, strict=False):
+            position = frame[PLAN].syntax.position
+            calls.append(f"{goal} ({place(position) if position.line else 'message'})")
         details.append(f"in the plan for {', called by '.join(calls)}{', ...' if len(frames) > len(goals) else ''}")
     if because:
         details.append(f"{because}: the intention ends")
@@ -82,11 +85,6 @@ def _unhandled(failed: Failed, goals: list[Relevant]) -> str:
         return "the intention ends"
     some = " or ".join(handlers[:3]) + (" or ..." if len(handlers) > 3 else "")
     return f"no plan {some} handles error({failed.error}): the intention ends"
-
-
-def _place(frame: Frame) -> str:
-    position = frame[PLAN].syntax.position
-    return f"{position.file}:{position.line}" if position.line else "message"
 
 
 def _sentence(failed: Failed) -> str:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from itertools import islice
 from typing import Final
 
-from agentd.language.syntax_tree.nodes import Position
 from agentd.language.terms.format import text
 from agentd.language.terms.source_annotations import is_source
 from agentd.language.terms.terms import Literal, Term
 from agentd.mind.beliefs.term_copy import resolve_all, resolve_annots
 from agentd.mind.data.intention import ARGS, PLAN, RELEVANT, STEP, Event, Intention
-from agentd.mind.introspection.term_snapshot import short_text
+from agentd.mind.introspection.term_snapshot import place, short_text
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import BeliefView, EventView, IntentionView, QuestionView, WaitView
 
@@ -48,11 +47,6 @@ def _intention_view(intention: Intention, event: Event | None) -> IntentionView:
         at=place(node.position),
         since=intention.since if intention.waiting is not None else None,
     )
-
-
-def place(position: Position) -> str:
-    """``file:line``."""
-    return f"{position.file}:{position.line}"
 
 
 def event_view(event: Event) -> EventView:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from copy import copy
 from typing import Any, Final
 
+from agentd.language.syntax_tree.nodes import Position
 from agentd.language.terms.format import flat_text, text
 from agentd.language.terms.terms import (
     EMPTY,
@@ -182,3 +183,8 @@ def short_text(term: Term) -> str:
     if whole is None:
         whole = text(_Copy(lambda part: part is EMPTY).of(term))
     return whole if len(whole) <= _LONGEST else f"{whole[: _LONGEST - 3]}..."
+
+
+def place(position: Position) -> str:
+    """``file:line``."""
+    return f"{position.file}:{position.line}"
