@@ -1,4 +1,4 @@
-"""A mind: the state of one agent with its program, for whoever feeds and runs it. `cycle` moves it."""
+"""A mind: the state of one agent with its program. The runtime feeds and runs it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _AWAKING: Final = SignalRaised.named("jag_awaking")
 
 
 def wake_up(mind: MindState) -> None:
-    """Before cycles: end the sleep if there is an input, a message or a timer that is due. Its event comes first."""
+    """Before cycles: end the sleep if there is an input, a message or a due timer. Its event is the first."""
     inputs, heap = mind.inputs, mind.timers.heap
     told = bool(inputs) and inputs[0] is _SLEEPING
     if mind.asleep and (len(inputs) > told or mind.mailbox or (heap and heap[0].due <= mind.now)):
@@ -49,7 +49,7 @@ def wake_up(mind: MindState) -> None:
 
 
 def fall_asleep(mind: MindState) -> None:
-    """After cycles without effect: begin a sleep if there is nothing left to do but to wait. Once until it ends."""
+    """After cycles without effect: begin a sleep if nothing is left to do but to wait. Once until it ends."""
     if mind.asleep is not False or mind.atomic is not None:
         return
     mind.asleep = True
@@ -60,21 +60,21 @@ def fall_asleep(mind: MindState) -> None:
 
 
 class Mind(MindState):
-    """One agent's beliefs, plans, intentions and cycle, with nothing of the world but what is fed in.
+    """One agent's beliefs, plans, intentions and cycle. Everything from outside is fed in.
 
-    ``name`` is the agent's; ``seed`` starts its random numbers; ``start`` is the mission time in seconds at its birth.
-    ``actions`` are the names of the external actions that somebody can perform, None for any; ``names_variables`` says
-    that a variable without a value goes out in them, as in the paper's ``arm_motors(True)``. ``clock`` gives the
-    mission time when the program asks for it within a cycle; each reading is an input (`TimeRead`). Without a clock
-    time stands still within a call of `step`. ``on_input`` is told each input with the number of the cycle that took
-    it: fed again in the same cycles they lead to the same effects. ``agents`` tells who can be sent to (None: nobody
-    asks). ``has_team`` says that somebody answers each `TeamRequest`. ``ask_timeout`` in seconds bounds synchronous
-    asks without a limit of their own. ``epoch`` is the Unix time of mission time 0, and ``zone`` where it is told, for
-    ``.date`` and ``.time``. ``decisions`` is how many of the last decisions and failures are remembered
-    (`decision_views`); 0: none, which costs nothing. ``on_decision`` is told each of them as it is made.
-    ``select_message``, ``select_event``, ``select_option`` and ``select_intention`` choose in place of the defaults; a
-    subclass may have methods of these names instead (`agentd.mind.execution.option_selection`). ``keeper`` notes
-    what changes, so that the mind can be kept and restored (`agentd.mind.persistence.change_tracking`).
+    ``seed`` starts its random numbers; ``start`` is the mission time in seconds at its beginning. ``actions`` are the
+    names of the external actions that can be performed, None for any; ``names_variables``: actions may contain
+    variables without a value, as in the paper's ``arm_motors(True)``. ``clock`` gives the mission time when the program
+    asks for it within a cycle; each reading is an input (`TimeRead`). Without a clock, time does not advance within a
+    call of `step`. ``on_input`` is called with each input and the number of the cycle that takes it: fed again in the
+    same cycles, the inputs lead to the same effects. ``agents`` returns the names of possible receivers; None: no
+    receiver is checked. ``has_team``: each `TeamRequest` is answered. ``ask_timeout`` in seconds bounds synchronous
+    asks without a limit of their own. ``epoch`` is the Unix time of mission time 0 and ``zone`` its time zone, for
+    ``.date`` and ``.time``. ``decisions`` is the number of decisions and failures to remember (`decision_views`); 0
+    costs nothing. ``on_decision`` is called with each of them as it is made. ``select_message``, ``select_event``,
+    ``select_option`` and ``select_intention`` choose in place of the defaults; a subclass may have methods of these
+    names instead (`agentd.mind.execution.option_selection`). ``keeper`` notes changes, so that the mind can be saved
+    and restored (`agentd.mind.persistence.change_tracking`).
     """
 
     __slots__ = ("_cycles", "_queries", "program")
@@ -156,11 +156,11 @@ class Mind(MindState):
         copy_mind(self, other)
 
     def step(self, now: float) -> list[Effect]:
-        """Run one reasoning cycle at mission time ``now`` and return what it wants done, in order."""
+        """Run one reasoning cycle at mission time ``now`` in seconds and return its effects, in order."""
         return self.run(now, 1)
 
     def run(self, now: float, cycles: int) -> list[Effect]:
-        """Run up to so many cycles; stops early when there is an effect to hand out or nothing left to do."""
+        """Run at most ``cycles`` cycles; stop early when there is an effect or nothing left to do."""
         if now > self.now:
             self.now = now
         sleeps = self.plans.sleeps
@@ -193,7 +193,7 @@ class Mind(MindState):
     def query(self, formula: Any) -> bool:
         """Whether a parsed formula (`agentd.language.parse.parse_formula`) follows from the beliefs.
 
-        It leaves no trace in the mind, whatever rules it uses: who looks on changes nothing.
+        It leaves no trace in the mind, whatever rules it uses.
         """
         known = self._queries.get(id(formula))
         if known is None:
@@ -205,7 +205,9 @@ class Mind(MindState):
         self.random, self.on_input, self.effects, self.warned = Random(self.cycle), None, [], {}
         try:
             return bool(known[0](self, trail))
-        except Exception:  # a function of the program's may raise anything; what cannot be computed does not hold
+        except (
+            Exception
+        ):  # a function of the program's may raise anything; a formula that cannot be computed does not hold
             return False
         finally:
             undo(trail, 0)

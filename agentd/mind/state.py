@@ -1,7 +1,6 @@
-"""The state of one mind: what its functions read and change, and the operations that need nothing else.
+"""The state of one mind, and the operations that need nothing else.
 
-Every function of the mind takes a `MindState`; `agentd.mind.mind.Mind` is one with a program, for whoever runs it.
-Below this module only `plans` and `intentions` name it, for the functions that they hold.
+Every function of the mind takes a `MindState`; `agentd.mind.mind.Mind` is one with a program.
 """
 
 from __future__ import annotations
@@ -171,7 +170,7 @@ class MindState:
     events: deque[Event] = field(default_factory=deque)
     running: deque[Intention] = field(default_factory=deque)
     waiting: dict[int, tuple[Intention, Any]] = field(default_factory=dict)
-    """By its id, each intention that waits for something other than its own event, with what a drop takes back."""
+    """Each intention that waits for something other than its own event, by id, with the token that a drop cancels."""
     suspended: dict[int, Intention] = field(default_factory=dict)
     """Intentions that could run but are suspended, and those whose next event is held."""
     current: Intention | None = None
@@ -189,9 +188,9 @@ class MindState:
     percepts: dict[Signature, Perceived] = field(default_factory=dict)
     effects: list[Effect] = field(default_factory=list)
     drops: Drops = field(default_factory=Drops)
-    """What was dropped because too much waited."""
+    """Counts of dropped events, messages and questions."""
 
-    # --- what is waited for ---
+    # --- waiting ---
     timers: Timers = field(default_factory=Timers)
     future_events: list[Timer] = field(default_factory=list)
     """Events that ``.at`` raises when they are due."""
@@ -200,7 +199,7 @@ class MindState:
     changes: int = 0
     """How often beliefs have changed: formulas that are waited for are asked again when it has grown."""
     changes_seen: int = 0
-    """What ``changes`` was when those formulas were asked last."""
+    """The value of ``changes`` when those formulas were evaluated last."""
     action_client: dict[int, Intention] = field(default_factory=dict)
     """The intentions that wait for an action, by its id."""
     questions: dict[str, Question] = field(default_factory=dict)
@@ -214,15 +213,15 @@ class MindState:
     steps_left: int = MOST_STEPS
     """Steps of work that the formula being computed has left (`agentd.mind.beliefs.work_limit`)."""
     asked: Asked | None = None
-    """While a question of another agent is solved: what it may do."""
+    """The limits of another agent's question while it is solved."""
     most_frames: float
     """Plans that an intention may be in the middle of."""
     actions: frozenset[str] | None = None
-    """Names of the external actions that somebody can perform; None: any."""
+    """Names of the external actions that can be performed; None: any."""
     names_variables: bool = False
-    """Whether a variable without a value goes out in actions."""
+    """Whether actions may contain variables without a value."""
     has_team: bool = False
-    """Whether somebody answers each `TeamRequest`."""
+    """Whether each `TeamRequest` is answered."""
     ask_timeout: float | None = None
     """Seconds that a synchronous ask without a limit of its own waits at most."""
     epoch: float = 0.0
@@ -233,10 +232,10 @@ class MindState:
     namespaces: dict[str, dict[str, Any]] = field(default_factory=dict)
     """Properties of namespaces (``.namespace_set_prop``)."""
     asleep: bool | None = False
-    """Whether nothing was left to do (`agentd.mind.mind`); None: whoever feeds this mind says so."""
+    """Whether nothing was left to do (`agentd.mind.mind`); None: the runtime decides."""
     warned: dict[str, None] = field(default_factory=dict)
 
-    # --- hooks: None while nobody needs them ---
+    # --- hooks; None if unused ---
     clock: Callable[[], float] | None = None
     """Gives the mission time within a cycle; None: time stands still within `Mind.step`."""
     agents: Callable[[], Iterable[str]] | None = None
@@ -260,7 +259,7 @@ class MindState:
         list[Wait],
         list[tuple[Intention, Frame]],
     ] = field(init=False)
-    """What a cycle looks at, together: these are never replaced."""
+    """The queues that a cycle examines, as one tuple; they are never replaced."""
 
     def __post_init__(self) -> None:
         self.open_beliefs = OpenBeliefs(self._running_frames)
@@ -287,7 +286,7 @@ class MindState:
             self.inputs.append(item)
 
     def drop(self, kind: DropKind, text: str, name: str = "") -> None:
-        """Count what is dropped, and log it from time to time: see `Drops.note`."""
+        """Count a dropped item, and log it from time to time: see `Drops.note`."""
         self.timers.looks += 1
         log = self.drops.note(kind, text, name, self.now)
         if log is not None:
@@ -309,11 +308,11 @@ class MindState:
             self.warned[text] = None
             self.effects.append(Log("warning", text))
 
-    # --- what there is to do ---
+    # --- readiness ---
 
     @property
     def ready(self) -> bool:
-        """Whether there is something to do now."""
+        """Whether a cycle would do something now."""
         if self.inputs or self.effects:
             return True
         if (self.conditions or self.goal_conditions) and self.changes != self.changes_seen:
@@ -406,7 +405,7 @@ class MindState:
                 predicate.forget_code()
 
     def scope(self, trail: Trail) -> dict[Var, Var]:
-        """The scope of what is being evaluated."""
+        """The scope of the current evaluation."""
         current = self.current
         if current is None or not current.stack or trail is not current.trail:
             return self.open_beliefs.here(None)

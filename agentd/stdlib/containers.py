@@ -1,4 +1,4 @@
-"""Maps, sets and queues: changed in place, shared by all who hold them."""
+"""Maps, sets and queues: changed in place, and shared by every variable and belief that holds them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _PRIORITY = atom("priority")
 
 
 def _for_all_kinds(name: str, kinds: tuple[str, ...]) -> None:
-    """Register what maps, sets and queues have in common."""
+    """Register the actions that maps, sets and queues have in common."""
 
     @internal_action(f".{name}.clear", 1)
     def clear(mind: MindState, trail: Trail, term: Term) -> bool:
@@ -81,7 +81,7 @@ def map_create(mind: MindState, trail: Trail, term: Term) -> bool:
 
 @internal_action(".map.put", 3)
 def map_put(mind: MindState, trail: Trail, term: Term, key: Term, value: Term) -> bool:
-    """``.map.put(M, Key, V)``: V under Key, in place of what was there.
+    """``.map.put(M, Key, V)``: puts V under Key, in place of the former value.
 
     ?- .map.put(M, alt, 5) & .map.put(M, alt, 7) & .map.get(M, alt, A) gives A = 7
     """
@@ -91,7 +91,7 @@ def map_put(mind: MindState, trail: Trail, term: Term, key: Term, value: Term) -
 
 @internal_action(".map.get", (3, 4))
 def map_get(mind: MindState, trail: Trail, term: Term, key: Term, value: Term, default: Term | None = None) -> bool:
-    """``.map.get(M, Key, V[, Default])``: the value under Key; fails when there is none and no default.
+    """``.map.get(M, Key, V[, Default])``: the value under Key; fails if it is missing and no default is given.
 
     ?- .map.create(M) & .map.get(M, alt, A, 0) gives A = 0
     ?- .map.create(M) & .map.get(M, alt, A) fails
@@ -102,7 +102,7 @@ def map_get(mind: MindState, trail: Trail, term: Term, key: Term, value: Term, d
 
 @internal_action(".map.remove", 3)
 def map_remove(mind: MindState, trail: Trail, term: Term, key: Term, value: Term) -> bool:
-    """``.map.remove(M, Key, V)``: takes Key out; V is what was there. Fails when nothing was."""
+    """``.map.remove(M, Key, V)``: removes Key; V is its value. Fails if Key is missing."""
     found = _held(term, _MAP, trail).content.pop(resolve(key), None)
     return found is not None and unify(value, found, trail)
 
@@ -179,7 +179,7 @@ def set_remove(mind: MindState, trail: Trail, term: Term, item: Term) -> bool:
 
 @internal_action(".set.intersection", 2)
 def set_intersection(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
-    """``.set.intersection(S, L)``: only what is in L too stays.
+    """``.set.intersection(S, L)``: keeps only the members that are in L too.
 
     ?- .set.add_all(S, [a,b,c]) & .set.intersection(S, [b,d]) & .set.to_list(S, L) gives L = [b]
     """
@@ -190,7 +190,7 @@ def set_intersection(mind: MindState, trail: Trail, term: Term, items: Term) -> 
 
 @internal_action(".set.difference", 2)
 def set_difference(mind: MindState, trail: Trail, term: Term, items: Term) -> bool:
-    """``.set.difference(S, L)``: what is in L goes.
+    """``.set.difference(S, L)``: removes the members that are in L.
 
     ?- .set.add_all(S, [a,b,c]) & .set.difference(S, [b,d]) & .set.to_list(S, L) gives L = [a,c]
     """

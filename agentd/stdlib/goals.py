@@ -128,7 +128,7 @@ def _end(mind: MindState, goal: Term, trail: Trail, succeeded: bool) -> bool | N
 
 @internal_action(".succeed_goal", 1, suspends=True)
 def succeed_goal(mind: MindState, trail: Trail, goal: Term) -> bool | None:
-    """``.succeed_goal(G)``: G is over as achieved wherever it stands, and its callers go on."""
+    """``.succeed_goal(G)``: ends G as achieved in every intention; its callers continue."""
     return _end(mind, goal, trail, True)
 
 
@@ -192,7 +192,7 @@ def suspend(mind: MindState, trail: Trail, goal: Term | None = None) -> bool | N
     """
     if goal is None:
         if mind.atomic is mind.current:
-            mind.atomic = None  # or nobody could ever resume it
+            mind.atomic = None  # otherwise no intention could resume it
         _halt(mind, mind.own_intention, None)
         return True
     pattern, own = _goal(goal), False
@@ -202,7 +202,7 @@ def suspend(mind: MindState, trail: Trail, goal: Term | None = None) -> bool | N
         if intention.suspended is None and dropping.pursues(intention, event, pattern, trail):
             _halt(mind, intention, event)
             own |= intention is mind.current
-    for event in list(mind.events):  # the states of the goals come as events, too
+    for event in list(mind.events):  # the states of goals are events, too
         if event[3] is None and dropping.fits(pattern, dropping.goal_of(event), trail):
             _halt(mind, mind.new_intention(), event)
     held = {id(intention.held) for intention in mind.suspended.values()}
@@ -252,8 +252,8 @@ def _release(mind: MindState, intention: Intention) -> None:
 def suspended(mind: MindState, trail: Trail, goal: Term, reason: Term) -> Iterator[None]:
     """``.suspended(G, R)``: the intentions with G that do not run, and why.
 
-    R is ``wait(What)``, ``waiting_ask``, ``act`` or the like for one that waits, also if it was suspended then; else
-    ``suspend_ia``.
+    R is ``wait(What)``, ``waiting_ask``, ``act`` or the like for one that waits, even if it was suspended meanwhile;
+    otherwise ``suspend_ia``.
     """
     pattern = _goal(goal)
     mark = len(trail)

@@ -17,7 +17,7 @@ from agentd.mind.data.formula_failure import Failed
 
 _PLACE: Final = re.compile(r"%(?:(\d+)\$|(<))?([-#+ 0,(]*)(\d*)(?:\.(\d+))?([a-zA-Z%])|%")
 _MOST: Final = 10_000
-"""So wide, or so many digits after the point, a place may be."""
+"""Greatest width of a place, and greatest number of digits after the point."""
 _DIGITS: Final = 800
 """More decimal digits than any double has, before and after the point together with what a place asks for."""
 

@@ -27,7 +27,7 @@ _CLASS: Final = re.compile(r"\\([pP])\{(\w+)\}")
 
 @lru_cache(maxsize=256)
 def compiled(pattern: str) -> re.Pattern[str]:
-    """The expression that a pattern stands for. Fails with ``unknown`` for one that is none."""
+    """The compiled pattern. Fails with ``unknown`` if it is invalid."""
     if "&&" in pattern and "[" in pattern:
         raise Failed("unknown", f"the pattern '{pattern}': && in brackets is not supported")
     try:
@@ -71,7 +71,7 @@ def _expanded(new: str, match: re.Match[str]) -> str:
 
 
 def _group(new: str, at: int, match: re.Match[str]) -> tuple[Any, int]:
-    """The group that is named after a ``$``, and where the text goes on. As many digits count as there are groups."""
+    """The group named after a ``$`` and the position after it. Digits are read while such a group exists."""
     if new.startswith("{", at) and "}" in new[at:]:
         end = new.index("}", at)
         try:

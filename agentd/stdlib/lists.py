@@ -27,7 +27,7 @@ from agentd.mind.state import MindState
 from agentd.stdlib.java_regex import replace_all
 
 _COUNTED = 1024
-"""So many numbers of a `.range` are counted together."""
+"""Numbers of a `.range` whose work is counted together."""
 
 
 def members_of(term: Term, what: str) -> list[Term]:
@@ -279,5 +279,5 @@ def number_range(
 
 
 def _length(numbers: range) -> int:
-    """The length of a range, which `len` does not tell of a very long one."""
+    """The length of a range; `len` fails for very long ones."""
     return max(0, (numbers.stop - numbers.start + numbers.step - (1 if numbers.step > 0 else -1)) // numbers.step)

@@ -31,7 +31,7 @@ def name_of(term: Term) -> str:
 
 
 def _present(mind: MindState, name: str) -> str:
-    """The name of an agent to send to; ``self`` is the sender. Fails if there is no such agent."""
+    """The name of a receiver; ``self`` is the sender. Fails if there is no such agent."""
     if name == "self":
         return str(mind.name)
     if mind.agents is not None and name not in mind.agents():
@@ -44,7 +44,7 @@ def _receivers(to: Term) -> list[str]:
 
 
 def _asked(mind: MindState, to: Term) -> list[str]:
-    """The names of those whose answers are waited for: the agent itself goes by its own."""
+    """The names of the agents asked; ``self`` is replaced by the agent's own name."""
     return [mind.name if name == "self" else name for name in _receivers(to)]
 
 
@@ -52,8 +52,7 @@ def _asked(mind: MindState, to: Term) -> list[str]:
 def send_message(mind: MindState, trail: Trail, to: Term, performative: Term, content: Term) -> None:
     """``.send(To, Performative, Content)``: a message to an agent, or to each of a list of them.
 
-    Fails at once with ``receiver_not_found``, or when a mailbox is full; what goes wrong later is told by
-    ``+undelivered``.
+    Fails with ``receiver_not_found``, or if a mailbox is full; later failures raise ``+undelivered``.
     """
     if type(performative) is not str:
         performative = name_of(performative)
@@ -118,6 +117,6 @@ def broadcast(mind: MindState, trail: Trail, performative: Term, content: Term) 
 
 @internal_action(".all_names", 1)
 def all_names(mind: MindState, trail: Trail, result: Term) -> bool:
-    """``.all_names(L)``: everybody who can be sent to, the agent itself included."""
+    """``.all_names(L)``: the names of all possible receivers, including the agent itself."""
     names = [mind.name] if mind.agents is None else list(mind.agents())
     return unify(result, make_list([atom(n) for n in names]), trail)

@@ -37,7 +37,7 @@ _LEVELS = {"severe": "error", "warning": "warning", "info": "info"}
 
 @internal_action(".log", (1, None))
 def log(mind: MindState, trail: Trail, level: Term, *args: Term) -> bool:
-    """``.log(Level, T, ...)``: as ``.print``; below ``info`` nothing is shown unless ``.verbose(2)`` says so."""
+    """``.log(Level, T, ...)``: as ``.print``; below ``info`` it is shown only after ``.verbose(2)``."""
     name = deref(level)
     if type(name) is not Literal:
         raise Failed("unknown", ".log takes a level first")
@@ -49,7 +49,7 @@ def log(mind: MindState, trail: Trail, level: Term, *args: Term) -> bool:
 
 @internal_action(".verbose", 1)
 def verbose(mind: MindState, trail: Trail, level: Term) -> bool:
-    """``.verbose(N)``: 0 prints without the agent's name, 1 is normal, 2 shows what is logged below info too."""
+    """``.verbose(N)``: 0 prints without the agent's name, 1 is normal, 2 also shows log lines below info."""
     number = deref(level)
     if type(number) is not float:
         raise Failed("unknown", ".verbose takes a number")

@@ -35,7 +35,7 @@ _MYSELF, _BEGIN = SELF[0].args[0], atom("begin")
 def add_plan(mind: MindState, trail: Trail, plans: Term, source: Term = _MYSELF, place: Term | None = None) -> bool:
     """``.add_plan(P[, Source[, begin]])``: a plan in braces, its text, or a list of both.
 
-    With the atom ``begin`` it comes before all others, with any other third argument after them.
+    With the atom ``begin`` it is put before all others, with any other third argument after them.
     """
     add_plans(mind, plans, resolve(source), first=place is not None and resolve(place) == _BEGIN)
     return True
@@ -43,9 +43,9 @@ def add_plan(mind: MindState, trail: Trail, plans: Term, source: Term = _MYSELF,
 
 @internal_action(".remove_plan", (1, 2))
 def remove_plan(mind: MindState, trail: Trail, plans: Term, source: Term = _MYSELF) -> bool:
-    """``.remove_plan(Label[, Source])``: takes a source (the agent itself) away from the plans with a label.
+    """``.remove_plan(Label[, Source])``: removes a source (the agent itself) from the plans with a label or labels.
 
-    A plan goes with its last source. Also of a list of labels.
+    A plan is removed with its last source.
     """
     remove_plans(mind, plans, resolve(source))
     return True
@@ -97,7 +97,7 @@ def plan_label(mind: MindState, trail: Trail, plan: Any, label: Any) -> Iterator
 
 @internal_action(".signal", (1, 2))
 def signal(mind: MindState, trail: Trail, trigger: Term, kind: Term | None = None) -> bool:
-    """``.signal({+e})``: the event at once, with source(self); no belief is added."""
+    """``.signal({+e})``: raises the event, with source(self); no belief is added."""
     if type(deref(trigger)) not in (Code, str):
         raise Failed("unknown", ".signal takes an event in braces, such as { +alarm(1) }")
     code = read_trigger(trigger)

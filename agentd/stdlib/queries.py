@@ -31,7 +31,7 @@ def _solutions(mind: MindState, template: Term, query: Term, trail: Trail) -> li
 
 @internal_action(".findall", 3)
 def findall(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
-    """``.findall(T, Query, L)``: T for each solution, in order, duplicates kept; ``[]`` where there is none.
+    """``.findall(T, Query, L)``: T for each solution, in order, duplicates kept; ``[]`` without solutions.
 
     ?- .findall(X, .member(X, [b,a,b]), L) gives L = [b,a,b]
     """
@@ -49,7 +49,7 @@ def setof(mind: MindState, trail: Trail, template: Term, query: Term, result: Te
 
 @internal_action(".min", 3)
 def minimum_of(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
-    """``.min(T, Query, X)``: the least T of all solutions; fails where there is none.
+    """``.min(T, Query, X)``: the least T of all solutions; fails without solutions.
 
     ?- .min(X, .member(X, [3,1,2]), M) gives M = 1
     """
@@ -59,7 +59,7 @@ def minimum_of(mind: MindState, trail: Trail, template: Term, query: Term, resul
 
 @internal_action(".max", 3)
 def maximum_of(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
-    """``.max(T, Query, X)``: the greatest T of all solutions; fails where there is none."""
+    """``.max(T, Query, X)``: the greatest T of all solutions; fails without solutions."""
     found = ordered(_solutions(mind, template, query, trail))
     return bool(found) and unify(result, found[-1], trail)
 

@@ -23,7 +23,7 @@ _MASK: Final = (1 << 48) - 1
 
 
 class JavaRandom(Random):
-    """The numbers of ``java.util.Random``: a linear congruential generator of 48 bits, as its documentation says."""
+    """The numbers of ``java.util.Random``: a linear congruential generator of 48 bits, as documented there."""
 
     def __init__(self, seed: int) -> None:
         super().__init__()

@@ -205,7 +205,7 @@ def reverse(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
 
 
 def read_term(mind: MindState, written: str) -> Any:
-    """The term that a text stands for; its variables are those of the running plan. What cannot be read is an atom."""
+    """Parse a term; its variables are those of the running plan. Text that cannot be parsed becomes an atom."""
     try:
         node = parse_term(written)
     except (SyntaxErrors, RecursionError):

@@ -20,7 +20,7 @@ def my_name(mind: MindState, trail: Trail, name: Term) -> bool:
 
 @internal_action(".stopMAS", (0, 2))
 def stop_mas(mind: MindState, trail: Trail, delay: Term = 0.0, code: Term = 0.0) -> bool:
-    """``.stopMAS([Ms[, ExitCode]])``: the team ends, at once or after a delay."""
+    """``.stopMAS([Ms[, ExitCode]])``: ends the team, immediately or after a delay in ms."""
     delay, code = deref(delay), deref(code)
     if type(delay) is not float or type(code) is not float:
         wrong_arguments(".stopMAS takes milliseconds and an exit code")
@@ -43,14 +43,14 @@ def fail(mind: MindState, trail: Trail, *args: Term) -> bool:
 
 @internal_action(".perceive", 0)
 def perceive(mind: MindState, trail: Trail) -> bool:
-    """``.perceive``: what the environment shows now is believed before the next formula."""
+    """``.perceive``: brings the percepts up to date before the next formula."""
     mind.effects.append(AskPercepts())
     return True
 
 
 @internal_action(".version", 1)
 def version(mind: MindState, trail: Trail, result: Term) -> bool:
-    """``.version(V)``: what runs the program: ``"argosy"``.
+    """``.version(V)``: the name of the interpreter, ``"argosy"``.
 
     ?- .version(V) gives V = "argosy"
     """
@@ -59,5 +59,5 @@ def version(mind: MindState, trail: Trail, result: Term) -> bool:
 
 @internal_action(".join", (0, None))
 def join(mind: MindState, trail: Trail, *args: Term) -> bool:
-    """``.join``: what Jason puts at the end of the branches of a ``.fork``; it is not for programs."""
+    """``.join``: ends the branches of a ``.fork`` in Jason; it is not for programs."""
     return wrong_arguments(".join ends the branches of .fork by itself and is not to be called")

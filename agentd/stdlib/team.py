@@ -49,11 +49,11 @@ _PLAIN_CLASSES: Final = {
     "agentClass": ("Agent",),
     "beliefBaseClass": ("DefaultBeliefBase",),
 }
-"""Options of Jason that name Java classes, and the classes that stand for what every agent has here."""
+"""Options of Jason that name Java classes, and the default classes, which every agent here corresponds to."""
 
 
 def _check_options(mind: MindState, options: Term) -> None:
-    """Fail for what a new agent cannot be: an agent of a Java class would not be what the program means."""
+    """Fail for an option that names a custom Java class, which cannot be honoured."""
     for option in proper(options) or []:
         term = deref(option)
         name = term.sig.functor if type(term) is Literal else text(term)
@@ -78,7 +78,7 @@ def clone(mind: MindState, trail: Trail, name: Term) -> bool:
 
 @internal_action(".kill_agent", (1, 2), suspends=True)
 def kill_agent(mind: MindState, trail: Trail, name: Term, delay: Term = 0.0) -> bool:
-    """``.kill_agent(Name[, Ms])``: ends an agent, at once or after so many milliseconds."""
+    """``.kill_agent(Name[, Ms])``: ends an agent, immediately or after a delay in ms."""
     pause = deref(delay)
     if type(pause) is not float:
         wrong_arguments("the delay of .kill_agent is a number of milliseconds")
@@ -87,33 +87,33 @@ def kill_agent(mind: MindState, trail: Trail, name: Term, delay: Term = 0.0) -> 
 
 @internal_action(".df_register", (1, 2), suspends=True)
 def df_register(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
-    """``.df_register(Service[, Type])``: this agent offers a service, until it says otherwise or is gone."""
+    """``.df_register(Service[, Type])``: this agent offers a service, until it deregisters or ends."""
     return request(mind, "df_register", (plain_text(service),))
 
 
 @internal_action(".df_deregister", (1, 2), suspends=True)
 def df_deregister(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
-    """``.df_deregister(Service[, Type])``: it does not any more."""
+    """``.df_deregister(Service[, Type])``: withdraws the service."""
     return request(mind, "df_deregister", (plain_text(service),))
 
 
 @internal_action(".df_search", (2, 3), suspends=True)
 def df_search(mind: MindState, trail: Trail, service: Term, *rest: Term) -> bool:
-    """``.df_search(Service[, Type], List)``: the names of those who offer it."""
+    """``.df_search(Service[, Type], List)``: the names of the agents that offer it."""
     return request(mind, "df_search", (plain_text(service),), rest[-1])
 
 
 @internal_action(".df_subscribe", (1, 2), suspends=True)
 def df_subscribe(mind: MindState, trail: Trail, service: Term, kind: Term | None = None) -> bool:
-    """``.df_subscribe(Service)``: beliefs ``provider(Agent, Service)`` for those there and those to come."""
+    """``.df_subscribe(Service)``: beliefs ``provider(Agent, Service)`` for present and future providers."""
     return request(mind, "df_subscribe", (plain_text(service),))
 
 
 @internal_action(".list_files", (2, 3), suspends=True)
 def list_files(mind: MindState, trail: Trail, folder: Term, *rest: Term) -> bool:
-    """``.list_files(Folder[, Regex], List)``: the files below a folder whose path or name is of this form, as strings.
+    """``.list_files(Folder[, Regex], List)``: the files below a folder whose path or name matches, as strings.
 
-    ``[]`` if there is no such folder.
+    ``[]`` if the folder is missing.
     """
     where, form = deref(folder), deref(rest[0]) if len(rest) == 2 else ".*"
     if type(where) is not str or type(form) is not str:
@@ -164,7 +164,7 @@ DEEPEST: Final = 1000
 
 
 def program_text(mind: MindState, goals: list[Any]) -> str:
-    """The program, with these initial goals. What cannot be written is left out, and told in the log."""
+    """The program as text, with these initial goals. Parts without syntax are left out and logged."""
     lines: list[str] = []
 
     def put(write: Callable[[ToSyntax, Any], Any], what: Any) -> None:
@@ -174,7 +174,7 @@ def program_text(mind: MindState, goals: list[Any]) -> str:
             shown = what.head if type(what) is Plan else text(what)
             mind.effects.append(Log("warning", f".save_agent leaves out {shown}: {why}"))
 
-    for predicate in reversed(mind.beliefs.predicates()):  # initial beliefs come in from the last to the first
+    for predicate in reversed(mind.beliefs.predicates()):  # initial beliefs are added from the last to the first
         for entry in reversed(predicate.entries.values()):
             if type(entry) is RuleClause:
                 put(_rule, Code(entry.syntax, entry.values, bare=True))

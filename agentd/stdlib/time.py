@@ -23,9 +23,9 @@ from agentd.mind.state import MindState
 def wait(
     mind: MindState, trail: Trail, what: Term, limit: Term | None = None, elapsed: Term | None = None
 ) -> bool | None:
-    """``.wait(Ms)``, ``.wait({event}[, Ms[, Elapsed]])``, ``.wait(Formula[, Ms[, Elapsed]])``: so long, or until then.
+    """``.wait(Ms)``, ``.wait({event}[, Ms[, Elapsed]])``, ``.wait(Formula[, Ms[, Elapsed]])``: waits.
 
-    After Ms milliseconds without the event or formula it fails, or goes on if Elapsed asks how long it took.
+    After Ms milliseconds without the event or formula it fails, or continues if Elapsed, the time in ms, is given.
     """
     intention = mind.own_intention
     term = deref(what)

@@ -22,7 +22,7 @@ Mode = tuple[bool, ...]
 """Which arguments of a query are given (True), which are only asked for."""
 
 _SMALL = 8
-"""Up to so many facts a scan is as fast as an index."""
+"""Up to this number of facts, a scan is as fast as an index."""
 
 
 class Asking(Computing, Protocol):
@@ -51,7 +51,7 @@ class RuleClause:
 
 
 def _index_key(term: Any) -> Any:
-    """What two ground terms must share to unify; None for what may unify with anything."""
+    """The key that two ground terms must share to unify; None if the term may unify with anything."""
     kind = type(term)
     if kind is float or kind is str:
         return term
@@ -245,7 +245,7 @@ class Predicate:
                     del buckets[key]
 
     def forget_code(self) -> None:
-        """Have the rules compiled anew when they are asked next."""
+        """Have the rules compiled again when they are queried next."""
         for entry in self.entries.values() if self.rules else ():
             if type(entry) is RuleClause:
                 entry.modes.clear()
@@ -274,8 +274,8 @@ class Predicate:
     def find(self, args: tuple[Term, ...], annots: tuple[Term, ...], trail: Trail) -> Literal | None:
         """The fact that ``-b`` with these arguments and annotations removes; its bindings are kept.
 
-        That is the first that unifies. A fact with variables is one only if they are left free, as in Jason: else what
-        it has become is removed, if that is a fact of its own.
+        It is the first that unifies. A fact with variables counts only if they are still free, as in Jason; otherwise
+        the fact equal to the unified one is removed, if there is one.
         """
         if not self.open:
             exact = self.entries.get(args)
@@ -296,7 +296,7 @@ class Predicate:
         return None
 
     def take_annots(self, fact: Literal, annots: tuple[Term, ...]) -> None:
-        """Remove annotations from a fact; it goes altogether with its last source."""
+        """Remove annotations from a fact, and the fact with its last source."""
         if fact.annots is annots:
             self.remove(fact)
             return
@@ -308,7 +308,7 @@ class Predicate:
 
 
 def use_open(pattern: Literal, fact: Literal, trail: Trail) -> tuple[Literal, bool] | None:
-    """What a fact with variables has become by unifying with a pattern, and whether its variables are left free."""
+    """Unify a fact with variables with a pattern; return the result, and whether its variables are still free."""
     fresh: dict[Var, Var] = {}
     use = Copier(fresh=True, known=fresh).copy(fact)
     if not unify(pattern, use, trail):
@@ -336,15 +336,15 @@ class BeliefBase:
     """All predicates of a mind."""
 
     dated = False
-    """Whether it knows since when it believes what."""
+    """Whether it records since when each fact is believed."""
 
     def __init__(self, opened: Callable[[], None] = lambda: None) -> None:
-        """``opened`` is called whenever a belief with a free variable comes in."""
+        """``opened`` is called whenever a belief with a free variable is added."""
         self._predicates: dict[Signature, Predicate] = {}
         self._opened = opened
 
     def predicate(self, sig: Signature) -> Predicate:
-        """The predicate of a signature; an empty one is made if there is none."""
+        """The predicate of a signature, made empty if it is missing."""
         found = self._predicates.get(sig)
         if found is None:
             found = self._predicates[sig] = Predicate(sig, self._opened)
@@ -357,10 +357,10 @@ class BeliefBase:
         return list(self._predicates.values())
 
     def mark(self, now: float) -> None:
-        """Note that what is new since the last mark has come by now, in mission seconds, if it is `dated`."""
+        """Date the facts added since the last mark with ``now``, in mission seconds, if the base is `dated`."""
 
     def since(self, fact: Literal) -> tuple[float | None, bool]:
-        """Since when a fact is believed, in mission seconds; None if nobody knows. And whether that will stay so."""
+        """Since when a fact is believed, in mission seconds (None: unknown), and whether this answer is final."""
         return None, True
 
     def facts(self) -> Iterator[Literal]:
@@ -391,7 +391,7 @@ class OpenBeliefs:
         """The scopes of plans that run, by the identity of their frames."""
 
     def here(self, frame: Frame | None) -> Scope:
-        """The scope of what is being evaluated; ``frame`` is that of the plan that runs, None for something else."""
+        """The scope of the current evaluation; ``frame`` is that of the running plan, None outside of plans."""
         if self._scope is not None:
             return self._scope
         if frame is None:

@@ -54,7 +54,7 @@ def solve(mind: MindState, formula: Term, trail: Trail) -> Iterator[None]:
 
 
 def _namespaces(mind: MindState, formula: Open, trail: Trail) -> Iterator[Literal]:
-    """The literal in each namespace that its namespace variable may stand for."""
+    """The literal in each namespace that its namespace variable may be bound to."""
     literal = formula.literal
     assert literal is not None
     for predicate in mind.beliefs.predicates():
@@ -82,7 +82,7 @@ def _literal(mind: MindState, formula: Literal, trail: Trail) -> Iterator[None]:
     for found, annots in predicate.literals((True,) * sig.arity, args, mind, trail):
         if mind.asked is not None:
             mind.asked.work()
-        mark = len(trail)  # of each answer anew: a rule needs what it has bound to find the next one
+        mark = len(trail)  # per answer: a rule needs its bindings to find the next one
         if unify(formula.bare(), Literal(sig, found), trail):
             yield from subsets(formula.annots, annots, trail)
         undo(trail, mark)

@@ -117,7 +117,7 @@ def is_ground(term: Any) -> bool:
 
 
 def _looks_ground(term: Literal) -> bool:
-    """Whether a flat literal is ground as it stands, found without a walk; notes it in the term."""
+    """Whether a flat literal is ground, found without a walk and noted in the term."""
     for part in (*term.args, *term.annots) if term.annots else term.args:
         kind = type(part)
         if kind is not float and kind is not str and not (kind is Literal and part.ground):
@@ -129,8 +129,7 @@ def _looks_ground(term: Literal) -> bool:
 class Copier:
     """Copies terms out of a plan: bound variables become their values, arithmetic its result.
 
-    Free variables become new ones, the same for the same (``fresh``), or stay. ``known`` says which new ones stand for
-    them already.
+    With ``fresh`` each free variable is replaced by a new one; ``known`` maps those that were replaced before.
     """
 
     __slots__ = ("_fresh", "open")
@@ -245,7 +244,7 @@ def with_source(annots: tuple[Term, ...]) -> tuple[Term, ...]:
 
 
 def annots_with_tail(annots: tuple[Term, ...], tail: Term) -> tuple[Term, ...]:
-    """``[a|T]`` as annotations: with the elements of T if it has a value, else T stands for the rest."""
+    """``[a|T]`` as annotations: with the elements of T if it has a value, else with T as a `Rest`."""
     end = deref(tail)
     if type(end) is Var:
         return (*sorted_annots(annots), Rest(end))
@@ -253,7 +252,7 @@ def annots_with_tail(annots: tuple[Term, ...], tail: Term) -> tuple[Term, ...]:
 
 
 def nested_source(annots: tuple[Term, ...], name: str) -> tuple[Term, ...]:
-    """Annotations of what an agent says: its sources, without source(self), become annotations of source(name)."""
+    """Annotations of an agent's message: its sources, except source(self), become annotations of source(name)."""
     if not annots:
         return SELF if name == "self" else told_by(name)
     others = [a for a in annots if not is_source(a)]

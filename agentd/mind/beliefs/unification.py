@@ -144,7 +144,7 @@ def _unify_expressions(left: Term, right: Term, trail: Trail) -> bool:
 
 
 def _unify_open(pattern: Open, other: Any, trail: Trail, left_side: bool) -> bool:
-    """Unify a decorated variable with a term: take the decorations off and unify what is left."""
+    """Unify a decorated variable with a term: remove the decorations and unify the remainder."""
     other = value(other)
     if type(other) is Var:
         other.ref = pattern
@@ -190,7 +190,7 @@ def _renamed(literal: Literal, namespace: str, negated: bool) -> Literal:
 def subset(left: tuple[Term, ...], right: tuple[Term, ...], trail: Trail) -> bool:
     """Whether each annotation on the left unifies with one on the right (the first choice that fits, no backtracking).
 
-    A `Rest` at the end of the left takes what is left over of the right.
+    A `Rest` at the end of the left is bound to the remaining annotations of the right.
     """
     for _ in subsets(left, right, trail):
         return True
@@ -305,9 +305,9 @@ def _unify_bodies(
     right_values: dict[str, Any],
     trail: Trail,
 ) -> bool:
-    """``{ H; T }`` takes a body apart; a variable that ends the left side takes all that is left.
+    """``{ H; T }`` splits a body; a variable at the end of the left side is bound to the remaining formulas.
 
-    What a variable takes prints without braces, as in Jason.
+    The value of such a variable prints without braces, as in Jason.
     """
     for n in range(max(len(left), len(right))):
         mine = _lone_variable(left[n], left_values) if n < len(left) else None

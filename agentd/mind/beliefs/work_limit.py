@@ -1,4 +1,4 @@
-"""How much work one formula or question may take: a mind that computes for ever loses its robot.
+"""Limits on the work of one formula or question: a mind that computes for ever loses its robot.
 
 Work is counted in steps, not in time, so that a mind decides the same on a fast board, on a slow one and in a replay:
 a fact looked at in a loop within a loop, a solution of an internal action, a rule that is asked. `MindState.steps_left`
@@ -114,7 +114,7 @@ AFTERWARDS: Final = MOST_STEPS // 100
 QUESTION_STEPS: Final = 100_000
 """Steps that a question may take: formulas tried, solutions found, list elements and characters handed to actions."""
 _SQUARE: Final = frozenset((".prefix", ".sublist", ".substring", ".suffix"))
-"""Internal actions whose work may grow as the square of what they are given."""
+"""Internal actions whose work may grow with the square of their arguments' size."""
 
 
 class TooMuchWork(Failed):
@@ -122,7 +122,7 @@ class TooMuchWork(Failed):
 
 
 class Computing(Protocol):
-    """Counts and reports what computing a formula takes: a mind."""
+    """Counts the work of a formula and logs warnings: a mind."""
 
     steps_left: int
 
@@ -143,11 +143,11 @@ def work(mind: Computing, steps: int) -> None:
 
 
 class QueryRefused(Failed):
-    """A question that is not answered: it names what may have an effect, or takes too many steps."""
+    """A question is refused: it names an action that may have an effect, or takes too many steps."""
 
 
 class Asked:
-    """What a question has used so far. Once refused, each further step fails too: nothing can catch a refusal."""
+    """Counts the steps of a question. Once refused, each further step fails too: a refusal cannot be caught."""
 
     __slots__ = ("_left", "_refused")
 
@@ -186,7 +186,7 @@ class Asked:
 
 
 def _size(term: Term) -> int:
-    """How much there is in a text or list; 1 for anything else."""
+    """The length of a text or list plus 1; 1 for anything else."""
     term = deref(term)
     if type(term) is str:
         return len(term) + 1

@@ -1,7 +1,7 @@
-"""What comes out of a mind.
+"""Effects: the outputs of a mind.
 
-Nobody changes an effect. The classes are not declared frozen because one is made for each message and action, and a
-frozen one takes seven times as long to make.
+Effects are immutable by convention. The classes are not frozen because making a frozen one takes seven times as long,
+and one is made for each message and action.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class PerformAction:
 
 @dataclass(slots=True)
 class CancelAction:
-    """The intention that waited for this action is gone."""
+    """The intention that waited for this action has ended."""
 
     id: int
 
@@ -58,7 +58,7 @@ class Log:
     at: Position | None = None
     """The place in the program that it is about."""
     ends: bool = False
-    """Whether it tells that a failure which nothing handled has ended an intention."""
+    """Whether it reports that an unhandled failure has ended an intention."""
 
 
 @dataclass(slots=True)
@@ -71,7 +71,7 @@ class StopTeam:
 
 @dataclass(slots=True)
 class TeamRequest:
-    """Something that only the one who runs the team can do; the answer is a `TeamReply` with this id.
+    """A request to the runtime of the team; the answer is a `TeamReply` with this id.
 
     ``what`` is ``create``, ``kill``, ``clone``, ``df_register``, ``df_deregister``, ``df_search``, ``df_subscribe``,
     ``save``, ``list_files`` or ``include``; ``arguments`` are strings and numbers as each needs.
@@ -92,7 +92,7 @@ class TeamRequestRefused(Exception):
 
 @dataclass(slots=True)
 class AskPercepts:
-    """``.perceive``: the program wants its percepts brought up to date before it goes on."""
+    """``.perceive``: bring the percepts up to date before the program continues."""
 
 
 Effect: TypeAlias = PerformAction | CancelAction | SendMail | Print | Log | StopTeam | TeamRequest | AskPercepts

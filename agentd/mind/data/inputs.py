@@ -1,7 +1,7 @@
-"""What goes into a mind, each input at the beginning of a cycle; a recording of them replays to the same decisions.
+"""Inputs of a mind, taken at the beginning of a cycle; a recording of them replays to the same decisions.
 
-Nobody changes an input. The classes are not declared frozen because one is made for each message and percept, and a
-frozen one takes seven times as long to make.
+Inputs are immutable by convention. The classes are not frozen because making a frozen one takes seven times as long,
+and one is made for each message and percept.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from agentd.language.terms.terms import Literal, Term
 class PerceptReplaced:
     """A percept now has these values.
 
-    It takes the place of the percepts with the same functor and arity whose arguments at the positions ``key`` agree
-    (``()``: of all of them). What has not changed raises no event.
+    It replaces the percepts of the same functor and arity whose arguments at the positions ``key`` agree (``()``: all
+    of them). An unchanged percept raises no event.
     """
 
     literal: Literal
@@ -41,15 +41,15 @@ class PerceptRemoved:
 
 
 PerceptKey: TypeAlias = tuple[Signature, tuple[Any, ...]]
-"""What a percept is known by: annotations take no part in comparisons."""
+"""The identity of a percept, without its annotations."""
 
 
 @dataclass(slots=True)
 class PerceptsChanged:
-    """What has become of some percepts: the literal for one that holds now, None for one that holds no longer.
+    """Changes of percepts: the literal for one that holds now, None for one that holds no longer.
 
-    What is no change for the mind is passed over. All of them are ground, without bound variables inside. Whoever feeds
-    it leaves the dict alone from then on.
+    Entries that change nothing are skipped. All terms are ground, without bound variables inside. The dict must not be
+    changed after it is fed.
     """
 
     percepts: dict[PerceptKey, Literal | None]
@@ -79,7 +79,7 @@ class ActionDone:
 
 @dataclass(slots=True)
 class TeamReply:
-    """The answer to a `TeamRequest`: a term (or what the request is for), or the error that its intention gets."""
+    """The answer to a `TeamRequest`: a term or another result, or the error that its intention gets."""
 
     id: int
     value: Any = None

@@ -1,4 +1,4 @@
-"""Intentions, stacks of frames with one for each plan that an intention is running, and what intentions wait for.
+"""Intentions, their stacks of frames (one per running plan), timers, and records of what intentions wait for.
 
 A frame is a flat list, so that generated code makes one in one step. Its first places are named below; the variables of
 the plan follow from `VARIABLES` on. The first place is the *step to come*; None means that the body has ended.
@@ -34,14 +34,14 @@ class Timer:
 
 
 class Timers:
-    """What is due when. Equal times keep the order in which they were set."""
+    """A queue of timers. Equal times keep the order in which they were set."""
 
     def __init__(self) -> None:
         self.heap: list[Timer] = []
         """The timers, the next one first; some may be cancelled."""
         self._count = 0
         self.looks = 0
-        """How often the time has made a difference: for those who note what a mind is given (`agentd.trace`)."""
+        """Counts reads of the time: `agentd.trace` records the time only when it mattered."""
 
     def at(self, due: float, action: Callable[[], None]) -> Timer:
         self._count += 1
@@ -57,7 +57,7 @@ class Timers:
         return self.heap[0].due if self.heap else None
 
     def run(self, now: float) -> None:
-        """Do what is due."""
+        """Run the actions that are due at mission time ``now``."""
         while self.heap and (self.heap[0].cancelled or self.heap[0].due <= now):
             timer = heappop(self.heap)
             if not timer.cancelled:
@@ -79,7 +79,7 @@ VARIABLES: Final = 6
 
 
 class Step:
-    """A formula of a loaded plan: the generated function, the step after it, and what was written."""
+    """A formula of a loaded plan: the generated function, the next step, and the syntax."""
 
     __slots__ = ("next", "plan", "run", "syntax")
 
@@ -151,7 +151,7 @@ class Intention:
         """The variables bound so far that a failure may have to free again."""
         self.waiting = self.suspended = self.action = self.branch = self.held = None
         self.since = 0.0
-        """Mission seconds since when it waits for what `waiting` says."""
+        """Mission seconds since when it is `waiting`."""
 
     def trim(self, mark: int) -> None:
         """Forget the bindings since ``mark`` that no failure below needs to undo, after a frame has ended well."""
@@ -207,7 +207,7 @@ class Question:
 
 @dataclass(slots=True, eq=False)
 class Request:
-    """A request to the team (`agentd.mind.execution.waiting`): what is done with the answer."""
+    """A request to the team (`agentd.mind.execution.waiting`) and the use of its answer."""
 
     intention: Intention
     result: Any

@@ -43,7 +43,7 @@ class InternalAction:
         self.name, self.arities, self.function = name, arities, function
         self.backtracks, self.suspends = backtracks, suspends
         self.names = names
-        """So many arguments at the beginning may be atoms or strings alike: an atom in the program comes as a str."""
+        """Leading arguments that are names: an atom in the program is passed as a str."""
         self.counts = counts
         """It counts its work itself (`agentd.mind.beliefs.work_limit`); of others each solution is a step."""
         self._guarded: Callable[..., Any] | None = None
@@ -115,7 +115,7 @@ _MANY: Final = 1 << 30
 
 
 def missing_action(name: str, arity: int) -> str:
-    """What is told of an internal action that does not exist."""
+    """The message about an internal action that does not exist."""
     return f"there is no internal action {name}/{arity}{near(name, ACTIONS)}"
 
 
@@ -149,7 +149,7 @@ def internal_action(
 
 
 def find_function(name: str, arity: int) -> Callable[..., Any] | None:
-    """The function of this name for so many arguments."""
+    """The function of this name and arity."""
     found = FUNCTIONS.get((name, arity))
     if found is None and "." in name:
         unusable = _look_further(name)
@@ -179,11 +179,11 @@ ASKED: Final[dict[str, str | None]] = {}
 
 
 class Unusable(RuntimeError):
-    """What provides an internal action or function cannot be used; the text names it and says why."""
+    """A package of internal actions or functions cannot be used; the text names it and gives the reason."""
 
 
 def _look_further(name: str) -> Callable[..., Any] | None:
-    """Have the sources register the package of a name, once; what to call for a package that cannot be used."""
+    """Have the sources register the package of a name, once. Return a function that raises if it cannot be used."""
     package, dot, _ = name.partition(".")
     if not dot or not package or package.startswith("'"):
         return None
@@ -202,10 +202,7 @@ def _look_further(name: str) -> Callable[..., Any] | None:
 
 
 def find_action(name: str, arity: int) -> InternalAction | None:
-    """The internal action of this name for so many arguments.
-
-    With a number of arguments that it does not take, an action that fails with ``wrong_arguments`` is returned.
-    """
+    """The internal action of this name and arity; one that fails with ``wrong_arguments`` if the arity is wrong."""
     found = ACTIONS.get(name)
     if found is None:
         unusable = _look_further(name)
@@ -225,7 +222,7 @@ def find_action(name: str, arity: int) -> InternalAction | None:
 
 
 class Library:
-    """The standard library and what a program adds to it."""
+    """The internal actions and functions that a program may use: the standard library and the program's own."""
 
     def __init__(self) -> None:
         self.has_meta = False
@@ -238,7 +235,7 @@ class Library:
         self.rules_of_functions: dict[tuple[str, int], str] = {}
         """The rules that compute the program's own functions, by name and number of arguments."""
         self.unknown: dict[tuple[str, int], nodes.Position] = {}
-        """Internal actions that the program uses and nobody knows, with the first place of each."""
+        """Unknown internal actions that the program uses, with the first place of each."""
 
     def register_function(self, name: str, arity: int, compute: Callable[..., Any]) -> None:
         """A function of the program's own (``{ register_function("my.f", 2, "rule") }``)."""

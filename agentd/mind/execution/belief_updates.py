@@ -110,7 +110,7 @@ def replace(
     """``-+b``, all resolved: takes the annotations written from the first entry that has them, then adds (49, 50).
 
     They include source(self) unless another source is written. A rule is an entry with source(self), as in Jason, and
-    goes without an event.
+    its removal raises no event.
     """
     for fact in reversed(predicate.entries.values()):
         if type(fact) is not Literal:

@@ -42,7 +42,7 @@ class Fork:
         return copy
 
     def ended(self, mind: MindState, branch: Intention, frame: Frame) -> None:
-        """A branch has come to its join. The parent goes on with the variables of the one that counted last."""
+        """A branch has reached its join. The parent continues with the variables of the last branch that counted."""
         self.branches.remove(branch)
         if self.all_needed and self.branches:
             return
@@ -109,11 +109,11 @@ def join(mind: MindState, intention: Intention, frame: Frame) -> bool:
 Row = tuple[Predicate, tuple[Any, ...]]
 
 Kept = tuple[int, list[tuple[int, Any, Any]]]
-"""How long the trail was when a loop began, and the free variables in the frame: place, what it held, the cell."""
+"""The length of the trail when a loop began, and the free variables in the frame: place, content, cell."""
 
 
 def begin_rounds(trail: Trail, frame: Frame, places: tuple[int, ...]) -> Kept:
-    """Note which of these places of a frame hold no value, or one with free variables: what `free_again` needs."""
+    """Note which of these places of a frame hold no value, or one with free variables, for `free_again`."""
     free = []
     for place in places:
         cell = deref(frame[place])
@@ -127,7 +127,7 @@ def begin_rounds(trail: Trail, frame: Frame, places: tuple[int, ...]) -> Kept:
 
 
 def free_again(trail: Trail, frame: Frame, kept: Kept) -> None:
-    """Take back what a round of a loop has bound."""
+    """Undo the bindings of a round of a loop."""
     mark, free = kept
     if len(trail) > mark:
         undo(trail, mark)
@@ -138,7 +138,7 @@ def free_again(trail: Trail, frame: Frame, kept: Kept) -> None:
 
 
 def present(rows: tuple[Row, ...]) -> tuple[Row, ...]:
-    """Those of the rows of a solution that are facts (others come from rules)."""
+    """The rows of a solution that are facts; others are answers of rules."""
     return tuple([row for row in rows if row[1] in row[0].entries])
 
 

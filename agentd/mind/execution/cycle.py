@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def run_cycles(mind: MindState, cycles: int) -> None:
-    """Run up to so many cycles; the end of the first that has an effect, or leaves nothing to do, is the last."""
+    """Run at most ``cycles`` cycles; stop after the first that has an effect or leaves nothing to do."""
     inputs, mailbox, events, running, timers, conditions, goal_conditions = mind.queues
     effects, take_event = mind.effects, mind.take_event
     for _ in range(cycles):

@@ -49,7 +49,7 @@ def drop(mind: MindState, intention: Intention) -> None:
 
 
 def _take_back(mind: MindState, intention: Intention) -> None:
-    """Take an intention out of everything that it waits in; what it waits for is cancelled."""
+    """Take an intention out of all queues, and cancel what it waits for."""
     token: Any = mind.waiting.pop(intention.id, (None, None))[1]
     if isinstance(token, Wait):
         forget(mind, token)
@@ -89,7 +89,7 @@ def goal_of(event: Event) -> Literal | None:
 
 
 def _apart(args: tuple[Term, ...], annots: tuple[Term, ...]) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """Arguments and annotations of a goal for those who ask: what they bind is not bound in the plans of the goal."""
+    """Copies of a goal's arguments and annotations: bindings of a query do not reach the plans of the goal."""
     if not annots or annots is SELF:
         return detach(args), annots
     both = detach((*args, *annots))
@@ -108,7 +108,7 @@ def fits(goal: Term, literal: Literal | None, trail: Trail) -> bool:
 def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
     """The goals that an intention has a plan for, innermost first, with their places in the stack.
 
-    A failure plan stands for its goal: that is over only when the failure plan is.
+    A failure plan counts as its goal, which ends only with the failure plan.
     """
     for place in range(len(intention.stack) - 1, -1, -1):
         frame = intention.stack[place]
@@ -118,7 +118,7 @@ def goal_frames(intention: Intention) -> Iterator[tuple[int, Literal]]:
 
 
 def find_goal(intention: Intention, goal: Literal, trail: Trail) -> int | None:
-    """Where in the stack a goal stands; its bindings are kept."""
+    """The place of a goal in the stack; its bindings are kept."""
     for place, literal in goal_frames(intention):
         if fits(goal, literal, trail):
             return place
@@ -228,7 +228,7 @@ def fail_too_deep(mind: MindState, intention: Intention) -> None:
 
 
 def end_goal(mind: MindState, intention: Intention, place: int, succeeded: bool) -> None:
-    """A goal in the stack is over, achieved or failed: what stands above it goes, what it waited for is taken back."""
+    """End a goal in the stack, as achieved or failed: the frames above it are removed, its wait is cancelled."""
     stack, trail = intention.stack, intention.trail
     waited = intention.waiting is not None
     _take_back(mind, intention)
@@ -277,7 +277,7 @@ def _go_on(mind: MindState, intention: Intention) -> None:
 
 
 _PRUNE_AT = 64
-"""With so many more goals it is looked which of them are over."""
+"""The list of watched goals is pruned each time it has grown by this number."""
 
 
 def watch(mind: MindState, intention: Intention, frame: Frame) -> None:

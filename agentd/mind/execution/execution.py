@@ -34,7 +34,7 @@ from schemas.wire.mind_records import WaitView
 MOST_RETRIES: Final = 100
 """So often an intention's failure plan that fails itself is tried again before the intention ends."""
 _MOST_GOALS: Final = 5
-"""So many of the goals that end with a failure are named."""
+"""Goals named in the report of a failure that ends them."""
 _MOST_NOTED: Final = 1000
 
 
@@ -63,7 +63,7 @@ def run_intention(mind: MindState, intention: Intention) -> None:
 
 
 def end_frames(mind: MindState, intention: Intention) -> bool:
-    """Take away the plans that have ended; the ones below go on. Whether there is a formula to run now."""
+    """Remove the plans that have ended. Return whether there is a formula to run now."""
     stack, has_meta = intention.stack, mind.plans.has_meta
     while stack:
         top = stack[-1]
@@ -97,7 +97,7 @@ def condition_holds(mind: MindState, intention: Intention, frame: Frame) -> bool
     mark, mind.steps_left = len(intention.trail), MOST_STEPS
     try:
         return bool(frame[PLAN].condition(mind, intention.trail, frame))
-    except Exception as error:  # as in a context: what cannot be computed does not hold
+    except Exception as error:  # as in a context: a condition that cannot be computed does not hold
         plan = frame[PLAN].syntax
         mind.warn_once(f"{plan.position}: the condition of the goal cannot be computed: {as_failed(error)}")
         return False
@@ -109,9 +109,9 @@ def condition_holds(mind: MindState, intention: Intention, frame: Frame) -> bool
 
 
 def await_something(mind: MindState, intention: Intention, awaited: WaitView, token: Any = None) -> None:
-    """Take an intention out of the round until `resume_waiting` or `fail_waiting`.
+    """Suspend an intention until `resume_waiting` or `fail_waiting`.
 
-    ``token`` is what a drop must take back.
+    ``token`` is what `dropping.drop` must cancel.
     """
     intention.waiting, intention.since = awaited, mind.now
     mind.waiting[intention.id] = (intention, token)
@@ -120,7 +120,7 @@ def await_something(mind: MindState, intention: Intention, awaited: WaitView, to
 
 
 def resume_waiting(mind: MindState, intention: Intention) -> None:
-    """What an intention waited for has come: it goes on, or stays suspended."""
+    """Resume an intention whose wait is over, unless it is suspended."""
     mind.waiting.pop(intention.id, None)
     waited, intention.waiting = intention.waiting, None
     intention.action = None
@@ -135,7 +135,7 @@ def resume_waiting(mind: MindState, intention: Intention) -> None:
 
 
 def fail_waiting(mind: MindState, intention: Intention, failed: Failed) -> None:
-    """What an intention waited for will not come: the formula that it waits in fails."""
+    """Fail the formula that an intention waits in."""
     mind.waiting.pop(intention.id, None)
     intention.waiting = None
     intention.action = None
@@ -226,7 +226,7 @@ def _note(
 def _end_unanswered(
     mind: MindState, intention: Intention, extra: tuple[Term, ...], where: str, failure: Failed
 ) -> None:
-    """A test for which no ``+?g`` is applicable: ``-?g`` runs, but he who asked does not go on (rule 61)."""
+    """A test for which no ``+?g`` is applicable: ``-?g`` runs, but the intention that asked ends (rule 61)."""
     told = f"{where}: {failure.error}: {failure}; -? runs for it, the intention that asked ends"
     mind.effects.append(Log("error", told, ends=True))
     intention.stack.clear()
@@ -284,7 +284,7 @@ def fail(mind: MindState, intention: Intention, extra: tuple[Term, ...], where: 
 
 
 def _has_handler(intention: Intention) -> bool:
-    """Whether a goal of an intention has failure plans: then nobody needs the texts for the log."""
+    """Whether a goal of an intention has failure plans: then no texts for the log are needed."""
     return any(
         f[RELEVANT].operator == "+" and f[RELEVANT].goal and f[RELEVANT].counterpart("-").plans
         for f in reversed(intention.stack)
@@ -292,9 +292,9 @@ def _has_handler(intention: Intention) -> bool:
 
 
 def _handled_again(mind: MindState, intention: Intention, handler: Frame, extra: tuple[Term, ...]) -> bool:
-    """A failure plan with no goal below it has failed: its event comes again, with what failed now.
+    """Raise the event of a failure plan again that has failed itself and has no goal below it.
 
-    Jason does so for ever; here it ends after `MOST_RETRIES`.
+    Jason repeats this for ever; here it ends after `MOST_RETRIES`.
     """
     relevant = handler[RELEVANT]
     tries = mind.failed_handlers.get(intention.id, 0) + 1

@@ -23,7 +23,7 @@ from schemas.wire.mind_records import WaitView
 
 
 def literal_of(term: Term) -> Literal:
-    """The literal that a variable in a body holds. Fails as rule 62 says."""
+    """The literal that a variable in a body holds. Raises Failed according to rule 62."""
     term = deref(term)
     if type(term) is Var:
         raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
@@ -103,7 +103,7 @@ def test_failed(mind: MindState, intention: Intention) -> None:
 
 
 def perform(mind: MindState, intention: Intention, action: Any) -> bool:
-    """An external action: it goes out, and the intention waits for its end."""
+    """Start an external action; the intention waits for its end."""
     if type(action) is not Literal:
         action = literal_of(action)
     name, args = action.sig.name, action.args

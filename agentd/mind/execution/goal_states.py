@@ -29,7 +29,7 @@ def raise_state(
     state: str,
     reason: Term | None = None,
 ) -> None:
-    """The event ``^!g[state(S)]`` if there is a plan for it, with ``state(S)[reason(R)]`` where there is a reason."""
+    """Raise the event ``^!g[state(S)]``, or ``^!g[state(S)[reason(R)]]``, if there is a plan for it."""
     meta = mind.plans.relevant("^", relevant.goal, relevant.sig)
     if meta.plans:
         because = () if reason is None else (Literal(_REASON, (reason,)),)
@@ -78,10 +78,10 @@ def dropped(mind: MindState, intention: Intention) -> None:
 
 
 def failed(mind: MindState, intention: Intention | None, failure: Failed, handled: bool) -> None:
-    """The goal that found no plan, or else the innermost one, has failed; ``handled``: a failure plan is to begin.
+    """Raise the states of a failed goal: the one that found no plan, else the innermost; ``handled`` by a failure plan.
 
     Goals below it have not failed by that, as in Jason. The failure of a branch's own formula is that of the goal
-    around the fork, told where the parent fails.
+    around the fork, which is raised when the parent fails.
     """
     if failure.goal is not None:
         relevant, args, annots = failure.goal, failure.code.args, failure.code.annots
@@ -100,7 +100,7 @@ def reason_of(intention: Intention) -> Literal | None:
     """Why an intention does not run, for ``.suspended``; None for one that does.
 
     ``suspend_ia``, ``wait(What)`` as it was asked for, ``waiting_ask``, ``act`` (an action), ``fork``, ``team`` (a
-    request such as ``.create_agent``), ``goal_condition``, or what an internal action in Python calls its waiting.
+    request such as ``.create_agent``), ``goal_condition``, or the reason given by an internal action in Python.
     """
     awaited = intention.waiting
     if awaited is None:

@@ -107,14 +107,14 @@ def perceived(mind: MindState, sig: Signature) -> Perceived:
 
 
 def forget(mind: MindState, sig: Signature, args: tuple[Term, ...]) -> None:
-    """A belief is gone that may have been a percept: told anew, it is new."""
+    """Forget a percept whose belief was removed: if it is perceived again, it is new."""
     place = mind.percepts.get(sig)
     if place is not None and args in place.args:
         place.drop(args)
 
 
 def _change(mind: MindState, item: PerceptsChanged, added: list[Addition]) -> None:
-    """Take and add percepts. Deletion events are raised at once; those of ``added`` are to follow them."""
+    """Remove and add percepts. Deletion events are raised here; the additions are collected in ``added``."""
     known = mind.percepts
     for (sig, args), literal in item.percepts.items():
         place = known.get(sig) or perceived(mind, sig)
@@ -153,7 +153,7 @@ def _arguments(literal: Literal) -> tuple[Term, ...]:
 
 
 def _of_percept(annots: tuple[Term, ...]) -> tuple[Term, ...]:
-    """Annotations with source(percept): `PERCEPT` itself where there is nothing else, which is how beliefs know one."""
+    """Annotations with source(percept): `PERCEPT` itself if there are no others, as beliefs compare by identity."""
     if annots is PERCEPT or not annots or annots == PERCEPT:
         return PERCEPT
     return sorted_annots((*annots, *PERCEPT))

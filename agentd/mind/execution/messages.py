@@ -54,9 +54,9 @@ def send(
 
 
 def reply(mind: MindState, mail: Mail, content: Term) -> None:
-    """Answer a question: a synchronous one by a message in reply, another one by telling.
+    """Answer a question: a synchronous one by a message in reply, another one by ``tell``.
 
-    An answer that cannot be sent is told in the log; who waits for it sees its time run out.
+    An answer that cannot be sent is logged; the waiting agent's ask times out.
     """
     if not mail.msg_id.startswith("sync") and content is FALSE:
         return
@@ -67,7 +67,7 @@ def reply(mind: MindState, mail: Mail, content: Term) -> None:
 
 
 def answer_of(mind: MindState, mail: Mail, found: Term) -> Any:
-    """What a question found, as its answer: a synchronous one names its source, others get it as what is told does."""
+    """The answer to a question: a synchronous one names its source; else the receiver adds it, as for ``tell``."""
     answer = Copier(fresh=True).copy(found)
     if type(answer) is not Literal:
         return answer
@@ -87,7 +87,7 @@ _ANSWERING = signature("answer_question")
 def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Term] | None:
     """The instances of a question that hold, with the annotations of the beliefs, ``most`` of them if rules are used.
 
-    None if the question is refused, which is told.
+    None if the question is refused, which is logged.
     """
     question = Copier(fresh=True).copy(mail.content)
     predicate = None
@@ -97,7 +97,7 @@ def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Term]
             return []
         if not predicate.rules:
             return _believed(mind, predicate, question, None)
-    enough = 1 if most == 1 else most + 1  # one more tells that some are left out
+    enough = 1 if most == 1 else most + 1  # one more shows that some are left out
     trail: list[Var] = []
     mind.asked = asked = Asked()
     mind.steps_left = MOST_STEPS
@@ -128,7 +128,7 @@ def answers(mind: MindState, mail: Mail, most: int = MOST_ANSWERS) -> list[Term]
 
 
 def _believed(mind: MindState, predicate: Predicate, question: Literal, most: int | None) -> list[Term]:
-    """What a predicate answers to a literal."""
+    """The answers of a predicate to a literal."""
     found: list[Term] = []
     trail: list[Var] = []
     for args, annots in predicate.literals((True,) * question.sig.arity, question.args, mind, trail):
@@ -143,7 +143,7 @@ def _believed(mind: MindState, predicate: Predicate, question: Literal, most: in
 
 
 class AnsweringPlan:
-    """Stands in a frame where a plan would: it asks the goal and sends what came of it."""
+    """Takes the place of a plan in a frame: asks the goal and sends the result."""
 
     special = False
     atomic = False
@@ -169,7 +169,7 @@ def answer_by_plan(
     question: tuple[Literal, tuple[Term, ...]],
     on_failure: Callable[[MindState, Mail, Failed], None],
 ) -> None:
-    """Start the intention that finds the answer to a question, a literal with annotations, and tells it."""
+    """Start the intention that finds and sends the answer to a question, a literal with annotations."""
     literal, annots = question
     if mind.crowded:
         text = f"too many events and intentions: questions such as that of {mail.sender} get no answer"
@@ -199,14 +199,14 @@ def answer_by_plan(
 def receive(mind: MindState, mail: Mail) -> None:
     """Handle one message, or post its event ``+!kqml_received``.
 
-    The event is for plans of the program's own, and for an atomic plan: what is told in a literal is believed and a
-    goal is desired while it runs, as in Jason; all other messages have their effects after it.
+    The event is posted if the program has plans for it, or while an atomic plan runs. Even then ``tell`` and
+    ``achieve`` of a literal act on arrival, as in Jason; other messages have their effects after the atomic plan.
     """
     if mail.in_reply_to and is_answer(mail.in_reply_to):
         question = mind.questions.get(mail.in_reply_to)
         if question is not None and mail.sender in question.receivers:
             take_answer(mind, question, mail)
-        return  # else nobody waits for it any more, or its sender was not asked
+        return  # otherwise the ask has ended, or its sender was not asked
     custom = mind.plans.kqml
     if custom.plans or (mind.atomic is not None and not _is_direct(mail)):
         args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
@@ -216,7 +216,7 @@ def receive(mind: MindState, mail: Mail) -> None:
 
 
 def is_answer(in_reply_to: str) -> bool:
-    """Whether a message answers a synchronous ask: it goes to whoever waits, and does nothing else to the mind."""
+    """Whether a message answers a synchronous ask: it resumes the waiting intention and has no other effect."""
     return in_reply_to.startswith("sync")
 
 
@@ -255,7 +255,7 @@ def plain(term: Term) -> str:
 
 
 def _not_handled(mind: MindState, mail: Mail, failed: Failed) -> None:
-    """A message that cannot be handled: the program's own ``-!kqml_received`` is asked, else it is told."""
+    """Raise ``-!kqml_received`` for a message that cannot be handled; without a plan for it, print the error."""
     event = Literal(mind.plans.kqml.sig, (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id))
     handler = mind.plans.kqml.counterpart("-")
     if handler.plans:
@@ -268,7 +268,7 @@ def _not_handled(mind: MindState, mail: Mail, failed: Failed) -> None:
 
 
 def told_annots(mind: MindState, literal: Literal, sender: str) -> tuple[Term, ...]:
-    """The annotations of a literal as told by somebody: its former sources stand inside the new one."""
+    """The annotations of a literal in a message of ``sender``: former sources are nested inside the new one."""
     return nested_source(literal.annots, "self" if sender == mind.name else sender)
 
 

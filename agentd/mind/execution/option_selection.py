@@ -42,7 +42,7 @@ from agentd.mind.state import MindState
 Selector = Callable[[MindState, Sequence[Any]], Any]
 
 PATIENCE: Final = 1000
-"""So many cycles in a row a selection function may choose nothing before that is told."""
+"""Consecutive cycles in which a selection function may choose nothing before a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class Chooser:
                 return
 
     def _take(self, queue: deque[Any], selector: Selector | None, name: str, view: Callable[[Any], Any]) -> Any:
-        """Take out of a queue what the selection function chooses; None if it chooses nothing."""
+        """Take the item out of a queue that the selection function chooses; None if it chooses nothing."""
         if selector is None:
             return queue.popleft()
         place = choose(self._mind, selector, name, [view(item) for item in queue])
@@ -118,7 +118,7 @@ class Chooser:
 
 
 def choose(mind: MindState, selector: Selector, name: str, items: Sequence[Any]) -> int | None:
-    """The place of what a selection function returns; None for none. A wrong answer is told, the first is taken."""
+    """The place of the item that a selection function returns, None for none; on a wrong answer 0, and a warning."""
     try:
         chosen = selector(mind, tuple(items))
     except Exception as error:  # the embedder's code may raise anything; it must not end the mind
@@ -139,7 +139,7 @@ def _itself(item: Any) -> Any:
 
 
 def begin_cycle(mind: MindState) -> None:
-    """What a cycle does before it takes messages and events."""
+    """The part of a cycle before messages and events."""
     mind.cycle += 1
     if mind.inputs:
         take_inputs(mind)

@@ -26,7 +26,7 @@ _SOURCE_SELF = nodes.Structure("source", (nodes.Structure("self"),))
 
 
 def load_program(mind: MindState, program: CompiledProgram) -> None:
-    """Give a new mind its program: functions, plans, initial beliefs and goals, and tell the warnings."""
+    """Give a new mind its program: functions, plans, initial beliefs and goals; log the warnings."""
     register_functions(mind, program.functions)
     mind.compiler.namespaced |= program.namespaced
     mind.plans.extend(list(program.plans))
@@ -35,7 +35,7 @@ def load_program(mind: MindState, program: CompiledProgram) -> None:
 
 
 def include_program(mind: MindState, program: CompiledProgram | None, namespace: str = DEFAULT) -> None:
-    """Add what a file holds: beliefs with their events, goals, plans. None: the file was not there (told already).
+    """Add the contents of a file: beliefs with their events, goals, plans. None: the file was missing (logged already).
 
     Fails with ``internal_action``, before anything is added, where a label is taken already; other namespaces than the
     default one have labels of their own.
@@ -61,7 +61,7 @@ def register_functions(mind: MindState, functions: Iterable[tuple[str, int, str]
 
 
 def warn(mind: MindState, program: CompiledProgram) -> None:
-    """Tell the warnings of a program."""
+    """Log the warnings of a program."""
     for warning in program.warnings:
         mind.effects.append(Log("warning", warning))
 

@@ -107,7 +107,7 @@ def timed_out(mind: MindState, wait: Wait) -> None:
 
 
 def ended(mind: MindState, wait: Wait) -> None:
-    """What was waited for has come (or the time is over and the program asked how long it was)."""
+    """Resume after a wait: successful, or timed out where the program asked for the elapsed time."""
     forget(mind, wait)
     if wait.elapsed is not None:
         mind.timers.looks += 1
@@ -144,7 +144,7 @@ def check_conditions(mind: MindState) -> None:
 
 
 def hear(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]) -> None:
-    """Tell those who wait for an event."""
+    """Resume the intentions that wait for an event."""
     for wait in list(mind.listeners):
         assert wait.pattern is not None
         operator, goal, literal = wait.pattern
@@ -162,7 +162,7 @@ def hear(mind: MindState, relevant: Relevant, args: tuple[Term, ...], annots: tu
 
 
 class Suspension:
-    """The running intention, waiting. It goes on, or fails, once; a dropped one does neither."""
+    """The wait of an intention. It ends once, by `resume` or `fail`; of a dropped intention both do nothing."""
 
     def __init__(self, mind: MindState, reason: str) -> None:
         self._mind, self._intention = mind, mind.own_intention
@@ -170,16 +170,16 @@ class Suspension:
 
     @property
     def over(self) -> bool:
-        """Whether nobody waits any more: it was ended, or its intention was dropped."""
+        """Whether the wait was ended or its intention dropped."""
         return self._mind.waiting.get(self._intention.id, (None, None))[1] is not self
 
     def resume(self) -> None:
-        """The formula has succeeded."""
+        """End the wait: the formula has succeeded."""
         if not self.over:
             resume_waiting(self._mind, self._intention)
 
     def fail(self, error: str, message: str = "") -> None:
-        """The formula has failed; ``error`` and ``message`` are what the handler sees."""
+        """End the wait: the formula has failed with ``error`` and ``message``, which the handler sees."""
         if not self.over:
             fail_waiting(self._mind, self._intention, Failed(error, message))
 
@@ -252,7 +252,7 @@ def _credited(answer: Term, name: str) -> Any:
 
 
 def take_answer(mind: MindState, question: Question, mail: Mail) -> None:
-    """Note an answer; the intention goes on with the last one."""
+    """Note an answer; the last one resumes the intention."""
     mind.questions.pop(mail.in_reply_to, None)
     question.found.append(_answer(question, mail))
     if len(question.found) == len(question.receivers):
@@ -260,7 +260,7 @@ def take_answer(mind: MindState, question: Question, mail: Mail) -> None:
 
 
 def _answer(question: Question, mail: Mail) -> Any:
-    """An answer as the plan gets it: literals, and those in the list that answers `askAll`, name who answered."""
+    """An answer as the plan gets it: literals, and those in the list for `askAll`, name their sender as source."""
     content = deref(mail.content)
     if mail.performative == "untell" and question.performative in ("askOne", "askIf"):
         return FALSE

@@ -1,1 +1,1 @@
-"""What a mind tells about itself: decisions, failures, counters of dropped items, snapshots."""
+"""Records of a mind for people: decisions, failures, snapshots."""

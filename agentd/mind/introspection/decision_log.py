@@ -37,7 +37,7 @@ class Decision(NamedTuple):
     time: float
     """Mission time in seconds."""
     event: Event
-    """What was taken from the queue; its arguments and annotations may have changed since."""
+    """As taken from the queue; its arguments and annotations may have changed since."""
     below: Frame | None
     """The frame of the plan that raised the event and waits for it."""
     asked: Step | None
@@ -45,13 +45,13 @@ class Decision(NamedTuple):
     rejected: Sequence[tuple[Any, Any]] | None
     """Each plan that was tried in vain, and why: see `compile_select`; an exception for a context that has no value."""
     frame: Frame | None
-    """The frame of the chosen plan. What selection put into its places stays there."""
+    """The frame of the chosen plan, whose places keep the values put in by selection."""
     annots: tuple[Any, ...]
     """The annotations of the event as they were."""
     begun: int = 0
     """The id of the intention that the chosen plan begins; 0 if it is for one that there was."""
     origin: Origin | None = None
-    """Where an event that starts an intention comes from."""
+    """The origin of an event that starts an intention."""
     args: tuple[Any, ...] | None = None
     """The arguments of the event as they were, before any plan was tried; None if they cannot have changed."""
     values: tuple[Any, ...] | None = None
@@ -86,33 +86,35 @@ class Failure(NamedTuple):
     frames: tuple[Frame, ...]
     """The frames that were given up, innermost first (at most `MOST_FRAMES`)."""
     handler: Any
-    """The `Relevant` of the event ``-!g`` that goes on from here; None if nothing handles the failure."""
+    """The `Relevant` of the event ``-!g`` that handles the failure, or None."""
 
 
 Origin = tuple[Input | None, int, Step | None]
-"""Where an event that starts an intention comes from: an input, or the id of an intention and its formula that raised
-it; none of them for what the program starts with."""
+"""The origin of an event that starts an intention: an input, or the id of an intention and its formula that raised it;
+neither for initial beliefs and goals."""
 
 
 MOST_FRAMES: Final = 20
-"""So many of the plans that end with a failure are noted."""
+"""Frames noted of the plans that end with a failure."""
 
 _KQML: Final = signature("kqml_received", 4)
 
 
 def record_of(entry: Any) -> Decision | Failure:
-    """The record of what `Decisions.note` was given."""
+    """The record of an entry of `Decisions`."""
     return entry if type(entry) is Failure else Decision(*entry)
 
 
 class Decisions:
     """The last decisions and failures of a mind, at most ``most`` of both together.
 
-    ``tell`` is called with each record as soon as it is made.
+    ``listener`` is called with each record as soon as it is made.
     """
 
-    def __init__(self, mind: MindState, most: int, tell: Callable[[Decision | Failure], None] | None = None) -> None:
-        self._mind, self._tell = mind, tell
+    def __init__(
+        self, mind: MindState, most: int, listener: Callable[[Decision | Failure], None] | None = None
+    ) -> None:
+        self._mind, self._listener = mind, listener
         self._last: deque[Any] = deque(maxlen=most)
         self.waiting: list[Any] = []
         """While they are counted: those that `settle` has not counted yet."""
@@ -124,11 +126,11 @@ class Decisions:
         """Takes the fields of a `Decision` as a tuple (the last ones may be left out), or a `Failure`."""
         self._dropped: deque[tuple[Frame, Step | None]] = deque(maxlen=most)
         self.shown: dict[int, tuple[Any, Any]] = {}
-        """What onlookers have made of entries, by the identity of these; `let_go` lets go of it too."""
+        """The views made of entries for observers, by identity of the entry; `let_go` clears it too."""
         self.large_lists = LargeLists.made
         """How many large lists had been made when `let_go` looked last."""
         self._origins: dict[int, tuple[Any, Origin]] = {}
-        """Where events that wait come from, by their identity; each is kept alive while it is in here."""
+        """The origins of waiting events, by identity of the event, which this keeps alive."""
         self._given: list[Mail | GoalAdded | BeliefAdded | SignalRaised] = []
         self._given_in = -1
         """The inputs that may raise events, and the cycle in which they came."""
@@ -139,7 +141,7 @@ class Decisions:
         )
 
     def records(self) -> list[Decision | Failure]:
-        """What is remembered, oldest first."""
+        """The records, oldest first."""
         return list(map(record_of, self.entries()))
 
     def entries(self) -> list[Any]:
@@ -148,8 +150,8 @@ class Decisions:
         return list(self._last)
 
     def count_all(self, settled: Callable[[list[Any]], None] | None = None) -> None:
-        """Count the records from now on, for `take_new`; ``settled`` is given them whenever somebody calls `settle`,
-        which must be after each run of the mind. They should be few, as what is kept until then takes fresh memory.
+        """Count the records from now on, for `take_new`. `settle` must be called after each run of the mind; it passes
+        the new ones to ``settled``. There should be few, as those in between take fresh memory.
         """
         self._settle()
         self._taken, self._settled = self.count, settled
@@ -175,8 +177,8 @@ class Decisions:
         new.clear()
 
     def take_new(self, most: int) -> tuple[int, int]:
-        """Return how many of the last records are new since this was asked last, at most so many, and how many more
-        there were.
+        """Return how many of the last records are new since the last call, at most ``most``, and how many more there
+        were.
         """
         self._settle()
         new, self._taken = self.count - self._taken, self.count
@@ -184,9 +186,9 @@ class Decisions:
         return shown, new - shown
 
     def let_go(self) -> None:
-        """Keep of large terms only what is shown of them, so that records are small however large lists become.
+        """Cut large terms to the part that is shown, so that records stay small however large lists become.
 
-        Records hold the frames of plans; where a plan has ended nobody else needs what is in its frame.
+        Records hold the frames of plans; the frame of an ended plan is used by nothing else.
         """
         self.large_lists = LargeLists.made
         self.shown.clear()
@@ -212,7 +214,7 @@ class Decisions:
         return self._select(trail, event, (), event[0].plans, [])
 
     def select_nested(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
-        """Find the plan for an event in programs with nested plans, which come first, and note how."""
+        """Find the plan for an event in programs with nested plans, which are tried first, and note how."""
         return self._select(trail, event, nested_plans(mind, event[0], event[3]), event[0].plans, [])
 
     def select_noted(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
@@ -252,12 +254,12 @@ class Decisions:
         return frame
 
     def _broken(self, event: Event, plan: Plan, error: Exception) -> tuple[Any, Exception]:
-        """A plan whose context could not be computed, which is told; an internal action may raise anything."""
+        """Log that the context of a plan could not be computed; an internal action may raise anything."""
         context_failed(self._mind, event[0], plan, error)
         return plan, error.with_traceback(None)
 
     def decided(self, event: Event, args: tuple[Term, ...], rejected: Any, frame: Frame | None, bound: bool) -> None:
-        """Note a decision; ``args`` are the arguments as they were, ``bound`` says that selection bound variables."""
+        """Note a decision; ``args`` are the arguments before, ``bound`` is whether selection bound variables."""
         mind = self._mind
         relevant, given, annots, intention = event
         if annots is not SELF and annots is not PERCEPT:
@@ -283,7 +285,7 @@ class Decisions:
     ) -> None:
         """Note a failure: see `Failure`."""
         mind = self._mind
-        failed.__traceback__ = failed.__context__ = None  # they would keep alive what the failed call has used
+        failed.__traceback__ = failed.__context__ = None  # they would keep the objects of the failed call alive
         number = 0 if intention is None else intention.id
         record = Failure(mind.cycle, mind.now, number, held(failed.code), failed, tuple(frames), handler)
         self.note(record)
@@ -306,19 +308,19 @@ class Decisions:
         return next((by for dropped, by in self._dropped if dropped is frame), None)
 
     def _noting(self, where: list[Any] | deque[Any]) -> Callable[[Any], None]:
-        """What notes a record there, and tells it."""
-        tell = self._tell
-        if tell is None:
+        """The function that notes a record there and passes it to the listener."""
+        listener = self._listener
+        if listener is None:
             return where.append
 
         def note(entry: Any) -> None:
             where.append(entry)
-            tell(record_of(entry))
+            listener(record_of(entry))
 
         return note
 
     def posted(self, event: Event) -> None:
-        """Note where an event comes from that has just been queued and starts an intention of its own."""
+        """Note the origin of an event that has just been queued and starts an intention of its own."""
         relevant, _, annots, _ = event
         if annots is PERCEPT:
             return
@@ -339,7 +341,7 @@ class Decisions:
         self._origins[id(event)] = (event, origin)
 
     def origin_of(self, event: Event) -> Origin | None:
-        """Where an event that starts an intention comes from; asked once, when it is taken."""
+        """The origin of an event that starts an intention; called once, when the event is taken."""
         entry = self._origins.pop(id(event), None)
         return None if entry is None else entry[1]
 

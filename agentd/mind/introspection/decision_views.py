@@ -1,4 +1,4 @@
-"""What a mind shows of its decisions: plain facts as text, made from the records when somebody asks."""
+"""Decisions and failures as records of text for people, made from the decision log on demand."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PASSED_OVER: Final = "passed over"
 def views_of(
     mind: MindState, records: Sequence[Decision | Failure], last: int | None, about: str = ""
 ) -> list[DecisionView | FailureView]:
-    """Views of records; of a long list only the last so many, of those ``about`` a functor if one is given."""
+    """Views of the last records, at most ``last`` (None: all), of those ``about`` a functor if one is given."""
     views = Views.among(mind, records)
     if about:
         records = [record for record in records if is_about(record, about)]
@@ -52,11 +52,11 @@ def view_of(mind: MindState, record: Decision | Failure) -> DecisionView | Failu
 
 
 class Views:
-    """Makes views; knows what became of frames."""
+    """Makes views of records, with the outcomes of plans."""
 
     @classmethod
     def among(cls, mind: MindState, records: Sequence[Decision | Failure]) -> Views:
-        """What makes views of records, all that are remembered being these."""
+        """A maker of views, given all the records that are remembered."""
         failures = {id(frame): record for record in records if type(record) is Failure for frame in record.frames}
         args = {id(r.frame): r.shown_args for r in records if isinstance(r, Decision) and r.frame is not None}
         alive = {id(frame) for intention in mind.all_intentions() for frame in intention.stack}
@@ -68,7 +68,7 @@ class Views:
         self._mind, self._failures, self._args, self._alive = mind, failures, args, alive
 
     def outcome(self, made: Decision) -> Outcome:
-        """What became of the chosen plan so far."""
+        """The outcome of the chosen plan so far."""
         return self._outcome(made.frame)[0]
 
     def of(self, record: Decision | Failure) -> DecisionView | FailureView:
@@ -161,13 +161,13 @@ class Views:
 
 
 def event_text(relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...] = ()) -> str:
-    """An event as people write it, ``+!g(1)``; the source ``self`` goes without saying."""
+    """An event as text, ``+!g(1)``, without the source ``self``."""
     shown = () if annots == SELF else annots
     return f"{relevant.text}" + short_text(Literal(relevant.sig, args, shown))
 
 
 def rejected_view(plan: Plan, reason: Any) -> RejectedView:
-    """Why a plan was not applicable, from what its function returned or raised; () if that is unknown."""
+    """Why a plan was not applicable; ``reason`` is what its function returned or raised, () if unknown."""
     if reason is None:
         annotated = getattr(plan.syntax.trigger.literal, "annotations", None) is not None
         message = f"its trigger {'and annotations do' if annotated else 'does'} not match"
@@ -200,7 +200,7 @@ def filled_text(node: nodes.Term, bindings: dict[str, Any]) -> str:
 
 
 def written(text: str) -> str:
-    """A formula as people write it: without brackets around all of it, or around what ``not`` is for."""
+    """A formula without brackets around the whole of it, or around the operand of ``not``."""
     if text.startswith("not ("):
         return f"not {_unbracketed(text[4:])}"
     return _unbracketed(text)
@@ -256,5 +256,5 @@ def what_failed(failed: Failed, code: Any) -> str:
 
 
 def reason_of(failed: Failed) -> str:
-    """Why something failed, in words; empty where there is no more to say than the name of the error."""
+    """Why something failed, as text; empty if only the name of the error is known."""
     return str(failed) if str(failed) != failed.error else ""

@@ -37,7 +37,7 @@ from agentd.mind.state import MindState
 from schemas.wire.mind_records import RejectedView
 
 _MOST_SHOWN: Final = 5
-"""So many plans, goals or beliefs are named; of further ones the number."""
+"""Plans, goals or beliefs that are named; further ones are counted."""
 _GOAL_CLOSENESS: Final = 0.7
 
 
@@ -66,7 +66,7 @@ def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames
 
 
 def unhandled_report(mind: MindState, event: Event) -> Log:
-    """The note for a failed goal whose failure plans do not fit; the annotations of its event tell what failed."""
+    """The log line for a failed goal whose failure plans do not match; the annotations of its event describe it."""
     relevant, args, annots, _ = event
     failed, position = failure_of(annots)
     if failed.error in ("no_relevant", "no_applicable"):
@@ -88,7 +88,7 @@ def _unhandled(failed: Failed, goals: list[Relevant]) -> str:
 
 
 def _sentence(failed: Failed) -> str:
-    """What failed, and why as far as the failure itself tells."""
+    """The failed formula or goal and the reason, as far as the failure contains it."""
     what, reason = what_failed(failed, failed.code), reason_of(failed)
     why = f": {reason}" if reason else ""
     match failed.error:
@@ -118,7 +118,7 @@ def _sentence(failed: Failed) -> str:
 
 
 def _unknown_action(failed: Failed) -> str:
-    """Name and arity of an internal action that does not exist; empty for what is an action."""
+    """Name and arity of an internal action that does not exist; empty for one that does."""
     code = failed.code
     if type(code) is not Literal or failed.error != "action_failed" or not code.sig.functor.startswith("."):
         return ""
@@ -128,7 +128,7 @@ def _unknown_action(failed: Failed) -> str:
 
 
 def _hints(mind: MindState, failed: Failed) -> Iterable[str]:
-    """What may help to mend it."""
+    """Hints for mending the program."""
     match failed.error:
         case "test_goal_failed":
             yield from _beliefs_like(mind, failed)

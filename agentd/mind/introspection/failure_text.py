@@ -1,4 +1,4 @@
-"""What is told of a failure: the failing formula as a term, the annotations for its handler, texts for people."""
+"""Descriptions of a failure: the failing formula as a term, the annotations for its handler, texts for people."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from agentd.mind.state import MindState
 
 _LONGEST: Final = 200
 _MOST_MEMBERS: Final = 10_000
-"""A longer list stands in the failing formula by its length: to copy and to write it takes longer than a plan may."""
+"""A longer list is replaced by its length in the failing formula: copying and printing it would take too long."""
 
 _ERROR, _MESSAGE = signature("error", 1), signature("error_msg", 1)
 _CODE, _LINE, _SOURCE = signature("code", 1), signature("code_line", 1), signature("code_src", 1)
@@ -97,7 +97,7 @@ def error_annots(failure: Failed, code: Term, line: int, source: str) -> tuple[T
 
 
 def _no(error: str, code: Term) -> str:
-    """The message of an internal action that only said no; empty for ``.fail``, as in Jason, and for other failures."""
+    """The message of an internal action that did not hold; empty for ``.fail``, as in Jason, and for other failures."""
     if error != "ia_failed" or (type(code) is Literal and code.sig.functor == ".fail"):
         return ""
     return f"{short_text(code)} did not hold"
@@ -110,7 +110,7 @@ def facts_of(annots: tuple[Term, ...]) -> tuple[str, str]:
 
 
 def context_failed(mind: MindState, relevant: Relevant, plan: Plan | None, error: Exception) -> None:
-    """Tell that the context of a plan could not be computed; the other plans are tried."""
+    """Log that the context of a plan could not be computed; the other plans are tried."""
     what = "it is too deep" if isinstance(error, RecursionError) else str(error) or type(error).__name__
     position = None if plan is None else plan.syntax.position
     mind.effects.append(

@@ -24,9 +24,9 @@ from agentd.language.terms.terms import (
 from agentd.mind.data.intention import ARGS, VARIABLES, Frame
 
 _MOST_COPIED: Final = 60
-"""So many parts of a term with variables in it are copied; what lies beyond shows as ``...``."""
+"""Parts copied of a term with variables; the remainder shows as ``...``."""
 _MOST_LOOKED_AT: Final = 2_000
-"""So many parts of a term are looked at for variables; numbers and strings in a list do not count."""
+"""Parts of a term that are searched for variables; numbers and strings in a list do not count."""
 _MOST_HELD: Final = 500
 """A term of more parts is held as a short copy: records are few, so their memory is bounded if each is small."""
 _LONGEST_HELD: Final = 2_000
@@ -37,7 +37,7 @@ _LONGEST: Final = 200
 """Characters of a term that are shown."""
 
 MORE: Final = atom("...")
-"""Stands for the part of a term that was not held."""
+"""Takes the place of the part of a term that was not copied."""
 
 
 def held(term: Any) -> Any:
@@ -164,7 +164,7 @@ class _Copy:
 
 
 def lighten(frame: Frame) -> None:
-    """Let go of what is large in the frame of a plan that has ended."""
+    """Cut the large terms in the frame of a plan that has ended."""
     frame[ARGS] = held_all(frame[ARGS])
     for place in range(VARIABLES, len(frame)):
         value = frame[place]

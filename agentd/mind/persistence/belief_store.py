@@ -34,19 +34,19 @@ from agentd.mind.persistence.term_codec import (
 from agentd.mind.state import MindState
 
 Tell = Callable[[str, Exception], None]
-"""Told what cannot be kept, and why."""
+"""Called with a description of what cannot be kept, and the reason."""
 MOST_MARKS: Final = 4096
-"""So many moments are remembered at which there was something new; of old ones then every second is forgotten."""
+"""Times of additions that are remembered; beyond, every second of the older half is forgotten."""
 
 
 class _Book:
-    """What has changed in a belief base since it was looked at last."""
+    """The changes of a belief base since the last `turn`."""
 
     def __init__(self) -> None:
         self.changed: dict[int, tuple[KeptPredicate, Any]] = {}
         """The predicate and key of each entry that is new or different, by its rank."""
         self.gone: list[int] = []
-        """The ranks of entries that are gone and were there before."""
+        """The ranks of removed entries that were saved before."""
         self.rules_gone: list[RuleClause] = []
         self.restoring: int | None = None
         """The rank of the entry that is being put back."""
@@ -55,11 +55,11 @@ class _Book:
         """The rank of the newest entry at moments in mission seconds; the first is that of a former life."""
 
     def begin(self) -> None:
-        """What is there now is of a former life: nobody knows since when it is."""
+        """Treat all present entries as restored: since when they are believed is unknown."""
         self._marks = [(self._newest, 0.0)]
 
     def mark(self, now: float) -> None:
-        """What is new since the last mark has come by now."""
+        """Date the entries added since the last mark with ``now``, in mission seconds."""
         marks = self._marks
         if marks[-1][0] == self._newest:
             return
@@ -69,14 +69,14 @@ class _Book:
         marks.append((self._newest, now))
 
     def since(self, rank: int) -> float | None:
-        """By when an entry had come; None if that was in a former life, or if nobody has marked it yet."""
+        """By when an entry was added; None if it was restored or is not marked yet."""
         marks = self._marks
         if not marks[0][0] < rank <= marks[-1][0]:
             return None
         return marks[bisect_left(marks, rank, key=itemgetter(0))][1]
 
     def is_marked(self, rank: int) -> bool:
-        """Whether what is known of the time of an entry is all that will ever be known."""
+        """Whether `since` is final for an entry."""
         return rank <= self._marks[-1][0]
 
     def rank(self, last: bool) -> int:
@@ -92,13 +92,13 @@ class _Book:
         return self._newest
 
     def forget(self, rank: int, percept: bool) -> None:
-        """An entry is gone; ``percept``: it was nothing but a percept ever."""
+        """Note that an entry was removed; ``percept``: its only source ever was percept."""
         self.changed.pop(rank, None)
         if self._seen_oldest <= rank <= self._seen_newest and not percept:
             self.gone.append(rank)
 
     def turn(self) -> None:
-        """What has changed so far is known."""
+        """Begin a new set of changes."""
         self.changed, self.gone = {}, []
         self._seen_newest, self._seen_oldest = self._newest, self._oldest
 
@@ -159,7 +159,7 @@ class KeptBeliefs(BeliefBase):
         self._rules_removed: list[str] = []
         """Those that the run has taken out."""
         self._changeable: dict[int, tuple[KeptPredicate, Any, bytes]] = {}
-        """The entries with maps, sets or queues, which change without a word, and what was kept of them."""
+        """The entries with maps, sets or queues, which change unnoticed, and the bytes kept of them."""
         self._mentioned = 0
 
     def predicate(self, sig: Signature) -> Predicate:
@@ -175,14 +175,14 @@ class KeptBeliefs(BeliefBase):
     # --- since when ---
 
     def mark(self, now: float) -> None:
-        """Note that what is new since the last mark has come by now (mission seconds): after each run of the mind."""
+        """Date the facts added since the last mark with ``now``, in mission seconds; called after each run."""
         self._book.mark(now)
 
     def since(self, fact: Literal) -> tuple[float | None, bool]:
         """Since when a fact is believed, in mission seconds, to within a run of the mind and later within a few.
 
-        None if nobody knows: it is of a former life. A source that has joined since then changes nothing. And whether
-        this is all that will be known: what is newer than the last mark gets its time by the next one.
+        None if unknown, as for a restored fact. A source added later changes nothing. Also return whether this is
+        final: a fact newer than the last mark is dated by the next one.
         """
         predicate = self._predicates[fact.sig]
         rank = predicate.ranks.get(fact.args) if isinstance(predicate, KeptPredicate) else None
@@ -199,7 +199,7 @@ class KeptBeliefs(BeliefBase):
         )
 
     def change(self, changes: MindChanges, tell: Tell) -> None:
-        """Add what has changed since this was asked last."""
+        """Add the changes since the last call."""
         book = self._book
         for clause in book.rules_gone:
             written = self._own_rules.pop(id(clause.syntax), None)
@@ -241,7 +241,7 @@ class KeptBeliefs(BeliefBase):
             changes.beliefs.append((rank, data))
 
     def _terms(self, entry: Any) -> list[Term] | None:
-        """What is kept of an entry; None for a percept."""
+        """The terms to keep of an entry; None for a percept."""
         if type(entry) is RuleClause:
             own = self._own_rules.get(id(entry.syntax))
             return [Code(entry.syntax, entry.values)] if own is None else [own]
@@ -252,7 +252,7 @@ class KeptBeliefs(BeliefBase):
         return [entry]
 
     def values(self) -> dict[str, bytes]:
-        """What is kept as a whole."""
+        """The values kept as a whole."""
         return {"rules_removed": terms_to_bytes(self._rules_removed)} if self._rules_removed else {}
 
     # --- restoring ---
@@ -269,9 +269,9 @@ class KeptBeliefs(BeliefBase):
         self._mentioned = len(self._predicates)
 
     def restore(self, mind: MindState, program: Any, stored: StoredMind, removed: list[str], tell: Tell) -> None:
-        """Believe what was believed, without events. Rules that the program has now and had not come last.
+        """Restore the beliefs, without events. Rules that are new in the program come last.
 
-        ``removed`` is what `values` has told about the program's rules.
+        ``removed`` are the rules of the program that the run removed, from `values`.
         """
         self.begin(program)
         self._rules_removed = removed

@@ -1,4 +1,4 @@
-"""Keeping a mind across restarts: what has changed in it since that was asked last, and a mind as it was.
+"""Keep a mind across restarts: report its changes since the last call, and restore it.
 
 A `Keeper` is given to a mind when it is made. It notes what changes at the cost of the change, does no I/O, and minds
 without one pay nothing. Kept are beliefs in query order (`agentd.mind.persistence.belief_store`), rules and plans
@@ -34,7 +34,7 @@ from agentd.mind.state import MindState
 
 
 class Keeper:
-    """Notes what changes in the one mind that it is given to: ``Mind(name, program, keeper=Keeper(stored))``.
+    """Notes the changes of one mind: ``Mind(name, program, keeper=Keeper(stored))``.
 
     With ``stored`` the mind is restored instead of beginning with its initial beliefs and goals; no event is raised by
     that. `resume` is to be called once; until then what was pending stays kept as it is.
@@ -45,21 +45,21 @@ class Keeper:
         self.lives = 0
         """How often the mind has been restored: 0 after a first start."""
         self.pending_own: tuple[Pending, ...] = ()
-        """What a restored mind had begun or was to begin of its own accord."""
+        """Events of the mind's own that were pending when it was saved."""
         self.pending_others: tuple[Pending, ...] = ()
-        """The same of what others had asked for."""
+        """Pending events that others had caused."""
         self.left_out: list[str] = []
-        """What was stored and cannot be restored, in words."""
+        """Descriptions of stored items that cannot be restored."""
         self.unkept = 0
         """How often something could not be kept."""
         self._told: list[str] = []
         self._refused: dict[tuple[str, str, int], Any] = {}
-        """Properties of namespaces that cannot be kept, which has been told."""
+        """Properties of namespaces that cannot be kept and were reported."""
         self._fed: deque[tuple[Mail, Any]] = deque()
         self._pending: dict[PendingKey, tuple[Any, ...]] = {}
-        """What is kept as pending: its origin and its event."""
+        """The pending events that are kept."""
         self._waiting: set[PendingKey] = set()
-        """What was restored and not given again yet."""
+        """The restored events that were not raised again yet."""
         self._values: dict[str, bytes] = {}
         self._seen: tuple[int, ...] = ()
 
@@ -71,7 +71,7 @@ class Keeper:
         return self._beliefs
 
     def begin(self, mind: MindState, program: CompiledProgram) -> None:
-        """Give the mind its program, and what it was before if it is restored."""
+        """Give the mind its program, and its stored state if it is restored."""
         self._mind, self._plans = mind, KeptPlans(mind.plans)
         self._functions = set(program.functions)
         if self._stored is None:
@@ -86,10 +86,10 @@ class Keeper:
         for event in mind.events:
             self._origins.mark(event, Origin.NEVER)
 
-    # --- for the one who runs the mind ---
+    # --- for the runtime ---
 
     def resume(self, own: bool) -> int:
-        """Give the restored mind again what was pending: of others, and its own if ``own``. Returns how much."""
+        """Raise the pending events of a restored mind: those of others, and its own if ``own``. Return their number."""
         mind, count = self._mind, 0
         self._waiting, self._seen = set(), ()
         for item in sorted((*self.pending_own, *self.pending_others), key=lambda item: item.place):
@@ -108,7 +108,7 @@ class Keeper:
         self._origins.mark(event, Origin.OTHERS)
 
     def in_hand(self) -> str:
-        """What the mind works at, as it is written; it may be asked by another thread."""
+        """The event that the mind works at, as text. Safe to call from another thread."""
         return self._origins.in_hand()
 
     def set_aside(self, event: str) -> int:
@@ -131,19 +131,19 @@ class Keeper:
         return self._seen != self._state() or self._beliefs.dirty or bool(self._mind.namespaces)
 
     def _state(self) -> tuple[int, ...]:
-        """What differs when anything but beliefs has changed; percepts that come and go alone are no change.
+        """Figures that differ when anything but beliefs has changed. Changes of percepts alone do not count.
 
-        They may end what waits for them, though, and with it an intention. None begins to wait in such a cycle, so how
-        many wait tells that.
+        They may end a wait, though, and with it an intention. None begins to wait in such a cycle, so the number of
+        waiting intentions shows it.
         """
         mind = self._mind
         waiting, suspended = len(mind.waiting), len(mind.suspended)
         return mind.cycle - mind.still, len(mind.events), waiting, suspended, mind.plans.version, mind.message_count
 
     def changes(self) -> MindChanges:
-        """What has changed since this was asked last. To be asked between two calls of `Mind.run` only.
+        """The changes since the last call. To be called between two calls of `Mind.run` only.
 
-        It costs as much as what has changed, and a look at each intention and queued event.
+        The cost is that of the changes, and a look at each intention and queued event.
         """
         changes = MindChanges(absorbed=self._absorbed())
         self._beliefs.change(changes, self._cannot)
@@ -196,7 +196,7 @@ class Keeper:
         self._pending = now
 
     def _own_values(self) -> dict[str, bytes]:
-        """What is kept as a whole and is neither belief nor plan."""
+        """The values kept as a whole that are neither beliefs nor plans."""
         mind = self._mind
         counts = (self.lives, mind.message_count, mind.action_count)
         values = {"counts": terms_to_bytes(map(float, counts))}
@@ -278,7 +278,7 @@ _FROM_SELF = [SOURCE_SELF.args[0]]
 
 
 class KeptPlans:
-    """Notes what changes in a plan library. It looks only when the library says that something has changed."""
+    """Notes the changes of a plan library. It compares only when the library's version has changed."""
 
     def __init__(self, library: PlanLibrary) -> None:
         self._library = library
@@ -296,7 +296,7 @@ class KeptPlans:
         self._seen = self._library.version
 
     def change(self, changes: MindChanges, tell: Tell) -> None:
-        """Add what has changed since this was asked last."""
+        """Add the changes since the last call."""
         library = self._library
         if library.version == self._seen:
             return
@@ -329,7 +329,7 @@ class KeptPlans:
                 self._ranks[plan] = highest
 
     def values(self) -> dict[str, bytes]:
-        """What is kept as a whole: the program's plans that are gone or have other sources than the agent itself."""
+        """The values kept as a whole: the program's plans that were removed or have sources besides the agent."""
         here = set(self._library)
         changed: list[Term] = []
         for plan, written in self._own.items():
@@ -341,7 +341,7 @@ class KeptPlans:
     def restore(self, program: CompiledProgram, stored: StoredMind, changed: list[Term], tell: Tell) -> None:
         """Give a mind the plans of its program, without those that were removed, and those that were added.
 
-        ``changed`` is what `values` has told about the program's.
+        ``changed`` is what `values` returned.
         """
         library = self._library
         library.extend(list(program.plans))

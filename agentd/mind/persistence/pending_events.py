@@ -1,4 +1,4 @@
-"""What a mind has begun or is to begin: the events that a restarted mind has to be given again.
+"""Pending events: those that a restarted mind must be given again.
 
 An intention stands for its *root*, the event of its outermost plan; an event that no intention waits for stands for
 itself. Where an event comes from decides what becomes of it at a restart: see `Origin`. Events carry their sources as
@@ -24,18 +24,18 @@ from agentd.mind.plans.plan_library import Relevant
 from agentd.mind.state import MindState
 
 _MOST_NOTED: Final = 4096
-"""So many roots are noted before those of intentions that have ended are looked for."""
+"""Roots noted before those of ended intentions are removed."""
 
 
 class Origin(IntEnum):
-    """Where an event comes from."""
+    """The origin of an event."""
 
     NEVER = 0
-    """It is not given again: initial goals and beliefs, percepts (they come anew), states of goals (``^!g``)."""
+    """Not raised again: initial goals and beliefs, percepts (they are perceived again), states of goals (``^!g``)."""
     OWN = 1
-    """The mind itself: ``!!g``, ``++b``, ``.signal``, what it told itself."""
+    """The mind itself: ``!!g``, ``++b``, ``.signal``, messages to itself."""
     OTHERS = 2
-    """Another agent: a message, or what a message has brought about."""
+    """Another agent: a message, or a consequence of one."""
 
 
 class Pending(NamedTuple):
@@ -59,7 +59,7 @@ class Pending(NamedTuple):
 
     @staticmethod
     def from_bytes(place: PendingKey, origin: Origin, data: bytes) -> Pending:
-        """Return what was made bytes. Raises BadBytes."""
+        """Return the event that was encoded. Raises BadBytes."""
         match terms_from_bytes(data):
             case [str() as operator, str() as goal, Literal() as literal]:
                 return Pending(origin, operator, goal, literal, place)
@@ -72,7 +72,7 @@ def written(relevant: Relevant, args: tuple[Term, ...], annots: tuple[Term, ...]
 
 
 class _Root(NamedTuple):
-    """Where an intention comes from."""
+    """The origin of an intention."""
 
     origin: Origin
     seen: tuple[Any, ...]
@@ -82,13 +82,13 @@ class _Root(NamedTuple):
 
 
 class Origins:
-    """Knows where the events and intentions of a mind come from. Its `take_event` is the mind's."""
+    """Tracks the origins of a mind's events and intentions. Its `take_event` replaces the mind's."""
 
     def __init__(self, mind: MindState, places: int) -> None:
         """``places`` in the queue were given before, in a former life."""
         self._mind, self._take = mind, mind.take_event
         self._marked: dict[int, tuple[Event, Origin]] = {}
-        """Queued events whose origin their annotations do not tell, by their identity."""
+        """Queued events whose origin does not follow from their annotations, by identity."""
         self._roots: dict[int, _Root] = {}
         """By the number of the intention; one without is never given again. Branches of a fork are such: their parent
         has one."""
@@ -100,7 +100,7 @@ class Origins:
         """The event that a plan is being selected for."""
 
     def mark(self, event: Event, origin: Origin) -> None:
-        """Say where a queued event comes from."""
+        """Note the origin of a queued event."""
         self._marked[id(event)] = (event, origin)
 
     def take_event(self, mind: MindState, event: Event) -> bool:
@@ -169,7 +169,7 @@ class Origins:
         self._most = max(_MOST_NOTED, 2 * len(self._roots))
 
     def pending(self) -> Iterator[tuple[PendingKey, Origin, tuple[Any, ...]]]:
-        """What is pending: its place and origin, and the event as relevant plans, arguments and annotations."""
+        """The pending events: place and origin, and the event as relevant plans, arguments and annotations."""
         mind = self._mind
         waiting: dict[int, Event] = {}
         events = mind.all_events()
@@ -196,7 +196,7 @@ class Origins:
             yield (1, known[1]), origin, event[:3]
 
     def _root(self, intention: Intention, event: Event | None) -> tuple[Origin, tuple[Any, ...]]:
-        """Where an intention comes from, and the event that its plans answer."""
+        """The origin of an intention, and the event that its plans answer."""
         stack = intention.stack
         if stack and type(stack[0][PLAN]) is AnsweringPlan:
             return Origin.OTHERS, self._arrival(intention, stack[0][PLAN].mail)

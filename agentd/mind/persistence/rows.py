@@ -1,4 +1,4 @@
-"""What is kept of a mind, as rows of bytes: what has changed in it, and all of it."""
+"""Rows of bytes that a checkpoint keeps of a mind: its changes, and the whole."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Row = tuple[int, bytes]
-"""A number that gives the row its place, and what stands there."""
+"""The place of a row and its content."""
 PendingKey = tuple[int, int]
-"""Where something pending stands: see `agentd.mind.persistence.pending_events`."""
+"""The place of a pending event: see `agentd.mind.persistence.pending_events`."""
 PendingRow = tuple[PendingKey, int, bytes]
 """The place of an event, its `Origin`, and the event."""
 
 
 @dataclass(slots=True)
 class MindChanges:
-    """What has changed in a mind since that was asked last. False where nothing has."""
+    """The changes of a mind since the last call; false if there are none."""
 
     beliefs: list[Row] = field(default_factory=list)
     """Facts and rules that are new or different, by their rank; the highest rank of a predicate is asked first."""
@@ -23,7 +23,7 @@ class MindChanges:
     predicates: list[Row] = field(default_factory=list)
     """Predicates that are new, by their number: the order in which they were first mentioned."""
     plans: list[Row] = field(default_factory=list)
-    """Plans that the run has added, by their rank; those below 0 stand before the program's."""
+    """Plans that the run has added, by their rank; those below 0 precede the program's."""
     plans_gone: list[int] = field(default_factory=list)
     pending: list[PendingRow] = field(default_factory=list)
     pending_gone: list[PendingKey] = field(default_factory=list)
@@ -32,7 +32,7 @@ class MindChanges:
     absorbed: list[Any] = field(default_factory=list)
     """The marks of the messages that the mind has taken, in that order: see `Keeper.feed`."""
     unkept: list[str] = field(default_factory=list)
-    """What cannot be kept, in words, each once. It is not in the rows, and what stood for it there before is gone."""
+    """Descriptions of items that cannot be kept, each once. They have no rows; older rows of them are removed."""
 
     def __bool__(self) -> bool:
         return any(getattr(self, name) for name in self.__slots__)
@@ -49,7 +49,7 @@ class StoredMind:
     values: dict[str, bytes] = field(default_factory=dict)
 
     def changed(self, changes: MindChanges) -> StoredMind:
-        """Return the mind as it is after changes: what a database does with them."""
+        """Return the mind after changes, as a database applies them."""
         pending = {key: (key, origin, data) for key, origin, data in self.pending}
         for gone in changes.pending_gone:
             pending.pop(gone, None)

@@ -1,4 +1,4 @@
-"""Terms as bytes that read back as equal terms: what a checkpoint keeps, for every term that a mind may hold.
+"""Encode every term that a mind may hold as bytes, for checkpoints, and decode it to an equal term.
 
 The bytes are MessagePack: a term is a flat list in postfix order (parts before the whole), so that terms of any depth
 need no recursion. Numbers and strings stand for themselves, all else is an array:
@@ -41,7 +41,7 @@ from agentd.language.terms.terms import (
 MOST_PARTS: Final = 1_000_000
 """Terms with more parts are not kept."""
 MOST_LINES: Final = 100_000
-"""Code stands in this line at most, wherever it was written."""
+"""The greatest line number kept of code."""
 
 _ME, _EMPTY, _LIST, _VAR, _EXPRESSION, _CODE, _OPEN, _REST, _COLLECTION = range(9)
 _MYSELF: Final = [_ME]
@@ -53,17 +53,17 @@ _CODES: Final[dict[str, Any]] = {
 }
 """The syntax that code as a term may hold."""
 _IN_BRACES: Final = {"trigger": nodes.TriggerTerm, "rule": nodes.RuleTerm, "body": nodes.BodyTerm}
-"""What is written as a term. A plan is not: one that is nothing but a trigger would read as that."""
+"""The syntax of code in braces. Plans are written without: one with only a trigger would read as a trigger."""
 _encode: Final = msgspec.msgpack.Encoder().encode
 _decode: Final = msgspec.msgpack.Decoder(list[Any]).decode
 
 
 class CannotKeep(ValueError):
-    """What cannot be kept in a checkpoint; says why."""
+    """A term cannot be kept in a checkpoint; the text is the reason."""
 
 
 class BadBytes(ValueError):
-    """Bytes that are no terms; says why."""
+    """Bytes cannot be decoded as terms; the text is the reason."""
 
 
 def terms_to_bytes(terms: Iterable[Any]) -> bytes:
@@ -105,14 +105,14 @@ class _Writer:
         self._out: list[Any] = []
         self._variables: dict[Var, int] = {}
         self._around: set[int] = set()
-        """The maps, sets and queues that what is written now is inside of."""
+        """The maps, sets and queues around the current term, by identity."""
         self.changeable = False
 
     def write(self, terms: Iterable[Any]) -> list[Any]:
         out = self._out
         work: list[Any] = list(terms)
-        """What is to be written, the next last; a tuple of a token for the end of a term whose parts come before it,
-        and of the term itself if it could be inside of itself."""
+        """Terms to be written, the next one last; tuples hold the token that ends a term after its parts, and the term
+        itself if it may contain itself."""
         work.reverse()
         until_check, left = FIRST_NODES, MOST_PARTS
         while work:
@@ -145,7 +145,7 @@ class _Writer:
         return out
 
     def _open(self, term: Any, work: list[Any]) -> None:
-        """Put the parts of a term on the work that lies ahead, and before them what makes it whole."""
+        """Push the parts of a term, and below them the token that ends it."""
         match term:
             case Var():
                 term = deref(term)
@@ -243,7 +243,7 @@ class _Reader:
         return stack
 
     def _take(self, count: int) -> list[Any]:
-        """The last so many terms, which become parts of another one."""
+        """Remove and return the last ``count`` terms, the parts of another one."""
         if not count:
             return []
         if not 0 < count <= len(self._stack):
@@ -307,7 +307,7 @@ class _Reader:
 
 
 def _read_code(kind: str, text: str, file: str, line: int) -> Any:
-    """The syntax of code as it is kept; it stands in the line where it was written."""
+    """The syntax of code from its text, with its original position."""
     source = "\n" * (min(line, MOST_LINES) - 1) + text
     try:
         node = parse_term(source, file) if kind in _IN_BRACES else parse_plan(source, file)

@@ -27,7 +27,7 @@ def select_first(mind: MindState, trail: Trail, event: Event) -> Frame | None:
 
 
 def select_nested(mind: MindState, trail: Trail, event: Event) -> Frame | None:
-    """The same in programs with nested plans: those in sight come first."""
+    """The same in programs with nested plans: those in sight are tried first."""
     relevant, args, annots, intention = event
     frame = nested_frame(mind, trail, relevant, args, annots, intention)
     return select_first(mind, trail, event) if frame is None else frame

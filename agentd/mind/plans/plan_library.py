@@ -118,28 +118,28 @@ class Plan:
         for inner in self.subplans:
             inner.outer = self
         self.on_failure: Any = None
-        """Told of a failure that no plan above this one handles; only plans of the mind's own have it."""
+        """Called with a failure that no plan above this one handles; only plans of the mind's own have it."""
         self.condition: Any = None
         """For ``<:``, the function that asks whether the goal's condition holds, once loaded."""
         self.sources: list[Term] = [SOURCE_SELF.args[0]]
-        """Who the plan comes from: the agent itself, those who told it."""
+        """The sources of the plan: the agent itself, or senders of ``tellHow``."""
         self.file = ""
         """The file that holds it; empty for a plan that was added as a term or text."""
         self.tried: list[tuple[Any, tuple[str, ...]]] = []
         """The literals of the context in order, as `trace` numbers them, with their variables that have values then."""
         self.tried_texts: dict[int, str] = {}
-        """The same as text, once somebody has looked."""
+        """The same as text, made on demand."""
         self.bound: tuple[str, ...] = ()
         """The variables that have a place filled when the plan is selected."""
         self.steps: list[Step | None] = []
         """The formulas of its body, once loaded."""
         self.shown: tuple[str, str, str] | None = None
-        """Its label, trigger and position as text, once somebody has looked."""
+        """Its label, trigger and position as text, made on demand."""
         self._size = FRAME_HEADER
         self.unload()
 
     def unload(self) -> None:
-        """Forget the code: it is generated anew when the plan is next tried, in the form that is then asked for."""
+        """Drop the code: it is generated again, in the form then needed, when the plan is next tried."""
         self.select: Any = self._first_select
         """A new frame for an event, or None: see `agentd.language.compiler.units` for this and the others."""
         self.trace: Any = self._first_trace
@@ -186,7 +186,7 @@ class Plan:
             inner.around = {**self.around, **self.slots}
 
     def tracing(self) -> Any:
-        """The form of `select` that tells why it selects nothing."""
+        """The form of `select` that returns the reason if it selects nothing."""
         if self._library.compiler.form != "select":
             return self.trace
         if self.trace == self._first_trace:
@@ -255,7 +255,7 @@ class PlanLibrary:
         self.plans: list[Plan] = []
         self._relevant: dict[tuple[str, str, Signature], Relevant] = {}
         self.version = 0
-        """Counts up whenever a plan or the source of one comes or goes."""
+        """Grows whenever a plan, or the source of one, is added or removed."""
         self._labels = 0
         self._asks = False
         self.select: Select | None = None
@@ -349,7 +349,7 @@ class PlanLibrary:
                 relevant.plans.insert(0 if first else len(relevant.plans), plan)
 
     def extend(self, nodes: list[syntax.Plan]) -> None:
-        """Add the plans of a program at once."""
+        """Add the plans of a program together."""
         self.version += 1
         for node in nodes:
             plan = self.make_of_file(node)

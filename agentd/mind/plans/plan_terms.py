@@ -129,7 +129,7 @@ def _rest(node: nodes.Plan) -> tuple[Any, ...]:
 
 
 def remove_plans(mind: MindState, term: Any, teller: Any) -> None:
-    """Take a source away from the plans with a label (or a list of labels); a plan goes with its last one."""
+    """Remove a source from the plans with a label (or a list of labels), and a plan with its last source."""
     members = proper(term)
     for item in [term] if members is None else members:
         item = deref(item)
@@ -213,7 +213,7 @@ def term_of(plan: Plan, told_by: Term | None = None) -> Code:
 
 
 def shown_term(plan: Plan) -> Code:
-    """A plan as a term for people: its label tells its sources, but not its file."""
+    """A plan as a term for people: its label has its sources, but not its file."""
     return _labelled(plan, _annotated(plan, *map(source, plan.sources)))
 
 
