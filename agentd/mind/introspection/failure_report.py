@@ -52,8 +52,8 @@ def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames
     if goals:
         calls = []
         for goal, frame in zip(goals, frames, strict=False):
-            position = frame[PLAN].syntax.position
-            calls.append(f"{goal} ({place(position) if position.line else 'message'})")
+            begin = frame[PLAN].syntax.position
+            calls.append(f"{goal} ({place(begin) if begin.line else 'message'})")
         details.append(f"in the plan for {', called by '.join(calls)}{', ...' if len(frames) > len(goals) else ''}")
     if because:
         details.append(f"{because}: the intention ends")
