@@ -1,7 +1,7 @@
-"""The mind: beliefs, plans, intentions and the reasoning cycle, without any input or output of its own.
+"""The mind: beliefs, plans, intentions and the reasoning cycle, without I/O.
 
-`state` is what every function takes, `mind` the same with a program, for whoever runs it. `data`, `beliefs` and `plans`
-are what the state is made of, `execution` what changes it; `introspection` shows it, `persistence` keeps it.
+`state` holds the data that every function takes, `mind` adds the program. `data`, `beliefs` and `plans` define the
+parts of the state, `execution` changes it; `introspection` shows it, `persistence` saves and restores it.
 """
 
 import agentd.stdlib  # noqa: F401 - registers the internal actions that programs may use

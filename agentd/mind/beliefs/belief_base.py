@@ -1,8 +1,14 @@
-"""The belief base: facts and rules by predicate, in query order, with an index on every argument that is asked by.
+"""The belief base: facts and rules by predicate, in query order, with an index on every argument used in queries.
 
 Query order is newest first (initial beliefs come in file order because they are added in reverse). A predicate keeps
 one dict whose *last* entry is the first answer: adding, finding and deleting a fact by its arguments cost the same
-however many there are.
+whatever their number.
+
+Beliefs with free variables that are added at run time (rule 53): the variable of such a belief is not renamed where it
+is queried. Once it has matched a value it keeps it for the rest of that plan, and for the rest of a rule's body. So
+each plan, context and rule has a *scope*, which maps variables of beliefs to its own. The first such belief installs
+this in a mind; other minds do not pay for it. Initial beliefs of this kind are rules, which rename their variables at
+each use (`agentd.mind.execution.program_loading`).
 """
 
 from __future__ import annotations

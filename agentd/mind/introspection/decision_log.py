@@ -1,12 +1,12 @@
-"""Decision records: the last decisions of a mind, each with the plans that were rejected and why, and what failed.
+"""The decision log: the last decisions of a mind with the rejected plans and the reasons, and the last failures.
 
-A mode of the compiled mind: with it plans are compiled so that they tell which literal of their context failed
+It is a mode of the compiled mind: plans are compiled to return the literal of their context that failed
 (`agentd.language.compiler.units`), and events are taken by
 `agentd.mind.execution.event_selection.take_event_recorded`. Without it nothing here runs.
 
-A record holds what it is about by reference where that cannot change any more and as a short copy where it can
-(`agentd.mind.introspection.term_snapshot`), so it shows the state at the time of the decision. It becomes text only
-when somebody looks (`agentd.mind.introspection.decision_views`).
+A record refers to immutable terms, and holds short copies of others (`agentd.mind.introspection.term_snapshot`), so it
+shows the state at the time of the decision. It becomes text on demand only
+(`agentd.mind.introspection.decision_views`).
 """
 
 from __future__ import annotations

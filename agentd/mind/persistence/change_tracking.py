@@ -1,13 +1,12 @@
 """Keep a mind across restarts: report its changes since the last call, and restore it.
 
-A `Keeper` is given to a mind when it is made. It notes what changes at the cost of the change, does no I/O, and minds
-without one pay nothing. Kept are beliefs in query order (`agentd.mind.persistence.belief_store`), rules and plans
-that the run has added or removed (`agentd.mind.persistence.change_tracking`), what is pending
-(`agentd.mind.persistence.pending_events`), functions of included files, properties of namespaces, and the counts that
-ids are made of. Percepts are not kept: they come anew.
+A `Keeper` is given to a mind when it is made. Noting a change costs as much as the change, there is no I/O, and minds
+without a keeper pay nothing. Kept are beliefs in query order (`agentd.mind.persistence.belief_store`), rules and plans
+that the run has added or removed, pending events (`agentd.mind.persistence.pending_events`), functions of included
+files, properties of namespaces, and the counters of ids. Percepts are not kept: they are perceived again.
 
-The program is the authority for its own plans and rules: a restored mind has those of the program that it is made from,
-but for those that the run had removed. Initial beliefs and goals are those of the first start only.
+The program is the authority for its own plans and rules: a restored mind has those of its present program, except
+those that the run had removed. Initial beliefs and goals are those of the first start only.
 """
 
 from __future__ import annotations

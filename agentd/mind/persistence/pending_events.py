@@ -1,8 +1,8 @@
 """Pending events: those that a restarted mind must be given again.
 
-An intention stands for its *root*, the event of its outermost plan; an event that no intention waits for stands for
-itself. Where an event comes from decides what becomes of it at a restart: see `Origin`. Events carry their sources as
-annotations, so only what these cannot tell is noted, when an event begins an intention.
+An intention is represented by its *root*, the event of its outermost plan; an event without a waiting intention by
+itself. The `Origin` of an event decides about it at a restart. It follows from the sources among the annotations; only
+exceptions are noted, when an event begins an intention.
 """
 
 from __future__ import annotations
