@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
 from typing import Literal
 
 from msgspec.structs import replace
@@ -11,18 +10,24 @@ from msgspec.structs import replace
 from argosy.cli.operator_bus import Where
 from argosy.cli.remedies import level_of
 from argosy.fleet_model.link import FleetLink
-from argosy.fleet_model.message_log import LoggedMessage
-from argosy.fleet_model.mission_clock import MissionClock
-from argosy.fleet_model.model import FleetModel
 from argosy.fleet_model.observer import Wanted
-from argosy.fleet_model.timeline import Entry
 from argosy.ui.map_markers import marks
 from argosy.ui.page_requests import ControlRequests, ControlWish, FleetWish, StopWish, WhyWish, explained
-from argosy.ui.view_builders import agent_view, board_view, note_view, notes_of_all, robot_view
+from argosy.ui.view_builders import (
+    agent_view,
+    board_view,
+    entry_view,
+    formulas,
+    letter_view,
+    note_view,
+    notes_of_all,
+    robot_view,
+    run_view,
+)
 from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Page, Shown
-from argosy.ui.view_structs import DefectView, HappenedView, HeadView, LetterView, OrderedView, RunView, SeenMind
+from argosy.ui.view_structs import DefectView, HeadView, LetterView, OrderedView, SeenMind
 from commd.process.log_handler import one_line
-from schemas.mission.model import Ending, Mission
+from schemas.mission.model import Mission
 from schemas.version import RELEASE
 from schemas.wire.records import Header, Outcome
 
@@ -89,7 +94,7 @@ class FleetSession:
         entries = self.model.timeline.since(self._entry)
         self._entry = self.model.timeline.number
         self._take_letters()
-        self.shown.show(self._parts(), [_happened(entry, self.model.clock) for entry in entries])
+        self.shown.show(self._parts(), [entry_view(entry, self.model.clock) for entry in entries])
 
     def left(self, page: Page) -> None:
         """Forget a page and the minds that only it looked at."""
@@ -150,15 +155,15 @@ class FleetSession:
             observer=self._rights(),
             inject=None if mission is None else mission.inject,
             mission_differs=started_with.path.name if started_with is not None and differs else "",
-            run=_run(model),
+            run=run_view(model),
             as_of=model.as_of if model.over else None,
             notes=tuple(one for one in notes if one.level == "warning" and len(one.names) > 1),
             alarms=tuple(one for one in notes if one.level == "error"),
             mission_zero=model.clock.zero,
             speed=model.clock.speed,
             timeout=None if mission is None else mission.timeout,
-            done=_formulas(model, mission.done if mission else (), "done"),
-            failed=_formulas(model, mission.failed if mission else (), "failed"),
+            done=formulas(model, mission.done if mission else (), "done"),
+            failed=formulas(model, mission.failed if mission else (), "failed"),
             tiles=self._tiles,
             unreached=() if model.over else link.unreached,
         )
@@ -169,7 +174,7 @@ class FleetSession:
             self._letter = letter.number
             key = (letter.id, letter.sender, letter.receiver)
             known = self._letters.get(key)
-            self._letters[key] = _letter(letter, known.number if known else letter.number)
+            self._letters[key] = letter_view(letter, known.number if known else letter.number)
         while len(self._letters) > LETTERS:
             del self._letters[next(iter(self._letters))]
 
@@ -213,57 +218,3 @@ class FleetSession:
 
 def _notify(text: str) -> None:
     print(f"argosy ui: {text}", file=sys.stderr, flush=True)
-
-
-def _formulas(model: FleetModel, endings: Iterable[Ending], what: str) -> dict[str, bool]:
-    """Return the mission's formulas of one kind and whether they hold, as far as known."""
-    held: dict[str, bool] = {}
-    for one in endings:
-        mind = model.agents[one.agent].mind if one.agent in model.agents else None
-        held[f"{one.agent}: {one.formula}"] = bool(mind and getattr(mind, what).get(one.formula, False))
-    return held
-
-
-def _letter(letter: LoggedMessage, number: int) -> LetterView:
-    return LetterView(
-        number=number,
-        id=letter.id,
-        sender=letter.sender,
-        receiver=letter.receiver,
-        performative=letter.performative,
-        content=letter.content,
-        sent=letter.sent,
-        received=letter.received,
-        in_reply_to=letter.in_reply_to,
-        state=letter.state,
-        undelivered=letter.undelivered,
-    )
-
-
-def _run(model: FleetModel) -> RunView | None:
-    state, silent = model.run_state, model.run_silent
-    if state is None:
-        return None
-    return RunView(
-        phase=state.phase,
-        why=state.why,
-        seconds=round(state.mission_time, 1) if model.over else 0.0,
-        report=state.report,
-        recording=state.recording,
-        silent=None if silent is None else round(model.now() - silent, 1),
-    )
-
-
-def _happened(entry: Entry, clock: MissionClock) -> HappenedView:
-    seconds = clock.seconds(entry.at)
-    return HappenedView(
-        n=entry.number,
-        at=round(entry.at, 2),
-        mission=None if seconds is None else round(seconds, 1),
-        who=entry.who,
-        what=entry.what,
-        text=entry.text,
-        level=entry.level,
-        other=entry.other,
-        id=entry.id,
-    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 from typing import Literal
 
 from argosy.cli.remedies import level_of
@@ -11,10 +11,23 @@ from argosy.fleet_model.actions import ActionSeen
 from argosy.fleet_model.activity import activity
 from argosy.fleet_model.fleet_status import Standing
 from argosy.fleet_model.members import FleetAgent, FleetBoard, FleetRobot, Member
+from argosy.fleet_model.message_log import LoggedMessage
+from argosy.fleet_model.mission_clock import MissionClock
 from argosy.fleet_model.model import FleetModel
-from argosy.ui.view_structs import AgentView, BoardView, IntentionLine, NoteView, RobotView, RunningView
+from argosy.fleet_model.timeline import Entry
+from argosy.ui.view_structs import (
+    AgentView,
+    BoardView,
+    HappenedView,
+    IntentionLine,
+    LetterView,
+    NoteView,
+    RobotView,
+    RunningView,
+    RunView,
+)
 from schemas.liveness import MIND_STALE_AFTER
-from schemas.mission.model import Robot
+from schemas.mission.model import Ending, Robot
 from schemas.wire.records import Note
 
 INTENTIONS = 4
@@ -124,6 +137,63 @@ def board_view(board: FleetBoard) -> BoardView:
         notes=tuple(map(note_view, board.notes)),
         waiting=board.waiting(),
         problem=board.problem,
+    )
+
+
+def formulas(model: FleetModel, endings: Iterable[Ending], what: str) -> dict[str, bool]:
+    """Return the mission's formulas of one kind and whether they hold, as far as known."""
+    held: dict[str, bool] = {}
+    for one in endings:
+        mind = model.agents[one.agent].mind if one.agent in model.agents else None
+        held[f"{one.agent}: {one.formula}"] = bool(mind and getattr(mind, what).get(one.formula, False))
+    return held
+
+
+def letter_view(letter: LoggedMessage, number: int) -> LetterView:
+    """Return the view of a message; `number` is its place in the chart."""
+    return LetterView(
+        number=number,
+        id=letter.id,
+        sender=letter.sender,
+        receiver=letter.receiver,
+        performative=letter.performative,
+        content=letter.content,
+        sent=letter.sent,
+        received=letter.received,
+        in_reply_to=letter.in_reply_to,
+        state=letter.state,
+        undelivered=letter.undelivered,
+    )
+
+
+def run_view(model: FleetModel) -> RunView | None:
+    """Return the view of the run; None if no run is published."""
+    state, silent = model.run_state, model.run_silent
+    if state is None:
+        return None
+    return RunView(
+        phase=state.phase,
+        why=state.why,
+        seconds=round(state.mission_time, 1) if model.over else 0.0,
+        report=state.report,
+        recording=state.recording,
+        silent=None if silent is None else round(model.now() - silent, 1),
+    )
+
+
+def entry_view(entry: Entry, clock: MissionClock) -> HappenedView:
+    """Return the view of a timeline entry."""
+    seconds = clock.seconds(entry.at)
+    return HappenedView(
+        n=entry.number,
+        at=round(entry.at, 2),
+        mission=None if seconds is None else round(seconds, 1),
+        who=entry.who,
+        what=entry.what,
+        text=entry.text,
+        level=entry.level,
+        other=entry.other,
+        id=entry.id,
     )
 
 

@@ -129,7 +129,7 @@ def test_the_browser_gets_an_address_that_opens_once_and_not_the_token(
 
 def test_a_page_that_other_machines_reach_is_warned_of(endpoint: str) -> None:
     with running("argosy", "ui", "--router", endpoint, "--port", "0", "--listen", "0.0.0.0") as ui:
-        ui.says("warning: other machines reach this page, without TLS")
+        ui.says("warning: other machines can reach this page without TLS")
         ui.says("open http://")
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.argosy.conftest import Start
-from tests.argosy.fleet_model.test_watcher import crowd_of
+from tests.argosy.fleet_model.test_observer import crowd_of
 from tests.argosy.watch.hostile import RAW, saying
 from tests.argosy.watch.terminal import Terminal
 
@@ -163,7 +163,7 @@ def test_a_mission_that_cannot_be_read_is_told_in_a_line() -> None:
 
 
 def test_nothing_that_a_fleet_says_is_a_command_to_the_terminal_or_ends_the_view(endpoint: str) -> None:
-    with saying(endpoint), watch(endpoint, "--fleet", "hostile", columns=160, lines=50) as terminal:
+    with saying(endpoint), watch(endpoint, "--fleet", "hostile", columns=160, lines=90) as terminal:
         terminal.shows("+!evil")
         terminal.until(lambda text: "GUIDED" in text and "▸ goto(" in text, "the vehicle")
         assert "1 of 1 agent  1 of 1 robot  1 of 1 board" in terminal.text
