@@ -1,21 +1,24 @@
-"""The comm daemon: the board's Zenoh router, and the mail between the agents of the board."""
+"""The comm daemon: a board's Zenoh router, its directory, and the mail of its agents."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AsyncExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import zenoh
+
 from commd.bus.bus import Bus, Query, open_bus
 from commd.bus.router_endpoints import router_of
-from commd.bus.tls import check_board
+from commd.bus.tls import Tls, check_board
 from commd.common.clock import Clock
 from commd.directory.service import open_directory
-from commd.mail.service import open_mailroom
+from commd.mail.service import open_mail_service
 from commd.mail.transport import FixedDirectory
 from commd.process.process import (
     EXIT_DONE,
@@ -41,10 +44,10 @@ from schemas.wire import keys
 from schemas.wire.records import Health, Note, RunningMission
 
 ROUND_TRIP = 2.0
-"""Wall seconds within which the router answers itself, or hangs."""
+"""Wall seconds within which the router must answer itself; after that it counts as hung."""
 NO_RULES = Note(
     "no_access_rules",
-    "no access rules: whoever has a certificate of the fleet may do everything here; "
+    "no access rules: everybody with a certificate of the fleet may do everything here; "
     "`argosy units` writes rules, --config FILE takes them",
 )
 log = logging.getLogger("commd")
@@ -71,135 +74,183 @@ def run(args: Namespace) -> int:
 
 
 def chosen(mission: Mission, asked: str | None) -> str:
-    """Return the board that this is. Raises Findings for one that the mission has not, or if it has to be said."""
+    """Return this board. Raises Findings if the mission does not have it, or has several and none was named."""
     boards = mission.board_names
     if asked is None and len(boards) > 1:
-        text = f"which board is this? Say it by --board: the mission has {', '.join(boards)}"
+        text = f"which board is this? Name it by --board: the mission has {', '.join(boards)}"
         raise Findings([Finding(str(mission.path), 0, 0, text)])
     if asked is not None and asked not in boards:
         raise Findings([Finding(str(mission.path), 0, 0, f"no board `{asked}`{did_you_mean(asked, mission.boards)}")])
     return asked or boards[0]
 
 
-async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
-    """Route for the board; keep its directory, and its mail: from `{agent}/outbox` or other boards to its agents."""
-    clock = Clock()
-    unit = unit or Unit.of_environment().member("commd")
-    board = chosen(mission, args.board)
-    endpoint = args.router or mission.router.endpoint
-    tls = tls_of(args)
-    listen, connect = args.listen, args.connect
+@dataclass(frozen=True)
+class RouterSetup:
+    """How the board's router is opened, by the mission, the command line and `--config`."""
+
+    mode: Literal["client", "router"]
+    """`client`: of a router that somebody else runs."""
+    endpoint: str
+    listen: Sequence[str]
+    connect: Sequence[str]
+    tls: Tls | None
+    config: zenoh.Config | None
+    secured: bool
+    """Whether routers enforce access rules."""
+    most_links: int | None
+    admission: Admission | None
+    """Judges the connections of other machines, if they connect by TLS."""
+
+
+def router_setup(mission: Mission, board: str, args: Namespace) -> RouterSetup:
+    """Return how to open the router of a board. Raises Findings for a bad `--config` or bad keys."""
     given = router_config.read(args.config) if args.config is not None else None
-    external = mission.router.external and given is None
+    mode: Literal["client", "router"] = "client" if mission.router.external and given is None else "router"
+    endpoint, tls = args.router or mission.router.endpoint, tls_of(args)
+    listen, connect = args.listen, args.connect
     if given is not None:
-        endpoint, *listen = given.listen
-        tls = given.tls
-    elif not (listen or connect) and not external:
+        (endpoint, *listen), tls = given.listen, given.tls
+    elif not (listen or connect) and mode == "router":
         listen, connect = router_of(mission, board, endpoint, "tls" if tls is not None else "tcp")
     if tls is not None:
         check_board(tls, mission, board)
-    secured = given is not None and given.secured
     config = given.config if given is not None else None
     admission: Admission | None = None
-    if tls is not None and not external and (public := [one for one in listen if one.startswith("tls/")]):
+    if tls is not None and mode == "router" and (public := [one for one in listen if one.startswith("tls/")]):
         admission = Admission(public, mission)
         listen = [*(one for one in listen if one not in public), *admission.inner]
         if config is not None:
             router_config.listen_at(config, endpoint, listen)
-    open_to_its_machines = tls is not None and not secured
-    if open_to_its_machines:
-        log.warning("%s", NO_RULES.text)
-    mode: Literal["client", "router"] = "client" if external else "router"
-    async with open_bus(
-        endpoint,
-        fleet=mission.fleet,
-        name=board,
-        daemon="commd",
-        stamp=clock.stamp,
-        wire=mission.wire,
-        mode=mode,
-        listen=listen,
-        connect=connect,
-        stop=stop,
-        tls=tls,
-        config=config,
-    ) as bus:
+    secured = given is not None and given.secured
+    most_links = given.most_links if given is not None else None
+    return RouterSetup(mode, endpoint, listen, connect, tls, config, secured, most_links, admission)
+
+
+class Parts:
+    """The running parts of the daemon: their health, and the tasks that must not end."""
+
+    def __init__(self) -> None:
+        self.health: list[Callable[[], Health]] = []
+        self.work: dict[asyncio.Task[None], str] = {}
+        """What each task does, for the log."""
+
+    def add(self, name: str, health: Callable[[], Health], work: Iterable[asyncio.Task[None]] = ()) -> None:
+        """Add a part."""
+        self.health.append(health)
+        self.work |= dict.fromkeys(work, name)
+
+
+async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Member | None = None) -> int:
+    """Route for the board, serve its directory, and deliver the mail of its agents. Returns the exit code."""
+    clock, board = Clock(), chosen(mission, args.board)
+    unit = unit or Unit.of_environment().member("commd")
+    router = router_setup(mission, board, args)
+    async with (
+        open_bus(
+            router.endpoint,
+            fleet=mission.fleet,
+            name=board,
+            daemon="commd",
+            stamp=clock.stamp,
+            wire=mission.wire,
+            mode=router.mode,
+            listen=router.listen,
+            connect=router.connect,
+            stop=stop,
+            tls=router.tls,
+            config=router.config,
+        ) as bus,
+        AsyncExitStack() as stack,
+    ):
         await bus.claim(board)
-        known = FixedDirectory(mission.mailboxes)
         folder = state_directory(args.state) / mission.fleet
         bus.restarts, bus.former_failure = begin_life(folder, "commd", board)
-        async with AsyncExitStack() as parts_of:
-            enter = parts_of.enter_async_context
-            # What few missions have is loaded for those: it takes memory on each board.
-            air = gateway = None
-            if mission.radio is not None:
-                from commd.gateway.radio_model import open_air
+        parts = await open_parts(stack, bus, mission, board, router, folder, clock)
+        SelfCheck(bus, board, mission.board_names, folder)
+        tell_mission(bus, board, mission)
+        log.info("%s board=%s endpoint=%s", router.mode, board, router.endpoint)
+        unit.ready(words := f"{router.mode} of {board} at {router.endpoint}")
 
-                air = await enter(open_air(bus, mission, board))
-            if mission.gateway is not None and mission.gateway.board == board:
-                from commd.gateway.gateway import open_gateway
+        def details() -> Health:
+            found = together(parts.health)
+            unit.status(words, *(note.text for note in found.notes))
+            return found
 
-                gateway = await enter(open_gateway(mission, board))
-            mail_service = await enter(open_mailroom(bus, known, mission.mail, folder, air, everybody_known=False))
-            directory = await enter(open_directory(bus, board, mission, mail_service, clock, secured))
-            if gateway is not None:
-                await enter(gateway.serving(mail_service))
-            SelfCheck(bus, board, mission.board_names, folder)
-            tell_mission(bus, board, mission)
-            if admission is not None:
-                await enter(open_admission(admission, bus))
-            links = None
-            if tls is not None and mode == "router":
-                most_links = given.most_links if given is not None else None
-                links = await enter(open_links(bus, mission, board, tls, most_links))
-            watchdog = None
-            if mode == "router":
-                others = [other for other in mission.boards if other != board]
-                watchdog = await enter(open_link_watchdog(bus, others))
-            further = (gateway, air, links, watchdog, admission)
-            parts = [mail_service.health, directory.health, *(part.health for part in further if part is not None)]
-            if open_to_its_machines:
-                parts.append(lambda: Health(notes=(NO_RULES,)))
-            log.info("%s board=%s endpoint=%s", mode, board, endpoint)
-            unit.ready(words := f"{mode} of {board} at {endpoint}")
-
-            def details() -> Health:
-                found = together(parts)
-                unit.status(words, *(note.text for note in found.notes))
-                return found
-
-            health = asyncio.create_task(report_health(bus, board, clock, details))
-            turning = asyncio.create_task(turn(bus, unit.loop()))
-            stopping = asyncio.create_task(stop.wait())
-            work: dict[asyncio.Task[None], str] = {health: "the router", turning: "the watch over the router"}
-            work |= dict.fromkeys(directory.work, "the directory")
-            work |= dict.fromkeys([watchdog.running] if watchdog is not None else (), "the watch over the links")
-            work |= dict.fromkeys(gateway.work if gateway is not None else (), "the gateway")
-            work |= dict.fromkeys(air.work if air is not None else (), "the radio")
-            await asyncio.wait((*work, stopping), return_when=asyncio.FIRST_COMPLETED)
-            broken = [task for task in work if task.done()]
-            for task in broken:
-                error = task.exception() if not task.cancelled() else "cancelled"
-                log.error("%s is broken, commd is to be started again: %r", work[task], error)
-            unit.stopping()
-            health.cancel()
-            turning.cancel()
-            stopping.cancel()
+        health = asyncio.create_task(report_health(bus, board, clock, details))
+        turning = asyncio.create_task(turn(bus, unit.loop()))
+        stopping = asyncio.create_task(stop.wait())
+        work: dict[asyncio.Task[None], str] = {
+            health: "the router",
+            turning: "the watch over the router",
+            **parts.work,
+        }
+        await asyncio.wait((*work, stopping), return_when=asyncio.FIRST_COMPLETED)
+        broken = [task for task in work if task.done()]
+        for task in broken:
+            error = task.exception() if not task.cancelled() else "cancelled"
+            log.error("%s is broken, commd is to be started again: %r", work[task], error)
+        unit.stopping()
+        for each in (health, turning, stopping):
+            each.cancel()
     return EXIT_FAILED if broken else EXIT_DONE
 
 
+async def open_parts(
+    stack: AsyncExitStack, bus: Bus, mission: Mission, board: str, router: RouterSetup, folder: Path, clock: Clock
+) -> Parts:
+    """Open the parts that the mission and the router need, until `stack` ends."""
+    parts, enter = Parts(), stack.enter_async_context
+    # The gateway and the radio are imported only if needed: few missions have them, and they take memory.
+    air = gateway = None
+    if mission.radio is not None:
+        from commd.gateway.radio_model import open_air
+
+        air = await enter(open_air(bus, mission, mission.radio, board))
+    if mission.gateway is not None and mission.gateway.board == board:
+        from commd.gateway.gateway import open_gateway
+
+        gateway = await enter(open_gateway(mission, mission.gateway))
+    names = FixedDirectory(mission.mailboxes)
+    mail_service = await enter(open_mail_service(bus, names, mission.mail, folder, air, everybody_known=False))
+    parts.add("the mail", mail_service.health)
+    directory = await enter(open_directory(bus, board, mission, mail_service, clock, router.secured))
+    parts.add("the directory", directory.health, directory.work)
+    if gateway is not None:
+        await enter(gateway.serving(mail_service))
+        parts.add("the gateway", gateway.health, gateway.work)
+    if air is not None:
+        parts.add("the radio", air.health, air.work)
+    if router.admission is not None:
+        await enter(open_admission(router.admission, bus))
+        parts.add("admission", router.admission.health)
+    if router.mode == "router":
+        if router.tls is not None:
+            links = await enter(open_links(bus, mission, board, router.tls, router.most_links))
+            parts.add("the links", links.health)
+        watchdog = await enter(open_link_watchdog(bus, [other for other in mission.boards if other != board]))
+        parts.add("the watch over the links", watchdog.health, [watchdog.running])
+    if router.tls is not None and not router.secured:
+        log.warning("%s", NO_RULES.text)
+        parts.add("no rules", lambda: Health(notes=(NO_RULES,)))
+    return parts
+
+
 def tell_mission(bus: Bus, board: str, mission: Mission) -> None:
-    """Serve the mission file as it was read, so that whoever looks on knows what runs, not what a file says by now."""
+    """Serve the mission file as it was read at the start, so that observers know what runs."""
     key = keys.mission(mission.fleet, board)
 
     def answer(query: Query[RunningMission]) -> None:
         query.reply(RunningMission(header=bus.header("mission"), file=mission.path.name, text=mission.text), key)
 
-    bus.serve(key, RunningMission, answer, at_once=True)
+    bus.serve(
+        key,
+        RunningMission,
+        answer,
+    )
 
 
 async def turn(bus: Bus, loop: Loop) -> None:
-    """Say for ever that this loop turns and the router answers; one that somebody else runs and that is away may."""
+    """Feed the watchdog while the router answers, or while a router that somebody else runs is away; for ever."""
     while loop.period is not None:
         if not bus.router_up or await bus.round_trip(ROUND_TRIP):
             loop.beat()
@@ -210,7 +261,7 @@ async def turn(bus: Bus, loop: Loop) -> None:
 
 
 def together(parts: Sequence[Callable[[], Health]]) -> Health:
-    """Return the health of the parts of a daemon as that of the whole."""
+    """Return the health of a daemon's parts as one record."""
     healths = [part() for part in parts]
     counters = {name: count for health in healths for name, count in health.counters.items()}
     return Health(

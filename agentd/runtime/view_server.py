@@ -49,7 +49,7 @@ class Viewer:
         self._made: dict[Look, tuple[float, MindView]] = {}
         """The last looks, and when they were made in wall seconds."""
         self._key = keys.mind(bus.fleet, mind.name)
-        self.withdraw: Callable[[], None] = bus.serve(self._key, MindView, self._show, aside=True)
+        self.withdraw: Callable[[], None] = bus.serve(self._key, MindView, self._show, observers=True)
 
     def forget(self) -> None:
         """The mind is not as it was: an operator has done something to it."""

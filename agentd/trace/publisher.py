@@ -97,7 +97,7 @@ class Tracing:
         }
         mind.agents = self.course.reading(names)
         mind.on_input = self.course.given
-        self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth, aside=True)]
+        self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth, observers=True)]
         for channel, key in self._keys.items():
             self._withdraw.append(bus.listened(key, lambda somebody, c=channel: self._listened(c, somebody)))  # type: ignore[misc]
         _all.add(self)

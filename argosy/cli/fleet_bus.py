@@ -15,8 +15,9 @@ from typing import Any, TypeVar
 
 import zenoh
 
-from commd.bus.bus import BACKLOG, Bus, Reply, open_bus
+from commd.bus.bus import Bus, Reply, open_bus
 from commd.bus.errors import BusClosed
+from commd.bus.loop_dispatch import BACKLOG
 from commd.bus.router_endpoints import endpoint_of
 from commd.bus.tls import Tls
 from commd.common.tasks import Tasks

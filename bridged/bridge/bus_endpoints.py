@@ -64,7 +64,7 @@ class Service:
     def open(
         self, board: PerceptPublisher, action_server: ActionServer, orders: SafetyOrders, live: RunningManifest
     ) -> None:
-        """Begin to serve. Orders and manifest changes are served `at_once` as actions are, in the order of arrival: an
+        """Begin to serve. Orders and manifest changes are served as actions are, in the order of arrival: an
         action behind a stop is refused."""
         bus, fleet = self._bus, self._bus.fleet
         for agent in self._agents:
@@ -74,14 +74,27 @@ class Service:
                 Action,
                 partial(self._act, agent, action_server, live),
                 at_most=ACTION_BYTES,
-                at_once=True,
             )
             cancel = partial(self._cancel, agent, action_server)
-            bus.serve(keys.cancel(fleet, agent), Cancel, cancel, urgent=True, at_once=True)
+            bus.serve(
+                keys.cancel(fleet, agent),
+                Cancel,
+                cancel,
+                urgent=True,
+            )
         change = partial(self._read_or_change, live)
-        bus.serve(keys.manifest(fleet, self._robot), ManifestChange, change, at_once=True)
+        bus.serve(
+            keys.manifest(fleet, self._robot),
+            ManifestChange,
+            change,
+        )
         stop = partial(self._stop, action_server, orders)
-        bus.serve(keys.stop(fleet, self._robot), StopOrder, stop, urgent=True, at_once=True)
+        bus.serve(
+            keys.stop(fleet, self._robot),
+            StopOrder,
+            stop,
+            urgent=True,
+        )
 
     async def _repair(self, agent: str, present: PerceptSet, query: Query[Perception]) -> None:
         """Answer with every present belief of an agent that the query asks for, each on its own key."""

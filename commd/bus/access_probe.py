@@ -1,9 +1,10 @@
-"""Whether the router lets this daemon through. Zenoh's router drops without a word what its access rules deny: a put
+"""Find out whether the router lets this daemon through. Zenoh's router drops silently what its access rules deny: a put
 returns, a declaration succeeds, a query has no reply. So a daemon looks from a second session, at the start and after
-each change, whether what it declared can be seen by others, and whether what it puts comes through.
+each change, whether others see what it declared, and whether its puts arrive.
 
-The router's admin space would tell too, and must not be asked: with Zenoh 1.10 a router that lists what is declared
-while somebody declares may stand still for ever.
+The router's admin space has this too, and must not be asked: with Zenoh 1.10 a router that lists declarations while
+somebody declares may hang for ever. A trial of a key is made one level below it, where the same access rules hold and
+no daemon listens.
 """
 
 from __future__ import annotations
@@ -26,30 +27,25 @@ import os
 from commd.bus.raw import RawBus, Sample
 
 PATIENCE = 2.0
-"""Wall seconds that a declaration has to be seen, and a put to come through."""
+"""Wall seconds that a declaration has to appear, and a put to arrive."""
 AGAIN = 0.05
 ANSWER = 1.0
 """Wall seconds that the router has to answer."""
 SETTLING = 5.0
-"""Wall seconds after a change until it is looked whether it is seen."""
+"""Wall seconds from a change to the check."""
 LOOK_AGAIN = 30.0
-"""Wall seconds until it is looked again, unless all is well: the router may only have been busy."""
+"""Wall seconds to the next check after a denial or an unknown result: the router may only have been busy."""
 KINDS = {"queryable": "to serve", "subscriber": "to subscribe to", "token": "to hold the token"}
 ROUTER = "@/*/router"
-"""What a router says of itself."""
+"""Selector of a router's description of itself."""
 log = logging.getLogger("access")
 
 
-async def refused(bus: Bus, puts: Collection[str] = ()) -> str:
-    """Return in words what the router denies of all that was declared and of these keys to put on; empty if nothing.
+async def find_denials(bus: Bus, puts: Collection[str] = ()) -> str | None:
+    """Return a text of what the router denies of all that was declared and of these keys to put on; empty if nothing.
 
-    What cannot be known, because the router does not answer, is no denial.
+    None: not known, because the router does not answer.
     """
-    return await known_refused(bus, puts) or ""
-
-
-async def known_refused(bus: Bus, puts: Collection[str] = ()) -> str | None:
-    """Return what `refused` does, or None if it cannot be known."""
     try:
         async with bus.second_session(ANSWER) as other:
             unseen = await _unseen(bus, other)
@@ -61,18 +57,18 @@ async def known_refused(bus: Bus, puts: Collection[str] = ()) -> str | None:
     denied += [f"to put on {key}" for key in puts if key not in through]
     if denied and not answers:
         return None
-    return await in_words(bus, denied) if denied else ""
+    return await denial_text(bus, denied) if denied else ""
 
 
-async def in_words(bus: Bus, denied: Sequence[str]) -> str:
-    """Say what is denied, by whom, and what to do."""
+async def denial_text(bus: Bus, denied: Sequence[str]) -> str:
+    """Return what is denied, by whom, and what to do."""
     many = f", and {len(denied) - 2} more" if len(denied) > 2 else ""
     text = f"{await router_name(bus)} denies {bus.daemon} of `{bus.name}`: {', '.join(denied[:2])}{many}"
-    return f"{text}: by its rules they are not of its board; `argosy units` makes them anew from the mission file"
+    return f"{text}: by its rules they are not of its board; `argosy units` writes new rules from the mission file"
 
 
 async def router_name(bus: Bus) -> str:
-    """Return what this daemon's router is called."""
+    """Return the name of this daemon's router."""
     for answer in await bus.raw.look_up(ROUTER, ANSWER):
         try:
             return f"the router `{json.loads(answer.payload)['metadata']['name']}`"
@@ -82,35 +78,30 @@ async def router_name(bus: Bus) -> str:
 
 
 class Watch:
-    """Looks a moment after each declaration, and each time that the router came, whether it is known to it, and keeps
-    what is denied in words."""
+    """Checks after each change of the bus's declarations, and when the router is back, what the router denies."""
 
     def __init__(self, bus: Bus) -> None:
         self.note = ""
-        """What is denied now; empty if nothing."""
-        self._bus, self._due = bus, asyncio.Event()
-
-    def changed(self) -> None:
-        """Something was declared or taken back, or the router came."""
-        self._due.set()
+        """What is denied now, for people; empty if nothing."""
+        self._bus = bus
 
     async def run(self) -> None:
-        """Look whenever something changed, and now and then while something is denied or not known, for ever."""
+        """Check after each change, and every `LOOK_AGAIN` seconds while something is denied or unknown, for ever."""
         settled = True
         while True:
-            await wait_at_most(self._due, None if settled else LOOK_AGAIN)
+            await wait_at_most(self._bus.declarations_changed, None if settled else LOOK_AGAIN)
             await asyncio.sleep(SETTLING)
-            self._due.clear()
+            self._bus.declarations_changed.clear()
             settled = await self._look()
 
     async def _look(self) -> bool:
-        """Look once. Returns whether all is known and well."""
+        """Check once. Returns whether nothing is denied or unknown."""
         if not self._bus.declared:
             self.note = ""
             return True
         try:
-            note = await known_refused(self._bus)
-        except Exception as error:  # the next look may do better; without one, what is denied would never be told
+            note = await find_denials(self._bus)
+        except Exception as error:  # the next check may do better; without one a denial would never be reported
             log.exception("defect in argosy: %s: %s", type(error).__name__, error)
             return False
         if note is None:
@@ -124,7 +115,7 @@ class Watch:
 
 
 async def _unseen(bus: Bus, other: Bus) -> list[tuple[str, str]]:
-    """Return what a session has declared and another one does not see."""
+    """Return the declarations of a session that another one does not see."""
     declared = sorted(bus.declared)
     seekers: dict[tuple[str, str], Querier | Publisher] = {}
     for kind, key in declared:
@@ -150,17 +141,17 @@ async def _unseen(bus: Bus, other: Bus) -> list[tuple[str, str]]:
 
 
 AGAIN = 0.05
-"""Wall seconds between two attempts: what was just declared may not have reached the other one yet."""
+"""Wall seconds between two attempts: a new declaration may not have reached the other session yet."""
 ALL_FORBIDDEN = 1.0
-"""Wall seconds that what is forbidden has where nothing is allowed that would show that it had its time."""
+"""Wall seconds that forbidden keys are tried for, where no allowed key shows when they had enough time."""
 
 
 async def which_come_through(
     speaker: RawBus, listener: RawBus, puts: Collection[str], patience: float, forbidden: Collection[str] = ()
 ) -> set[str]:
-    """Put on each key until all come through, or for `patience` wall seconds. Returns those that did.
+    """Put on each key until all arrive twice, or for `patience` wall seconds. Returns the keys that arrived.
 
-    Those that are `forbidden` should not: they have come twice if the others have.
+    The `forbidden` ones should not: they were put at least as often as the others.
     """
     probes = {f"{key}/{_nonce()}": key for key in (*puts, *forbidden)}
     heard: dict[str, int] = dict.fromkeys(probes, 0)
@@ -178,7 +169,7 @@ async def which_come_through(
     until = loop.time() + (patience if wanted else min(patience, ALL_FORBIDDEN))
     try:
         while loop.time() < until and not (wanted and min(heard[probe] for probe in wanted) >= 2):
-            for publisher in reversed(publishers):  # the forbidden ones first: they have had their time by then
+            for publisher in reversed(publishers):  # the forbidden ones first, so that they had as much time
                 publisher.put(b"", "zenoh/bytes")
             news.clear()
             await wait_at_most(news, AGAIN)
@@ -191,8 +182,10 @@ async def which_come_through(
 async def which_are_answered(
     asker: RawBus, server: RawBus, asks: Collection[str], patience: float, forbidden: Collection[str] = ()
 ) -> set[str]:
-    """Ask on each key, which `server` serves, until all are answered or for `patience` wall seconds. Returns those that
-    were; those that are `forbidden` have been asked twice when the others are answered."""
+    """Query each key, which `server` serves, until all were answered twice, or for `patience` wall seconds.
+
+    Returns the keys that were answered. The `forbidden` ones were asked at least as often as the others.
+    """
     probes = {f"{key}/{_nonce()}": key for key in (*asks, *forbidden)}
     answered: dict[str, int] = dict.fromkeys(probes, 0)
     serving = [server.serve(probe, lambda asked: Sample(asked.key, b"", "zenoh/bytes")) for probe in probes]

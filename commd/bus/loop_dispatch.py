@@ -1,7 +1,7 @@
-"""What comes on Zenoh's threads, handed over to the event loop in the order in which it came.
+"""Hand over what arrives on Zenoh's threads to the event loop, in order.
 
-The loop is woken once for all that waits. Whoever is told of something may ask for a turn behind the rest
-(`afterwards`): an agent then reasons about all of it at once, without another pass of the loop.
+The loop is woken once for everything that waits. A handler may ask for a call behind the rest (`afterwards`), so that
+an agent reasons about all of it together, in the same pass of the loop.
 """
 
 from __future__ import annotations
@@ -9,68 +9,120 @@ from __future__ import annotations
 import asyncio
 from collections import Counter, deque
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from time import monotonic
 from typing import Any, Final
 
+import zenoh
+
+BACKLOG: Final = 10_000
+"""Items of one callback that may wait for the event loop; further ones are refused and counted."""
 AT_ONCE: Final = 64
-"""So much is handed over, however long it takes, before others on the loop have their turn."""
+"""Items of one pass at least, however long they take, before other work on the loop has its turn."""
 TURN: Final = 0.02
-"""Wall seconds for which more is handed over: a pass of the loop may be long, and what waits must not pile up."""
+"""Wall seconds of one pass: other work may take long, and the backlog must not grow meanwhile."""
+LAST_WORD: Final = 1.0
+"""Wall seconds after the timeout of a query that Zenoh has to report its end."""
 
 
 class LoopDispatch:
-    """Hands over to one event loop, while that runs; what comes later is counted as dropped."""
+    """Calls functions on one event loop from any thread; what arrives after the loop has ended counts as dropped."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, counters: Counter[str]) -> None:
-        self._loop, self._counters = loop, counters
+        self.loop, self.counters = loop, counters
         self._waiting: deque[tuple[Callable[[Any], None], Any]] = deque()
         self._called = False
-        """Whether the loop is going to hand over what waits."""
-        self._at_work = False
+        """Whether the loop is going to run `_run`."""
+        self._running = False
         self._later: list[Callable[[], None]] = []
 
     def put(self, function: Callable[[Any], None], item: Any) -> None:
-        """Have `function(item)` called on the loop; from any thread."""
+        """Call `function(item)` on the loop; from any thread."""
         self._waiting.append((function, item))
-        if self._called and not self._loop.is_closed():
+        if self._called and not self.loop.is_closed():
             return
         self._called = True
         try:
-            self._loop.call_soon_threadsafe(self._hand_over)
+            self.loop.call_soon_threadsafe(self._run)
         except RuntimeError:  # the loop has ended
             self._called = False
-            self._counters["dropped"] += len(self._waiting)
+            self.counters["dropped"] += len(self._waiting)
             self._waiting.clear()
 
-    def afterwards(self, handler: Callable[[], None]) -> bool:
-        """Have `handler()` called behind what is handed over now, in the same pass; False if nothing is."""
-        if self._at_work:
-            self._later.append(handler)
-        return self._at_work
+    def callback(
+        self, deliver: Callable[[Any], None], refuse: Callable[[Any], None] | None = None
+    ) -> zenoh.handlers.Callback[Any]:
+        """Return a callback for Zenoh that calls `deliver(item)` on the loop.
 
-    def _hand_over(self) -> None:
-        self._called = False  # before the last look: who puts something now calls again
-        self._at_work = True
+        At most `BACKLOG` items wait. Further ones are counted as dropped, and given to `refuse` on Zenoh's thread.
+        """
+        waiting: deque[Any] = deque()
+
+        def deliver_next(_: None) -> None:
+            deliver(waiting.popleft())
+
+        def arrived(item: Any) -> None:
+            if len(waiting) >= BACKLOG:
+                self.counters["dropped"] += 1
+                if refuse is not None:
+                    refuse(item)
+                return
+            waiting.append(item)
+            self.put(deliver_next, None)
+
+        return zenoh.handlers.Callback(arrived, indirect=False)
+
+    def replies(self, arrived: Callable[[zenoh.Reply | None], None]) -> zenoh.handlers.Callback[Any]:
+        """Return a callback for a query of Zenoh's that calls `arrived(reply)` on the loop, at its end with None."""
+        return zenoh.handlers.Callback(partial(self.put, arrived), partial(self.put, arrived, None), indirect=False)
+
+    async def collect(
+        self, ask: Callable[[zenoh.handlers.Callback[Any]], object], timeout: float
+    ) -> tuple[list[zenoh.Reply], bool]:
+        """Return the replies to the query that `ask(callback)` begins, and whether it ended.
+
+        `timeout` is that of the query, in wall seconds: Zenoh itself ends it then, or a broken query never ends.
+        """
+        waiting: asyncio.Queue[zenoh.Reply | None] = asyncio.Queue()
+        ask(self.replies(waiting.put_nowait))
+        found: list[zenoh.Reply] = []
+        try:
+            async with asyncio.timeout(timeout + LAST_WORD):
+                while (reply := await waiting.get()) is not None:
+                    found.append(reply)
+        except TimeoutError:
+            return found, False
+        return found, True
+
+    def afterwards(self, handler: Callable[[], None]) -> bool:
+        """Call `handler()` behind all that is handed over now, in the same pass. Returns False if nothing is."""
+        if self._running:
+            self._later.append(handler)
+        return self._running
+
+    def _run(self) -> None:
+        self._called = False  # before the queue is read: whoever puts something now calls again
+        self._running = True
         until = monotonic() + TURN
         try:
             for number in count():
                 if not self._waiting or (number >= AT_ONCE and monotonic() >= until):
                     break
                 function, item = self._waiting.popleft()
-                self._guarded(function, item)
+                self._call(function, item)
         finally:
-            self._at_work = False
+            self._running = False
             if self._waiting and not self._called:
                 self._called = True
-                self._loop.call_soon(self._hand_over)
+                self.loop.call_soon(self._run)
             later, self._later = self._later, []
             for handler in later:
-                self._guarded(handler)
+                self._call(handler)
 
-    def _guarded(self, function: Callable[..., None], *args: Any) -> None:
-        """Call a function; what it raises keeps nobody else from theirs."""
+    def _call(self, function: Callable[..., None], *args: Any) -> None:
+        """Call a function; an error in it does not keep the others from being called."""
         try:
             function(*args)
         except Exception as error:
-            self._loop.call_exception_handler({"message": "handing over what has come", "exception": error})
+            self.loop.call_exception_handler({"message": "handling what has arrived", "exception": error})

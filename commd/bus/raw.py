@@ -1,97 +1,79 @@
-"""What others say on the bus on keys of their own: bytes with their encoding instead of records.
+"""Publish, subscribe, query and serve bytes with their encoding, on keys that are not Argosy's.
 
-For robots that speak on Zenoh themselves. As everywhere on the bus, Zenoh's threads only hand over: what waits for the
-event loop is bounded in number and in size, and what does not fit is counted. What this process says itself is not
-heard back by it, and it neither listens nor answers to itself.
+For robots that speak Zenoh themselves. Zenoh's threads only hand over to the event loop; what waits for it is bounded
+in number and in size, and what does not fit is counted. This process does not receive its own samples and queries.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections import Counter, deque
+from collections import deque
 from collections.abc import AsyncGenerator, Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any, Protocol
+from typing import Any
 
 import zenoh
 
+from commd.bus.loop_dispatch import LoopDispatch
+from commd.bus.session import Declaration
+
 BACKLOG = 1024
-"""Samples of one subscription that may wait for the event loop; of more the oldest goes: the newest is the present. It
-is a second of a thousand a second, in which a busy machine may leave the bridge without a core."""
+"""Samples of one subscription that may wait for the event loop; of more the oldest is dropped, as the newest is the
+present state. A busy machine may leave the bridge without a core for a second, at 1000 samples a second."""
 LARGEST = 65_536
-"""Bytes of the largest payload that is taken in."""
+"""Bytes of the largest payload that is accepted."""
 ROOM = 256 * LARGEST
-"""Bytes of payload that may wait with them."""
+"""Bytes of all payloads that may wait."""
 BATCH = 64
-"""Samples that are handed over in one go before the event loop turns to others."""
+"""Samples that are handed over in one pass of the event loop."""
 QUERY_AT_MOST = 3600.0
-"""Wall seconds after which Zenoh ends a query that nobody ended: a bound behind the asker's own."""
+"""Wall seconds after which Zenoh ends a query; the asker has a shorter bound of its own."""
 REPLIES = 16
-"""Replies to one query that may wait to be taken."""
+"""Replies to one query that may wait for the caller."""
 log = logging.getLogger("bus")
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What was put, asked or answered on a key."""
+    """A payload that was put, asked or replied on a key."""
 
     key: str
     payload: bytes
     encoding: str
     """Such as `application/json`; Zenoh's default is `zenoh/bytes`."""
     deleted: bool = False
-    """The key was deleted: there is no payload."""
+    """The key was deleted; there is no payload."""
     error: bool = False
-    """It is an error reply: the payload says which."""
+    """An error reply; the payload is its text."""
 
 
-class _Declared(Protocol):
-    def undeclare(self) -> None: ...
+class Subscription(Declaration):
+    """A subscriber, with totals of what it did not take."""
 
-
-class _Handle:
-    """Something declared on the bus."""
-
-    def __init__(self, declared: _Declared, forget: Callable[[], None] = lambda: None) -> None:
-        self._declared, self._forget = declared, forget
-
-    def close(self) -> None:
-        """Take it back."""
-        self._forget()
-        try:
-            self._declared.undeclare()
-        except zenoh.ZError as error:  # the session is closed already
-            log.debug("not_withdrawn why=%s", error)
-
-
-class Subscription(_Handle):
-    """A subscriber; its figures count from its beginning."""
-
-    def __init__(self, queue: _Queue, declared: _Declared, forget: Callable[[], None]) -> None:
-        super().__init__(declared, forget)
+    def __init__(self, queue: _Queue, subscriber: zenoh.Subscriber[Any], withdrawn: Callable[[], None]) -> None:
+        super().__init__(subscriber, withdrawn)
         self._queue = queue
 
     @property
     def dropped(self) -> int:
-        """Samples that did not fit: too many waited for the event loop."""
+        """Samples dropped because too many waited for the event loop."""
         return self._queue.dropped
 
     @property
     def too_large(self) -> int:
-        """Samples of more than `LARGEST` bytes, which were not taken in."""
+        """Samples refused because they had more than `LARGEST` bytes."""
         return self._queue.too_large
 
     def close(self) -> None:
-        """End it; what waits is not handed over any more."""
+        """End it; samples that wait are not handed over."""
         self._queue.closed = True
         super().close()
 
 
-class Publisher(_Handle):
-    """Puts on one key."""
+class Publisher(Declaration):
+    """Publishes on one key."""
 
     def __init__(self, publisher: zenoh.Publisher) -> None:
         super().__init__(publisher)
@@ -103,25 +85,19 @@ class Publisher(_Handle):
         return matching(self._publisher)
 
     def put(self, payload: bytes, encoding: str) -> None:
-        """Send now, dropped if the way is congested. Raises OSError if the session is closed."""
+        """Publish; dropped if the route is congested. Raises OSError if the session is closed."""
         try:
             self._publisher.put(payload, encoding=encoding)
         except zenoh.ZError as error:
             raise OSError(f"cannot put: {error}") from None
 
 
-class Querier(_Handle):
-    """Asks on one key."""
+class Querier(Declaration):
+    """Queries one key."""
 
-    def __init__(
-        self,
-        session: zenoh.Session,
-        querier: zenoh.Querier,
-        loop: asyncio.AbstractEventLoop,
-        counters: Counter[str],
-    ) -> None:
+    def __init__(self, session: zenoh.Session, querier: zenoh.Querier, dispatch: LoopDispatch) -> None:
         super().__init__(querier)
-        self._session, self._querier, self._loop, self._counters = session, querier, loop, counters
+        self._session, self._querier, self._dispatch = session, querier, dispatch
 
     @property
     def matching(self) -> bool:
@@ -129,27 +105,23 @@ class Querier(_Handle):
         return matching(self._querier)
 
     async def ask(self, payload: bytes, encoding: str) -> AsyncGenerator[Sample, None]:
-        """Ask everybody who serves the key and yield each reply as it is made, until all have ended, also if this is
-        closed meanwhile.
+        """Query all that serve the key and yield each reply on arrival until all have ended, even if this is closed.
 
         Leaving the loop early cancels the query. Raises OSError if the session is closed.
         """
-        replies: asyncio.Queue[Sample | None] = asyncio.Queue()
+        replies: asyncio.Queue[zenoh.Reply | None] = asyncio.Queue()
         token = zenoh.CancellationToken()
 
-        def arrived(reply: Sample | None) -> None:
+        def arrived(reply: zenoh.Reply | None) -> None:
             if reply is None or replies.qsize() < REPLIES:
                 replies.put_nowait(reply)
             else:
-                self._counters["dropped"] += 1
-
-        def callback(reply: zenoh.Reply) -> None:
-            self._soon(arrived, _read_reply(reply))
+                self._dispatch.counters["dropped"] += 1
 
         try:
             self._session.get(  # the querier's own `get` would end when it is closed
                 self._querier.key_expr,
-                zenoh.handlers.Callback(callback, lambda: self._soon(arrived, None), indirect=False),
+                self._dispatch.replies(arrived),
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=QUERY_AT_MOST,
@@ -163,51 +135,38 @@ class Querier(_Handle):
         try:
             async with asyncio.timeout(QUERY_AT_MOST + 1):
                 while (reply := await replies.get()) is not None:
-                    yield reply
+                    yield _read_reply(reply)
         finally:
             token.cancel()  # type: ignore[no-untyped-call]
-
-    def _soon(self, function: Callable[[Sample | None], None], item: Sample | None) -> None:
-        try:
-            self._loop.call_soon_threadsafe(function, item)
-        except RuntimeError:  # the loop has ended, and with it whoever asked
-            return
 
 
 class RawBus:
     """The part of a session that carries bytes. Made by `commd.bus.bus.Bus`."""
 
     def __init__(
-        self,
-        session: zenoh.Session,
-        loop: asyncio.AbstractEventLoop,
-        counters: Counter[str],
-        hand_over: Callable[[Callable[[Any], None]], Any],
-        declare: Callable[[str, str], Callable[[], None]],
+        self, session: zenoh.Session, dispatch: LoopDispatch, declare: Callable[[str, str], Callable[[], None]]
     ) -> None:
-        """`hand_over` makes of a function for queries a callback of Zenoh's that is bounded as the bus's own are;
-        `declare(kind, key)` notes a declaration and returns what forgets it."""
-        self._session, self._loop, self._counters, self._hand_over = session, loop, counters, hand_over
-        self._declare = declare
+        """`declare(kind, key)` notes a declaration and returns what notes its end."""
+        self._session, self._dispatch, self._declare = session, dispatch, declare
 
     def subscribe(self, key: str, handler: Callable[[Sample], None]) -> Subscription:
-        """Call `handler` on the event loop for each sample that others put on a matching key, in order."""
-        queue = _Queue(self._loop, handler, self._counters)
+        """Call `handler` on the event loop for each sample of others on a matching key, in order."""
+        queue = _Queue(self._dispatch, handler)
         declared = self._session.declare_subscriber(
             key, zenoh.handlers.Callback(queue.push, indirect=False), allowed_origin=zenoh.Locality.REMOTE
         )
         return Subscription(queue, declared, self._declare("subscriber", key))
 
-    def tap(self, key: str, take: Callable[[zenoh.Sample], None]) -> _Handle:
-        """Call `take` for each sample that anybody puts on a matching key, of whatever size, on a thread of Zenoh's.
+    def tap(self, key: str, take: Callable[[zenoh.Sample], None]) -> Declaration:
+        """Call `take` on a thread of Zenoh's for each sample on a matching key, this process's own too, of any size.
 
-        For a recorder: it must be quick, never wait, and bound what it keeps itself.
+        For a recorder: `take` must return quickly and bound what it keeps.
         """
         declared = self._session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
-        return _Handle(declared, self._declare("subscriber", key))
+        return Declaration(declared, self._declare("subscriber", key))
 
     def publisher(self, key: str) -> Publisher:
-        """Declare that this process puts on a key."""
+        """Declare a publisher on a key."""
         return Publisher(
             self._session.declare_publisher(
                 key,
@@ -217,14 +176,14 @@ class RawBus:
         )
 
     def querier(self, key: str) -> Querier:
-        """Declare that this process asks on a key."""
+        """Declare a querier on a key."""
         querier = self._session.declare_querier(
             key, target=zenoh.QueryTarget.ALL, allowed_destination=zenoh.Locality.REMOTE
         )
-        return Querier(self._session, querier, self._loop, self._counters)
+        return Querier(self._session, querier, self._dispatch)
 
-    def serve(self, key: str, answer: Callable[[Sample], Sample | None]) -> _Handle:
-        """Answer queries of others on a key with what `answer` says on the event loop at once; None = no reply."""
+    def serve(self, key: str, answer: Callable[[Sample], Sample | None]) -> Declaration:
+        """Reply to queries of others with `answer(query)`, called on the event loop; None = no reply."""
 
         def reply(query: zenoh.Query) -> None:
             with query:
@@ -235,67 +194,57 @@ class RawBus:
                     elif said is not None:
                         query.reply(said.key, said.payload, encoding=said.encoding)
                 except zenoh.ZError as error:
-                    self._counters["replies_lost"] += 1
+                    self._dispatch.counters["replies_lost"] += 1
                     log.debug("reply_lost key=%s why=%s", key, error)
 
-        queryable = self._session.declare_queryable(key, self._hand_over(reply), allowed_origin=zenoh.Locality.REMOTE)
-        return _Handle(queryable, self._declare("queryable", key))
+        queryable = self._session.declare_queryable(
+            key, self._dispatch.callback(reply, refuse_busy), allowed_origin=zenoh.Locality.REMOTE
+        )
+        return Declaration(queryable, self._declare("queryable", key))
 
     async def look_up(self, key: str, seconds: float) -> list[Sample]:
-        """Ask everybody who serves a key, the router's admin space too. Returns the replies of so many wall seconds."""
+        """Query all that serve a key, the router's admin space too. Returns the replies within `seconds` (wall)."""
         return [reply for reply in await self._look_up(key, seconds) if not reply.error]
 
     async def answers(self, key: str, seconds: float) -> bool:
-        """Ask everybody who serves a key, and return whether anybody said anything, if only what is wrong."""
+        """Query all that serve a key. Returns whether anybody replied within `seconds` (wall), if only with an
+        error."""
         return any(reply.payload != b"Timeout" for reply in await self._look_up(key, seconds))  # that is Zenoh's own
 
     async def _look_up(self, key: str, seconds: float) -> list[Sample]:
-        replies: asyncio.Queue[Sample | None] = asyncio.Queue()
-
-        def soon(reply: Sample | None) -> None:
-            with suppress(RuntimeError):  # the loop has ended, and with it whoever asked
-                self._loop.call_soon_threadsafe(replies.put_nowait, reply)
-
-        def arrived(reply: zenoh.Reply) -> None:
-            soon(_read_reply(reply))
-
-        try:
+        def ask(callback: zenoh.handlers.Callback[Any]) -> None:
             self._session.get(
                 key,
-                zenoh.handlers.Callback(arrived, lambda: soon(None), indirect=False),
+                callback,
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=seconds,
             )
+
+        try:
+            replies, _ = await self._dispatch.collect(ask, seconds)
         except zenoh.ZError as error:
             log.debug("not_asked key=%s why=%s", key, error)
             return []
-        found: list[Sample] = []
-        with suppress(TimeoutError):
-            async with asyncio.timeout(seconds + 1):  # Zenoh ends the query itself; the second is for its last word
-                while (reply := await replies.get()) is not None:
-                    found.append(reply)
-        return found
+        return [_read_reply(reply) for reply in replies]
 
 
 class _Queue:
-    """Samples on their way from Zenoh's threads to the event loop: one wake-up for as many as have come."""
+    """Samples between Zenoh's threads and the event loop, which is woken once for all that wait."""
 
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, handler: Callable[[Sample], None], counters: Counter[str]
-    ) -> None:
-        self._loop, self._handler, self._counters = loop, handler, counters
+    def __init__(self, dispatch: LoopDispatch, handler: Callable[[Sample], None]) -> None:
+        self._loop, self._counters, self._handler = dispatch.loop, dispatch.counters, handler
         self._waiting: deque[Sample] = deque()
         self._bytes = 0
-        """Of payload that wait."""
+        """Of all payloads that wait."""
         self._lock = Lock()
         self._called = False
-        """The event loop has been told that something waits."""
+        """Whether the event loop is going to run `_drain`."""
         self.closed = False
         self.dropped = self.too_large = 0
 
     def push(self, sample: zenoh.Sample) -> None:
-        """Take in a sample, on a thread of Zenoh's."""
+        """Accept a sample, on a thread of Zenoh's."""
         if len(sample.payload) > LARGEST:
             self.too_large += 1
             self._counters["bad_input"] += 1
@@ -330,7 +279,14 @@ class _Queue:
         self._loop.call_soon(self._drain)
 
 
+def refuse_busy(query: zenoh.Query) -> None:
+    """Reply to a query that has no room to wait for the event loop."""
+    with query:
+        query.reply_err(b"busy: too many queries wait", encoding=zenoh.Encoding.TEXT_PLAIN)
+
+
 def matching(declared: zenoh.Publisher | zenoh.Querier) -> bool:
+    """Whether somebody subscribes to, or serves, the key of a declaration."""
     try:
         status: Any = declared.matching_status  # an object that is always true, whatever its stub says
         return bool(status.matching)

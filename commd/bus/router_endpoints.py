@@ -1,21 +1,26 @@
-"""Where the routers of a fleet's boards listen and whom they dial (design section 7).
+"""Endpoints at which the routers of a fleet's boards listen, and those that they dial.
 
-One of each pair of boards dials the other: the later one in the mission file the earlier one, or the other way round if
-the earlier one has no address.
+Of two boards the later one in the mission file dials the earlier one, or the other way round if that has no address.
 """
 
 from __future__ import annotations
 
+import asyncio
 import errno
+import logging
 import re
 import socket
 from collections.abc import Sequence
 from contextlib import closing
 from typing import Literal
 
+from commd.bus.errors import BusClosed
 from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
 
+LOOK_UP_PATIENCE = 3.0
+"""Wall seconds that the name service has to find the address of this board."""
+log = logging.getLogger("bus")
 _TCP = re.compile(r"(?:tcp|tls)/\[?([^\]/]+?)\]?:(\d+)")
 
 
@@ -24,7 +29,7 @@ def router_of(
 ) -> tuple[list[str], list[str]]:
     """Return where the router of `board` listens besides its own daemons' `endpoint`, and which routers it dials.
 
-    Without an address in the mission it listens for nobody else, on whatever network this machine is.
+    Without an address in the mission it listens to this machine only.
     """
     boards = list(mission.boards)
     own = endpoint_of(mission, board, protocol)
@@ -35,7 +40,7 @@ def router_of(
 
 
 def endpoint_of(mission: Mission, board: str, protocol: Literal["tcp", "tls"]) -> str:
-    """Return where other machines reach the router of a board, nothing if the mission does not say it."""
+    """Return where other machines reach the router of a board; empty without an address in the mission."""
     address = mission.boards[board].address if board in mission.boards else ""
     if not address:
         return ""
@@ -43,16 +48,33 @@ def endpoint_of(mission: Mission, board: str, protocol: Literal["tcp", "tls"]) -
     return f"{protocol}/{host}:{port}"
 
 
-def addresses_to_come(endpoints: Sequence[str]) -> list[str]:
-    """Return those of the endpoints whose address is none of this machine, or not yet: a network that is not up.
+async def missing_addresses(endpoint: str, listen: Sequence[str]) -> list[str]:
+    """Return those of a router's further endpoints whose address this machine does not have, or not yet.
 
-    Raises OSError for one that somebody else listens at.
+    Raises BusClosed if another process listens at one, or at its own `endpoint`: Zenoh would wait for it.
     """
+    own: list[str] = []
+    try:
+        missing = await asyncio.wait_for(asyncio.to_thread(_not_here, listen), LOOK_UP_PATIENCE)
+        own = await asyncio.to_thread(_not_here, [endpoint]) if missing else []
+    except TimeoutError:
+        missing = list(listen)
+    except OSError as error:
+        raise BusClosed(f"{error.strerror}: is another router running there?") from None
+    if own:
+        raise BusClosed(f"cannot listen at {endpoint}: no address of this machine")
+    for one in missing:
+        log.warning("%s is no address of this machine yet: no other board reaches this one until it is", one)
+    return missing
+
+
+def _not_here(endpoints: Sequence[str]) -> list[str]:
     return [endpoint for endpoint in endpoints if not _is_here(endpoint)]
 
 
 def _is_here(endpoint: str) -> bool:
-    """Whether this machine can listen at an endpoint now. What is not TCP is for Zenoh to find out."""
+    """Whether this machine has the address of an endpoint; True if it is not TCP. Raises OSError if the port is
+    taken."""
     found = _TCP.fullmatch(endpoint)
     if found is None:
         return True

@@ -1,4 +1,4 @@
-"""An action as the agent sees it: asked for once, followed to its one final status (design section 5)."""
+"""Request an action once, and follow it to its final status."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from schemas.wire.terms import Term
 log = logging.getLogger("actions")
 
 ACCEPT_PATIENCE = 15.0
-"""Wall seconds until a bridge has taken an action or refused it; only then its deadline is known."""
+"""Wall seconds for a bridge to accept or refuse an action; only then its deadline is known."""
 ASKERS_MARGIN = 5.0
-"""Wall seconds beyond the deadline that an outcome is waited for: the bridge ends the action, not we."""
+"""Wall seconds to wait beyond the deadline: the bridge ends the action, not the client."""
 QUERY_TIMEOUT = 3600.0
-"""Wall seconds after which the query of an action that still runs is asked again, with the same id."""
+"""Wall seconds after which the query of a running action is repeated, with the same id."""
 AFTER_PATIENCE = 2.0
-"""Wall seconds that a status waits for the percepts which it follows: one that was lost with the router is repaired by
-an answer of the bridge, at the latest after its next health."""
+"""Wall seconds that a status waits for the percepts before it: one that was lost with the router is repaired after the
+bridge's next health record at the latest."""
 RETRY = 0.2
-_HANGS = "bridge_lost: the bridge is there and says nothing: it hangs"
+_HANGS = "bridge_lost: the bridge is alive but sends no health records: it hangs"
 
 
 class ActionRequests:
@@ -44,14 +44,14 @@ class ActionRequests:
         bridge: BridgePresence,
         to_wall: Callable[[float], float] = float,
     ) -> None:
-        """`to_wall` gives the wall seconds of a time in mission seconds."""
+        """`to_wall` converts mission seconds to wall seconds."""
         self._to_wall = to_wall
         self.counters: Counter[str] = Counter()
         self._bus, self._agent, self._perceiving, self._bridge = bus, agent, perceiving, bridge
         self._wanted: dict[str, bool] = {}
-        """The actions that are under way, and whether the agent still wants them."""
+        """Running actions, and whether the agent still wants them."""
         self._timers: set[asyncio.Timeout] = set()
-        """Those of the questions whose answers are waited for."""
+        """Of the queries that wait for replies."""
         bridge.fell_silent.append(self._give_up)
 
     async def perform(
@@ -64,21 +64,20 @@ class ActionRequests:
         attempt: int = 1,
         kept: asyncio.Future[None] | None = None,
     ) -> ActionStatus:
-        """Ask for an action and return its final status; the bridge has `patience` wall seconds to take it.
+        """Request an action and return its final status; the bridge has `patience` wall seconds to accept it.
 
-        Asks again by the same id when nothing is heard for `ACTION_ASKED_AGAIN`, when the router is lost and when it is
-        back; the bridge joins the query to what runs, or answers how it ended. Never raises and never waits for ever:
-        without a status from the bridge for `BUS_GRACE` it has failed, and when the bridge's deadline is over.
-        `on_status` hears of each status before the final one. `attempt` above 1 follows what a former life has asked
-        for: the bridge begins nothing, and refuses what it does not know. `kept` is waited for when all is prepared:
-        before it has ended nobody is asked.
+        The query is repeated with the same id after `ACTION_ASKED_AGAIN` without a status, and when the router is lost
+        or back; the bridge joins it to the running action, or replies how that ended. Never raises, and always ends:
+        the action has failed after `BUS_GRACE` without a status, and after the bridge's deadline. `on_status` is called
+        with each status before the final one. `attempt` above 1 follows a request of an earlier process: the bridge
+        starts nothing, and refuses an unknown id. `kept` is awaited before the first query.
         """
         self._wanted[identity] = True
 
         async def ready() -> bool:
             if kept is not None:
                 await kept
-            return self._wanted[identity]  # it may have been dropped meanwhile
+            return self._wanted[identity]  # the agent may have dropped it meanwhile
 
         try:
             status = await self._follow(identity, name, parameters, patience, on_status, attempt, ready)
@@ -116,7 +115,7 @@ class ActionRequests:
 
         while True:
             taken = silent = False
-            if not self._wanted[identity]:  # asked for again now, it could begin after its cancellation
+            if not self._wanted[identity]:  # repeated now, it could begin after its cancellation
                 return ended("cancelled", "cancelled", "the agent has dropped it")
             if self._bridge.hangs:
                 return failed(_HANGS)
@@ -158,7 +157,7 @@ class ActionRequests:
             except TimeoutError:
                 if self._bridge.hangs:
                     return failed(_HANGS)
-                silent = True  # the query is broken, or the bridge is busy: whether it hangs, its health tells
+                silent = True  # the query is broken, or the bridge is busy; its health shows whether it hangs
             finally:
                 self._timers.discard(timer)
             if self._bridge.gone:
@@ -167,17 +166,17 @@ class ActionRequests:
                 return failed(late)
             if not silent and loop.time() - max(heard, self._bridge.router_since) > BUS_GRACE:
                 return failed(reason if self._bus.router_up else "bridge_lost: no router")
-            attempt += taken  # what was never answered may have reached nobody: it is still to begin
+            attempt += taken  # a request without any reply may not have arrived: it must still begin
             self.counters["asked_again"] += 1
             await asyncio.sleep(RETRY)
 
     def _give_up(self) -> None:
-        """The bridge hangs: no answer will come."""
+        """End all waiting: the bridge hangs."""
         for timer in [timer for timer in self._timers if not timer.expired()]:
             timer.reschedule(asyncio.get_running_loop().time())
 
     async def cancel(self, identity: str) -> None:
-        """Ask the bridge to end an action that the agent has dropped; it is not asked for again."""
+        """Ask the bridge to end an action that the agent has dropped, and do not repeat its query."""
         if identity in self._wanted:
             self._wanted[identity] = False
         key = keys.cancel(self._bus.fleet, self._agent)
@@ -194,5 +193,5 @@ class ActionRequests:
 
 
 def describe(status: ActionStatus) -> str:
-    """Return what became of an action in one line, for logs."""
+    """Return the outcome of an action as one line, for logs."""
     return f"action={status.name} id={status.id} state={status.state} {status.reason}".rstrip()

@@ -1,11 +1,11 @@
-"""`commd.client` for programs without an event loop: each call returns when it is done.
+"""Join a team from a program without an event loop: each call blocks until it is done.
 
     with join("planner", mission="survey.yaml") as me:
         me.send("scout", "achieve", parse("survey(north)"))
         for message in me.messages(within=60):
             print(message.sender, write(message.content))
 
-The client lives in a thread of its own; use it from one thread.
+The client runs in a thread of its own; use it from one thread.
 """
 
 from __future__ import annotations
@@ -36,15 +36,16 @@ class BlockingClient:
         return self._wait(self.member.send(receiver, performative, content, **how))
 
     def ask(self, receiver: str, content: Any, **how: Any) -> Term:
-        """Ask somebody something and return the answer."""
+        """Ask a question and return the answer."""
         return self._wait(self.member.ask(receiver, content, **how))
 
     def send_again(self, error: client.SendTimeout) -> None:
-        """Send the message that had no answer under its own number."""
+        """Send the message that had no answer again, with its number."""
         self._wait(self.member.send_again(error))
 
     def messages(self, within: float | None = None) -> Iterator[Message]:
-        """What the program is not done with, then what comes; ends when nothing comes for `within` wall seconds."""
+        """Iterate over the messages that are not done with, then new ones; ends after `within` wall seconds without
+        any."""
 
         async def begin() -> Messages:
             return self.member.messages()
@@ -57,7 +58,7 @@ class BlockingClient:
                 return
 
     def done(self, message: Message) -> None:
-        """Say that the program is done with the message that it has in hand."""
+        """Say that the program is done with the present message."""
 
         async def done() -> None:
             self.member.done(message)
@@ -65,7 +66,7 @@ class BlockingClient:
         self._wait(done())
 
     def present(self, agent: str | None = None, *, within: float = client.PATIENCE) -> list[Perception]:
-        """What an agent perceives now; while that is nothing, it is waited for so many wall seconds at most."""
+        """Return the present percepts of an agent; while there are none, wait at most `within` wall seconds."""
 
         async def look() -> list[Perception]:
             percepts = self.member.percepts(agent)
@@ -75,7 +76,7 @@ class BlockingClient:
         return self._wait(look())
 
     def there(self, name: str) -> bool:
-        """Return whether somebody of that name runs now and is within reach."""
+        """Return whether somebody of that name is alive and within reach."""
         return self._wait(self.member.there(name))
 
     def perform(
@@ -89,7 +90,7 @@ class BlockingClient:
         self._wait(self.member.register(service))
 
     def search(self, service: str) -> tuple[str, ...]:
-        """Return who offers a service, on any board."""
+        """Return the providers of a service on all boards."""
         return self._wait(self.member.search(service))
 
     def _wait(self, work: Coroutine[Any, Any, T]) -> T:
@@ -98,7 +99,7 @@ class BlockingClient:
 
 @contextmanager
 def join(name: str, **how: Any) -> Iterator[BlockingClient]:
-    """Be a member of the team while the block runs; the arguments and errors are those of `commd.client.join`."""
+    """Join the team until the end of the block; arguments and errors are those of `commd.client.join`."""
     joined: Future[tuple[BlockingClient, asyncio.Future[None]]] = Future()
 
     async def live() -> None:
@@ -130,4 +131,4 @@ def join(name: str, **how: Any) -> Iterator[BlockingClient]:
 
 
 class _Failed(Exception):
-    """The block of a program has failed: it leaves as one that dies does."""
+    """The block has failed: the client ends as one that dies does."""

@@ -1,12 +1,12 @@
-"""Any Python program as a member of the team: it has a mailbox and a name, perceives, and acts if it has a robot.
+"""Join any Python program to a team: it has a name and a mailbox, perceives, and acts if it has a robot.
 
     async with join("planner", mission="survey.yaml") as me:
         await me.send("scout", "achieve", parse("survey(north)"))
         async for message in me.messages():
             print(message.sender, write(message.content))
 
-Mail is as durable as that of agents: `send` returns when the message is on disk, and a message that came is kept there
-until the program is done with it. To do what it says exactly once is up to the program (docs/guides/mail.md).
+Mail is as durable as that of agents: `send` returns when the message is on disk, and a received message is kept there
+until the program is done with it. Acting on it exactly once is up to the program (docs/guides/mail.md).
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from schemas.wire.term_text import write
 from schemas.wire.terms import Term, term_of
 
 ROOM = 10_000
-"""Changes that wait for a loop at most; the oldest go first, and are counted. The present set misses none."""
+"""Changes that may wait for a loop; the oldest are dropped and counted. `present` is always complete."""
 
 
 class Percepts:
-    """The percepts of one agent, kept complete. `async for` goes through what is perceived now, then each change."""
+    """The percepts of one agent, kept complete. `async for` yields the present ones, then each change."""
 
     def __init__(self, bus: Bus, agent: str, robot: str, inject: bool = False) -> None:
         """`inject`: the mission allows percepts by hand."""
         self.dropped = 0
-        """Changes that a loop did not come to in time."""
+        """Changes that a loop was too slow for."""
         self._loops: list[deque[Perception]] = []
-        """What each loop has still to read."""
+        """The changes that each loop has not read yet."""
         self._changed = asyncio.Event()
         self.perceiving = PerceptSync(bus, agent, robot, self._take, inject)
         self.bridge = BridgePresence(bus, robot, self.perceiving.doubt, self.perceiving.forget)
@@ -60,11 +60,11 @@ class Percepts:
             self._tasks.spawn(work)
 
     def present(self) -> list[Perception]:
-        """What is perceived now."""
+        """Return the present percepts."""
         return self.perceiving.present()
 
     def of(self, name: str) -> list[tuple[Term, ...]]:
-        """The parameters of each percept of that name that holds now."""
+        """Return the parameters of each present percept of a name."""
         return [one.parameters for one in self.perceiving.named(name)]
 
     async def until(self, condition: Callable[[Percepts], bool], patience: float) -> bool:
@@ -89,7 +89,7 @@ class Percepts:
             self._loops = [other for other in self._loops if other is not changes]
 
     def close(self) -> None:
-        """Look no longer."""
+        """End it."""
         self._tasks.cancel()
 
     def _take(self, change: Perception) -> None:
@@ -117,18 +117,18 @@ __all__ = [
 ]
 
 PATIENCE = 10.0
-"""Wall seconds for the router, for `commd` and for each of its answers, if nobody says otherwise."""
+"""Default timeout for the router, for `commd` and for each of its answers, in wall seconds."""
 RETRY = 0.2
 ACCEPT_PATIENCE = 15.0
-"""Wall seconds that a bridge has to take an action."""
+"""Wall seconds that a bridge has to accept an action."""
 
 
 class NotJoined(ConnectionError):
-    """The program is no member of the team, and why."""
+    """The program is not a member of the team; the text says why."""
 
 
 class Unanswered(TimeoutError):
-    """A question that nobody has answered in time."""
+    """A question without an answer in time."""
 
 
 class Client:
@@ -159,11 +159,11 @@ class Client:
         return self._clock.speed
 
     def wall(self, mission_seconds: float) -> float:
-        """Return the wall seconds that a span of the mission takes: all that a client is told to wait is in these."""
+        """Return the wall seconds of a span of mission seconds; all timeouts of a client are wall seconds."""
         return self._clock.to_wall(mission_seconds)
 
     async def sleep(self, mission_seconds: float) -> None:
-        """Sleep for a span of the mission."""
+        """Sleep for a span of mission seconds."""
         await self._clock.sleep(mission_seconds)
 
     async def send(
@@ -178,22 +178,21 @@ class Client:
     ) -> Message:
         """Send a message; it is on the board's disk when this returns. `content` is a Python value or a term.
 
-        After `ttl` wall seconds it is not to be delivered any more. Raises UnknownReceiver, TooLarge, MailboxFull or
-        SendTimeout (after `patience` wall seconds), which are all NotSent, and TypeError for what cannot be a term.
+        It is not delivered after `ttl` wall seconds. Raises UnknownReceiver, TooLarge, MailboxFull or SendTimeout
+        (after `patience` wall seconds), which are all NotSent, and TypeError for a value that cannot be a term.
         """
         waits = self._patience if patience is None else patience
         return await self._sending.send(receiver, performative, term_of(content), ttl, in_reply_to, waits)
 
     async def send_again(self, error: SendTimeout) -> None:
-        """Send the message that had no answer under its own number: it is delivered once, taken before or not."""
+        """Send the message that had no answer again, with its number, so that it is delivered once."""
         await self._sending.send_again(error.message, self._patience)
 
     async def ask(self, receiver: str, content: Any, *, patience: float | None = None) -> Term:
         """Ask somebody something, as `.send(Receiver, askOne, Content, Answer)` does, and return the answer.
 
-        No loop of `messages` is handed the answer. Of an agent it is what it believes or what a plan of it finds, and
-        False if that is nothing. Raises Unanswered after `patience` wall seconds, and what `send` raises. An answer
-        that comes later is dropped.
+        The answer does not appear in `messages`. An agent answers with a belief or with what its plan finds, or with
+        False. Raises Unanswered after `patience` wall seconds, and what `send` raises. A later answer is dropped.
         """
         waits = self._patience if patience is None else patience
         until = asyncio.get_running_loop().time() + waits
@@ -203,35 +202,36 @@ class Client:
             try:
                 await self._sending.send(receiver, "askOne", term_of(content), None, "", waits, question, until)
             except SendTimeout:
-                if not answer.done():  # else it was taken
+                if not answer.done():  # else the message was taken
                     raise
             try:
                 async with asyncio.timeout_at(until):
                     return (await answer).content
             except TimeoutError:
                 undone = self._inbox.undone
-                behind = f"; it may stand behind {undone} messages that are not done with" if undone else ""
+                behind = f"; it may be behind {undone} messages that are not done with" if undone else ""
                 asked = f"{write(term_of(content))} to {receiver}"
                 raise Unanswered(f"{asked}: no answer within {waits:g} s{behind}") from None
 
     def messages(self) -> Messages:
-        """The messages that the program is not done with, oldest first, then those that come: for `async for`.
+        """Iterate with `async for` over the messages that the program is not done with, oldest first, then over new
+        ones.
 
-        To ask for the next message says that the program is done with the one before; so does `done`. A message that
-        a loop was left with comes again, in the next loop or the next life.
+        Asking for the next message, or `done`, says that the program is done with the previous one. The message at
+        which a loop was left comes again, in the next loop or the next process.
         """
         return self._inbox.read()
 
     def done(self, message: Message) -> None:
-        """Say that the program is done with the message that it has in hand: it will not come again."""
+        """Say that the program is done with the present message: it does not come again."""
         self._inbox.done(message)
 
     def percepts(self, agent: str | None = None, robot: str | None = None) -> Percepts:
-        """What an agent perceives (this client by default), from now on. Without a mission say of which robot."""
+        """Return the percepts of an agent (this client by default). Without a mission name its robot."""
         agent = self.name if agent is None else agent
         robot = self._robots.get(agent) if robot is None else robot
         if robot is None:
-            raise ValueError(f"`{agent}` has no robot that the mission tells of: percepts(agent, robot=...)")
+            raise ValueError(f"`{agent}` has no robot in the mission: percepts(agent, robot=...)")
         if agent not in self._percepts:
             self._percepts[agent] = Percepts(self._bus, agent, robot, self._inject)
         return self._percepts[agent]
@@ -241,7 +241,7 @@ class Client:
     ) -> ActionStatus:
         """Let this client's robot act. Returns the final status, `succeeded` or not; never raises for a failure.
 
-        `on_status` hears of each status on the way, with its feedback. Cancelled, this cancels the action.
+        `on_status` is called with each status before the final one. Cancelling this coroutine cancels the action.
         """
         percepts = self.percepts()
         if self._action_requests is None:
@@ -259,9 +259,9 @@ class Client:
             raise
 
     async def there(self, name: str) -> bool:
-        """Return whether an agent, a program or a daemon of that name is running now and within reach.
+        """Return whether an agent, a program or a daemon of that name is alive and within reach.
 
-        False also while the own router is not. Raises ValueError for what is no name.
+        False while the own router is away. Raises ValueError for an invalid name.
         """
         check_name(name)
         return bool(await self._bus.tokens(keys.alive(self._bus.fleet, name, "*", "*")))
@@ -271,7 +271,7 @@ class Client:
         await self.ask_directory("register", service)
 
     async def deregister(self, service: str) -> None:
-        """Offer a service no longer."""
+        """Withdraw a service."""
         await self.ask_directory("deregister", service)
 
     async def search(self, service: str) -> tuple[str, ...]:
@@ -279,11 +279,11 @@ class Client:
         return (await self.ask_directory("search", service)).found
 
     async def subscribe(self, service: str) -> tuple[str, ...]:
-        """As `search`; whoever offers it later is told by mail from `df`: `provider(Agent, Service)`."""
+        """As `search`; later providers are reported by mail from `df`: `provider(Agent, Service)`."""
         return (await self.ask_directory("subscribe", service)).found
 
     async def ask_directory(self, do: Any, service: str = "", stays: bool = False) -> BoardServices:
-        """Ask the board's directory. Raises NotJoined if it does not answer in time, or says no."""
+        """Ask the board's directory. Raises NotJoined if it does not answer in time, or refuses."""
         key, request = (
             keys.service_requests(self._bus.fleet, self.board, self.name),
             ServiceRequest(agent=self.name, do=do, service=service, stays=stays),
@@ -303,7 +303,7 @@ class Client:
             await asyncio.sleep(RETRY)
 
     async def close(self) -> None:
-        """Say how far the program has come with its mail, and perceive no more."""
+        """Acknowledge the mail that is done with, and end the percepts."""
         for percepts in self._percepts.values():
             percepts.close()
         await self._inbox.close()
@@ -324,12 +324,12 @@ async def join(
     speed: float | None = None,
     patience: float = PATIENCE,
 ) -> AsyncIterator[Client]:
-    """Be a member of the team while the block runs, by a mission file or by fleet, board and router.
+    """Join the team until the end of the block, by a mission file or by fleet, board and router.
 
-    A name that the mission does not know joins for as long as the block runs; with `stays`, or if the block fails, its
-    mailbox remains, and mail waits for its return. `numbers` is a file in which the numbers of the messages that are
-    done with are kept across lives. `speed` is that of the run (to 100), if it is not the mission's. Raises NotJoined,
-    AlreadyRunning if somebody has the name, and Findings for a bad mission.
+    A name that is not in the mission leaves at the end; with `stays`, or if the block fails, its mailbox remains, and
+    mail waits for its return. `numbers` is a file that keeps the numbers of the messages that are done with across
+    processes. `speed` is that of the run (up to 100), if it is not the mission's. Raises NotJoined, AlreadyRunning if
+    the name is taken, and Findings for a bad mission.
     """
     check_name(name)
     if speed is not None and not 0 < speed <= 100:
@@ -355,7 +355,7 @@ async def join(
         try:
             await _claim(bus, name)
         except AccessDenied as denied:
-            hint = "" if known else f"; who is not in its mission is called `{made_on(board)}...` there"
+            hint = "" if known else f"; a name that is not in its mission must begin with `{made_on(board)}` there"
             raise NotJoined(f"{denied}{hint}") from None
         inject = declared is not None and declared.inject
         client = Client(bus, name, board or THIS_MACHINE, robots, clock, file, patience, inject)
@@ -386,5 +386,5 @@ async def _claim(bus: Bus, name: str) -> None:
     for key in await bus.tokens(keys.alive(bus.fleet, name, "*", "*")):
         daemon = key.split("/")[-2]
         if daemon != bus.daemon:
-            raise AlreadyRunning(f"`{name}` of fleet `{bus.fleet}` is there already: {daemon} serves it")
+            raise AlreadyRunning(f"`{name}` of fleet `{bus.fleet}` is taken: {daemon} serves it")
     await bus.claim(name)

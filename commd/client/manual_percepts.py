@@ -1,6 +1,6 @@
-"""Percepts that people put by hand, beside those of the bridge, where the mission says `inject: true`.
+"""Percepts put by hand, besides those of the bridge, in missions with `inject: true`.
 
-They hold until they are taken away by hand: no repair, digest or end of the bridge concerns them.
+They hold until they are removed by hand, whatever happens to the bridge.
 """
 
 from __future__ import annotations
@@ -20,33 +20,33 @@ from schemas.wire.records import Note, Perception
 from schemas.wire.terms import Map, OpenList, Queue, Set, Source, Structure, Term, Variable
 
 MOST = 1000
-"""Percepts by hand that an agent has at once; further ones are refused and counted."""
+"""Percepts by hand of one agent; further ones are refused and counted."""
 LARGEST = 4096
-"""Bytes of one, written as MessagePack."""
+"""Bytes of one, as MessagePack."""
 NAMED = 5
-"""Names that the note of them has at most."""
+"""Names in the note about them."""
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
 _NO_BELIEFS = frozenset(("if", "elif", "else", "while", "for", "div", "mod", "not", "true", "false"))
-"""Words that no program can use as the name of a belief."""
+"""Words that cannot be the name of a belief."""
 log = logging.getLogger("percepts")
 
 
 class HandPercepts:
-    """What one agent perceives by hand."""
+    """The percepts of one agent that were put by hand."""
 
     def __init__(self, agent: str, allowed: bool, counters: Counter[str]) -> None:
-        """`allowed`: the mission says `inject: true`; `counters` gets what is taken, ignored and refused."""
+        """`allowed`: the mission has `inject: true`; `counters` counts accepted, ignored and refused ones."""
         self.percepts = PerceptSet()
         self.counters = counters
         self._agent, self._allowed = agent, allowed
 
     def take(self, key: str, perception: Perception) -> list[Perception]:
-        """Take in what was put on `key`. Returns what has changed by it, removals first."""
+        """Apply what was put on `key`. Returns the changes, removals first."""
         name = key.rpartition("/")[2]
         if not self._allowed:
             self.counters["by_hand_ignored"] += 1
             if self.counters["by_hand_ignored"] == 1:
-                why = "as further ones are: the mission does not say `inject: true`"
+                why = "and so are further ones: the mission does not have `inject: true`"
                 log.warning("agent=%s a percept `%s` put by hand is ignored, %s", self._agent, name, why)
             return []
         if problem := self._problem(name, perception) or self._no_room(replace(perception, name=name)):
@@ -66,26 +66,26 @@ class HandPercepts:
         return changes
 
     def notes(self) -> tuple[Note, ...]:
-        """Return a note of how many hold, so that nobody forgets them."""
+        """Return a note with their number, so that nobody forgets them."""
         count, names = len(self.percepts), self.percepts.names()
         if not count:
             return ()
         more = ", ..." if len(names) > NAMED else ""
         what = "percept by hand holds" if count == 1 else "percepts by hand hold"
         which = f"{', '.join(names[:NAMED])}{more}"
-        return (Note("percepts_by_hand", f"{count} {what}, until taken away by hand: {which}", which, count),)
+        return (Note("percepts_by_hand", f"{count} {what}, until removed by hand: {which}", which, count),)
 
     def _problem(self, name: str, perception: Perception) -> str:
         if perception.name not in ("", name):
-            return f"the key says {name}, the percept says {perception.name}"
+            return f"the key has {name}, the percept has {perception.name}"
         if not _NAME.fullmatch(name) or name in _NO_BELIEFS:
             return f"expected a name such as `victim`, got `{name[:100]}`"
         if name == "bridge":
-            return "`bridge` is what the agent itself perceives of its robot's bridge"
+            return "`bridge` is the agent's own percept of its robot's bridge"
         if any(place < 0 for place in perception.key):
             return f"{name}: a position in `key` is 0 or more, got {min(perception.key)}"
         if not all(map(_is_value, perception.parameters)):
-            return f"{name}: values were expected, got a variable or what only a program can say"
+            return f"{name}: expected values, got a variable or a part of a program"
         if (size := len(_ENCODE(perception.parameters))) > LARGEST:
             return f"{name}: expected at most {LARGEST} bytes, got {size}"
         return ""
@@ -99,7 +99,7 @@ class HandPercepts:
 
 
 def hear_by_hand(bus: Bus, agent: str, allowed: bool, on_change: Callable[[Perception], None]) -> HandPercepts:
-    """Let an agent without a robot perceive what is put by hand, where the mission allows it."""
+    """Subscribe an agent without a robot to percepts put by hand, if the mission allows them."""
     by_hand = HandPercepts(agent, allowed, Counter())
 
     def heard(key: str, perception: Perception) -> None:
@@ -111,7 +111,7 @@ def hear_by_hand(bus: Bus, agent: str, allowed: bool, on_change: Callable[[Perce
 
 
 def _is_value(term: Term) -> bool:
-    """Whether a belief may have it as an argument: no variable inside, nothing that only source text says."""
+    """Whether a term may be an argument of a belief: it has no variable and no source text."""
     waiting: list[Term] = [term]
     while waiting:
         match waiting.pop():

@@ -1,9 +1,10 @@
-"""What an agent perceives, kept complete: it subscribes, asks for the present set, and asks again whenever in doubt.
+"""Keep an agent's percept set in sync with its bridge: subscribe, fetch the present set, and fetch it again after any
+gap.
 
-In doubt is: a gap in the seqs, the router back after it was away, another life of the bridge, a digest in the bridge's
-health that differs from our own, or one that is behind it: then somebody else has spoken in the bridge's name (design
-section 4). The bridge alone ages percepts. What people put by hand, known by a header that is missing or not of the
-robot's bridge, is kept apart (commd.client.manual_percepts).
+The set is fetched again after a gap in the seqs, a return of the router, a restart of the bridge, and when the digest
+in the bridge's health differs from ours, or is behind it (then somebody else has published in the bridge's name). Only
+the bridge ages percepts. Percepts put by hand, without the header of the robot's bridge, are kept apart
+(`commd.client.manual_percepts`).
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ from schemas.wire.records import Health, Note, Perception
 log = logging.getLogger("percepts")
 
 ASK_TIMEOUT = 2.0
-"""Wall seconds that the bridge has to answer with the present set."""
+"""Wall seconds for the bridge to reply with the present set."""
 IN_FLIGHT = 2.0
-"""Wall seconds after the present set has come in which percepts that are older are no news."""
+"""Wall seconds after a repair in which older percepts may still arrive."""
 RETRY = 0.2
-"""Wall seconds between two attempts to get the present set."""
+"""Wall seconds between two attempts to fetch the present set."""
 
 
 class PerceptSync:
-    """The percepts of one agent. Each change is told once, to `on_change`."""
+    """The percepts of one agent. `on_change` is called once for each change."""
 
     def __init__(
         self, bus: Bus, agent: str, robot: str, on_change: Callable[[Perception], None], inject: bool = False
@@ -46,36 +47,36 @@ class PerceptSync:
         self._doubt = asyncio.Event()
         self._waiting: list[tuple[int, asyncio.Future[None]]] = []
         self._left = ""
-        """The life of the bridge before the one that it seems to have now, until it has answered."""
+        """The boot of the bridge before the present one, until a repair confirms that."""
         self._repaired_at = 0.0
-        """When the present set came last: what was on its way then is older, and known by it."""
+        """Time of the last repair, on the event loop's clock: percepts in flight then are older."""
         self._doubt.set()
         bus.subscribe(keys.percept(bus.fleet, agent, "*"), Perception, self._heard)
         bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._health)
         bus.on_router(lambda up: self.doubt() if up else None)
 
     def present(self) -> list[Perception]:
-        """Each percept that holds now, those by hand last."""
+        """Return the present percepts, those by hand last."""
         return self.percepts.present() + [
             one for one in self._by_hand.percepts.present() if not self.percepts.holds(one)
         ]
 
     def named(self, name: str) -> list[Perception]:
-        """Each percept of a name that holds now, those by hand last."""
+        """Return the present percepts of a name, those by hand last."""
         return self.percepts.named(name) + [
             one for one in self._by_hand.percepts.named(name) if not self.percepts.holds(one)
         ]
 
     def doubt(self) -> None:
-        """Ask for the present set again."""
+        """Fetch the present set again."""
         self._doubt.set()
 
     def forget(self) -> None:
-        """The bridge is gone: so is what it told."""
+        """The bridge is gone: remove its percepts."""
         self._tell(self.percepts.clear(), self._by_hand.percepts)
 
     async def seen(self, boot: str, seq: int, patience: float) -> bool:
-        """Wait until the perception with this seq has been taken in, at most `patience` wall seconds."""
+        """Wait until the percept with this seq was applied, at most `patience` wall seconds. Returns whether it was."""
         if self.percepts.boot != boot or self.percepts.seq >= seq:
             return True
         arrival = asyncio.get_running_loop().create_future()
@@ -90,7 +91,7 @@ class PerceptSync:
         return True
 
     async def run(self) -> None:
-        """Repair the set whenever it is in doubt, for ever."""
+        """Repair the set whenever that is needed, for ever."""
         while True:
             await self._doubt.wait()
             self._doubt.clear()
@@ -110,21 +111,21 @@ class PerceptSync:
             return False
         if everything in errors:
             return False
-        for key, error in errors.items():  # the others are perceived all the same
+        for key, error in errors.items():  # the others are perceived nevertheless
             self.counters["unreadable"] += 1
             log.warning("unreadable_percept key=%s %s", key, error)
         if not snapshot and len(self.percepts) and not tells_of_none(self._reported):
-            return not self._bus.router_up  # nobody answered: the bridge is away, and its return raises doubt again
+            return not self._bus.router_up  # nobody answered: the bridge is away, and its return starts a repair
         life = self.percepts.boot
         changes = self.percepts.restore(snapshot, asked_at)
         if changes is None:
-            return False  # a newer perception came while the answer was on its way
+            return False  # a newer percept arrived meanwhile
         self._repaired_at = asyncio.get_running_loop().time()
         why = ""
         if life == self.percepts.boot and self.percepts.seq < asked_at:
-            why = f"its bridge is at seq {self.percepts.seq}, we were at {asked_at}"
+            why = f"its bridge is at seq {self.percepts.seq}, this set was at {asked_at}"
         elif life != self.percepts.boot == self._left:
-            why = f"its bridge lives on as {self._left}, and {life} was said"
+            why = f"its bridge still runs as boot {self._left}, and a percept had boot {life}"
         self._left = ""
         if why:
             self._note("not_of_the_bridge", f"a percept in the name of {self._robot} was not of its bridge: {why}")
@@ -146,14 +147,14 @@ class PerceptSync:
         if self.percepts.apply(perception):
             if life != self.percepts.boot:
                 self._left = life
-            if beside:  # the mind knows them as one set: what concerns the bridge's alone is told belief by belief
+            if beside:  # the mind has one set: a change of the bridge's percepts is passed on belief by belief
                 self._tell(differences(before, self.percepts.family(*family)), self._by_hand.percepts)
             else:
                 self._on_change(perception)
             self._tell_waiting()
         elif asyncio.get_running_loop().time() > self._repaired_at + IN_FLIGHT:
             header, at = perception.header, self.percepts.seq
-            why = f"its header says {header.source} with seq {header.seq}, and {at} was heard before"
+            why = f"its header has source {header.source} and seq {header.seq}, after seq {at}"
             self._note("stale", f"a percept {perception.name} changes nothing: {why}")
         if self.percepts.needs_repair():
             self._doubt.set()
@@ -164,17 +165,17 @@ class PerceptSync:
             self._doubt.set()
 
     def notes(self) -> tuple[Note, ...]:
-        """What people should know now."""
+        """Return the notes about percepts put by hand."""
         return self._by_hand.notes()
 
     def _note(self, counter: str, what: str) -> None:
-        """Count, and tell of the first ones and of one in a thousand."""
+        """Count, and log the first ten and each thousandth."""
         self.counters[counter] += 1
         if (count := self.counters[counter]) <= 10 or count % 1000 == 0:
             log.warning("agent=%s count=%d %s", self._agent, count, what)
 
     def _tell(self, changes: Iterable[Perception], other: PerceptSet) -> None:
-        """Tell changes of single beliefs; what still holds by the other set does not end."""
+        """Pass on changes of single beliefs; a belief that the other set still has does not end."""
         for change in changes:
             if change.update != "remove" or not other.holds(change):
                 self._on_change(change)

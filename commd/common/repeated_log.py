@@ -1,4 +1,4 @@
-"""Says again at longer and longer intervals what goes on, so that a log shows it and is not full of it."""
+"""Log a lasting condition again at growing intervals."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import asyncio
 from collections.abc import Callable
 
 AGAIN = (10.0, 60.0, 600.0)
-"""Wall seconds after which it is said again; the last is then the interval."""
+"""Wall seconds after `begin`; the last one is then the interval."""
 
 
 class RepeatedLog:
-    """Calls `say(seconds)` again and again from `begin` to `end`, with how long it has gone on."""
+    """Calls `say(seconds)` at the times of `AGAIN` from `begin` to `end`, with how long it has lasted."""
 
     def __init__(self, say: Callable[[float], None]) -> None:
         self._say, self._loop = say, asyncio.get_running_loop()
@@ -18,18 +18,18 @@ class RepeatedLog:
         self._since: float | None = None
 
     @property
-    def goes_on(self) -> bool:
-        """Whether it has begun and is not over."""
+    def active(self) -> bool:
+        """Whether it has begun and not ended."""
         return self._since is not None
 
     def begin(self) -> None:
-        """It has begun, and has been said."""
+        """Begin; the first line is the caller's."""
         self.end()
         self._since = self._loop.time()
         self._next(0)
 
     def end(self) -> float | None:
-        """It is over. Returns how many wall seconds it lasted; None if it had not begun."""
+        """End. Returns how many wall seconds it lasted; None if it had not begun."""
         if self._timer is not None:
             self._timer.cancel()
         since, self._since, self._timer = self._since, None, None

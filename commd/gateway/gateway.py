@@ -23,6 +23,7 @@ from commd.mail.store import StoreFailed
 from schemas.files.findings import Findings
 from schemas.files.units import host_and_port
 from schemas.mission import model
+from schemas.mission.model import Mission
 from schemas.wire.records import Health, Message, Receipt, Refusal
 
 log = logging.getLogger("gateway")
@@ -242,21 +243,14 @@ def _addressed(message: Message, names: Iterable[str]) -> list[Message]:
 
 
 @asynccontextmanager
-async def open_gateway(declared: model.Mission, board: str) -> AsyncIterator[Gateway]:
-    """Listen to the nodes of the mission while the block runs, if its gateway is this board's.
-
-    Raises Findings if its address is not to be had.
-    """
-    settings = declared.gateway
-    if settings is None or settings.board != board:
-        yield Gateway({})
-        return
+async def open_gateway(mission: Mission, settings: model.Gateway) -> AsyncIterator[Gateway]:
+    """Listen to the nodes of the mission's gateway until the end. Raises Findings if it cannot listen."""
     gateway = Gateway(settings.nodes)
     try:
         await gateway.open(settings.listen)
     except OSError as error:
         why = f"gateway.listen: cannot listen at {settings.listen}: {error.strerror or error}"
-        raise Findings([declared.positions.finding(("gateway", "listen"), why)]) from None
+        raise Findings([mission.positions.finding(("gateway", "listen"), why)]) from None
     log.info("listening to %s for %s", settings.listen, ", ".join(settings.nodes))
     try:
         yield gateway

@@ -146,12 +146,9 @@ class RadioAir:
 
 
 @asynccontextmanager
-async def open_air(bus: Bus, mission: Mission, board: str) -> AsyncIterator[RadioAir | None]:
-    """Model the mission's radio for this board while the block runs; without one, mail meets the network alone."""
-    if mission.radio is None:
-        yield None
-        return
-    air = RadioAir(bus, mission, mission.radio, board)
+async def open_air(bus: Bus, mission: Mission, radio: Radio, board: str) -> AsyncIterator[RadioAir]:
+    """Model the mission's radio for this board until the end."""
+    air = RadioAir(bus, mission, radio, board)
     air.work = [asyncio.create_task(air.run())]
     try:
         yield air

@@ -1,4 +1,4 @@
-"""Judge whether the bridge of an agent's robot is there: by its token, and by its health while the token is there."""
+"""Judge whether the bridge of a robot is alive, by its liveliness token and its health records."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ POLL = 0.5
 
 
 class BridgePresence:
-    """Follows the liveliness tokens of one robot's bridge; tells `on_up` and `on_gone` once for each change.
+    """Watches one robot's bridge; calls `on_up` and `on_gone` once for each change.
 
-    While `run` runs, a bridge whose token is there and that says nothing for `SILENT_AFTER` counts as gone: it hangs.
+    While `run` runs, a bridge with a token and no health record for `SILENT_AFTER` counts as gone: it hangs.
     """
 
     def __init__(
@@ -32,21 +32,21 @@ class BridgePresence:
         on_gone: Callable[[], None],
         board: str | None = None,
     ) -> None:
-        """`board`: where the robot is, if that is another one: its bridge may go because the link to it is cut."""
+        """`board`: of the robot, if it is another one: the link to it may be cut."""
         self.up = False
-        """A bridge has been seen and has not been given up."""
+        """Whether a bridge was seen and is not lost."""
         self.gone = False
-        """A bridge was there and is dead or out of reach: its token is absent although the router answers, or the
-        router itself has been away for too long."""
+        """Whether a bridge was seen and is lost: its token is missing although the router answers, the router itself
+        has been away for too long, or it hangs."""
         self.hangs = False
-        """It is gone although its token is there."""
+        """Whether it is lost although its token exists."""
         self.fell_silent: list[Callable[[], None]] = []
-        """Called when it begins to hang: what waits for its answers waits in vain."""
+        """Called when it begins to hang."""
         self._bus, self._robot, self._on_up, self._on_gone = bus, robot, on_up, on_gone
         self._presence = Presence((robot,), lambda _: board, BRIDGE_GRACE)
         self._silence = Silence(SILENT_AFTER)
         self.router_since = asyncio.get_running_loop().time()
-        """When the router was lost or was back last."""
+        """When the router was last lost or back, on the event loop's clock."""
         self._judging: asyncio.Task[None] | None = None
         bus.on_router(self._router)
         if board is not None:
@@ -55,7 +55,7 @@ class BridgePresence:
         bus.subscribe(keys.health(bus.fleet, robot, "bridged"), Health, self._word)
 
     async def run(self) -> None:
-        """Look for ever whether the bridge still says something."""
+        """Check the bridge's health records, for ever."""
         loop = asyncio.get_running_loop()
         while True:
             await asyncio.sleep(POLL)
@@ -63,7 +63,9 @@ class BridgePresence:
             if silent and self._there and self._bus.router_up and not self.hangs:
                 self.hangs, self.up, self.gone = True, False, True
                 log.warning(
-                    "bridge_lost robot=%s: no health record for %g s, its token is there", self._robot, SILENT_AFTER
+                    "bridge_lost robot=%s: no health record for %g s, but a token",
+                    self._robot,
+                    SILENT_AFTER,
                 )
                 self._on_gone()
                 for handler in list(self.fell_silent):
@@ -76,7 +78,7 @@ class BridgePresence:
 
     @property
     def _there(self) -> bool:
-        """Whether a token of it is there."""
+        """Whether it has a liveliness token."""
         return self._robot in self._presence.there()
 
     def _came(self) -> None:
@@ -106,7 +108,7 @@ class BridgePresence:
             self._judging = asyncio.get_running_loop().create_task(self._judge())
 
     async def _judge(self) -> None:
-        """Wait until the bridge is back, or lost."""
+        """Wait until the bridge is back or lost."""
         loop = asyncio.get_running_loop()
         try:
             while not self._there:

@@ -1,7 +1,7 @@
-"""Empties the lines of waiting messages: batch by batch, in order, one batch of a line on its way at a time.
+"""Deliver the lines of waiting messages in order, one batch of a line at a time.
 
-A line goes on at once when its peer appears; while the peer is away or does not answer, a timer tries again. Lines
-whose peers answer have workers of their own, so that peers that hang delay no others.
+Delivery of a line continues when its peer appears; while the peer is away or does not answer, a timer retries. Lines
+whose peers answer have workers of their own, so that hung peers delay no others.
 """
 
 from __future__ import annotations
@@ -9,83 +9,73 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter, deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
+from typing import TYPE_CHECKING
 
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
-from commd.mail.message import QueuedMessage, adds_up
+from commd.mail.message import StoredMessage, adds_up
 from commd.mail.queries import Tally
 from commd.mail.store import Store, StoreFailed
+from commd.mail.transport import NotTaken, Peers
 from schemas.wire.records import Receipt, Refusal
+
+if TYPE_CHECKING:
+    from commd.mail.dead_letters import DeadLetters
 
 log = logging.getLogger("mail")
 
 RETRY_FIRST, RETRY_MOST = 0.05, 5.0
-"""Wall seconds between two attempts, doubling."""
+"""Wall seconds between two attempts: the first pause, doubled up to the second figure."""
 LATER_MOST = 2.0
-"""The same for a peer that is there and has no room."""
+"""The longest pause, in wall seconds, for a peer that is present and has no room."""
 MAX_CODE, MAX_TEXT = 64, 500
 """Characters of the code and of the text of a peer's refusal that are kept."""
 WORKERS, PROBES = 32, 8
-"""Batches on their way at the same time, to receivers here and as many to other boards: to peers that answer, and to
-those that did not."""
+"""Batches in flight to peers that answer, and to peers that did not; to receivers here, and as many to other boards."""
 OF_ONE, PROBES_OF_ONE = 16, 2
-"""The same to one process or one board: should it hang, the others are not kept."""
-
-
-@dataclass(frozen=True)
-class NotTaken:
-    """A batch of which nothing is known to have been taken."""
-
-    why: str
-    """In words, for whoever looks at what waits."""
-    certain: bool
-    """Whether it is known that nothing was taken: the batch has not left, or there was nobody."""
-    away: bool = False
-    """Whether the peer is away, and with it for all its lines."""
-    unreadable: bool = False
-    """Whether the peer can read something in the batch neither now nor ever."""
+"""The same to one process or one board: one that hangs leaves workers for the others."""
 
 
 @dataclass(eq=False, slots=True)
 class DeliveryQueue:
-    """One line that is not empty."""
+    """The delivery of one line that is not empty."""
 
     line: str
     after: int = 0
-    """The last place that was taken by the peer; it may be in the file still."""
+    """The last place that the peer has taken; it may still be in the file."""
     sent: float = 0
-    """The last place that may have been taken by the peer; infinite while a batch is on its way."""
+    """The last place that the peer may have taken; infinite while a batch is in flight."""
     pause: float = RETRY_FIRST
     due: float = 0.0
-    """When it is tried again, on the event loop's clock."""
+    """Time of the next attempt, on the event loop's clock."""
     timer: asyncio.TimerHandle | None = None
     queued: bool = False
-    more: bool = False
-    """Something has come since the last look into the file."""
+    added: bool = False
+    """Whether messages were added since the file was last read."""
     hung: bool = False
-    """The last attempt was in vain: the next one is a probe."""
+    """Whether the last attempt failed: the next one is a probe."""
     alone: bool = False
-    """The peer could not read the last batch: the next one is a single message, to find which it is."""
+    """Whether the peer could not read the last batch: the next one is a single message, to find the unreadable one."""
     state: str = ""
-    removal: asyncio.Task[None] | None = None
-    """Takes the last batch out of the file."""
+    removal: asyncio.Task[object] | None = None
+    """Removes the last batch from the file."""
 
 
 @dataclass(eq=False, slots=True)
 class Away:
-    """A peer that is not there, and the lanes that wait for it: only one of them tries, now and then."""
+    """A peer that is away, and the queues that wait for it; only one of them probes it."""
 
-    delivery_queues: dict[str, DeliveryQueue] = field(default_factory=dict)
+    queues: dict[str, DeliveryQueue] = field(default_factory=dict)
     pause: float = RETRY_FIRST
     timer: asyncio.TimerHandle | None = None
 
 
 class _WorkerPool:
-    """The lanes of one kind that are ready, and how many workers serve each group of them."""
+    """The queues of one kind that are ready, and the number of workers that serve each group of them."""
 
     def __init__(self, workers: int, of_one: int) -> None:
         """At most `of_one` of the `workers` serve one group at the same time."""
@@ -95,28 +85,29 @@ class _WorkerPool:
         self._wanted = asyncio.Semaphore(0)
         """Counts `_ready`."""
         self._busy: Counter[str] = Counter()
-        """Workers by the group that they serve."""
+        """Busy workers by group."""
         self._held: dict[str, deque[DeliveryQueue]] = {}
         """Lanes whose group has as many workers as it may, by group."""
 
-    def add(self, lane: DeliveryQueue) -> None:
-        """Let a lane wait for a worker."""
-        self._ready.append(lane)
+    def add(self, queue: DeliveryQueue) -> None:
+        """Add a queue that waits for a worker."""
+        self._ready.append(queue)
         self._wanted.release()
 
     async def next(self, group_of: Callable[[str], str]) -> tuple[DeliveryQueue, str]:
-        """Wait for a lane whose group may have another worker. Returns it and the group, for `free`."""
+        """Wait for a queue whose group may have another worker. Returns it, and the group for `free`."""
         while True:
             await self._wanted.acquire()
-            lane = self._ready.popleft()
-            group = group_of(lane.line)
+            queue = self._ready.popleft()
+            group = group_of(queue.line)
             if self._busy[group] < self._of_one:
                 self._busy[group] += 1
-                return lane, group
-            self._held.setdefault(group, deque()).append(lane)
+                return queue, group
+            self._held.setdefault(group, deque()).append(queue)
 
     def free(self, group: str) -> None:
-        """Let the next lane of a group have the worker; all of them if it was the last one, as groups may change."""
+        """Give the worker to the next queue of a group; if it was the last one, to all of them, as groups may
+        change."""
         self._busy[group] -= 1
         held = self._held.get(group, deque())
         for _ in range(min(1 if self._busy[group] else len(held), len(held))):
@@ -128,28 +119,15 @@ class _WorkerPool:
 
 
 class DeliveryQueues:
-    """All lines that are not empty, and the workers that empty them."""
+    """The deliveries of all lines that are not empty, and their workers."""
 
-    def __init__(
-        self,
-        store: Store,
-        tally: Tally,
-        clock: MailClock,
-        carry: Callable[[str, Sequence[QueuedMessage]], Awaitable[Receipt | NotTaken]],
-        give_up: Callable[[dict[int, Refusal], set[str]], Awaitable[list[str]]],
-        peer_of: Callable[[str], str],
-        group_of: Callable[[str], str],
-    ) -> None:
-        """`carry(line, batch)` takes a batch to its peer, which `peer_of(line)` names; lines of one `group_of(line)`
-        are likely to hang together; `give_up(reasons by place, senders)` buries what the peer has refused, and says in
-        which lines there is news for the senders."""
+    def __init__(self, store: Store, tally: Tally, clock: MailClock, peers: Peers, dead_letters: DeadLetters) -> None:
         self.counters: Counter[str] = Counter()
         self.before = 0
-        """The last place of the former life of this daemon: up to it any message may have been taken by its peer."""
+        """The last place of the process before this one: its peer may have taken any message up to there."""
         self._store, self._tally, self._clock = store, tally, clock
-        self._carry, self._give_up, self._peer_of = carry, give_up, peer_of
-        self._group_of = group_of
-        self._delivery_queues: dict[str, DeliveryQueue] = {}
+        self._peers, self._dead_letters = peers, dead_letters
+        self._lines: dict[str, DeliveryQueue] = {}
         self._away: dict[str, Away] = {}
         self._pools = {
             (remote, probing): _WorkerPool(PROBES, PROBES_OF_ONE) if probing else _WorkerPool(WORKERS, OF_ONE)
@@ -159,191 +137,195 @@ class DeliveryQueues:
         self._loop = asyncio.get_running_loop()
 
     async def run(self) -> None:
-        """Empty the lines, for ever."""
+        """Deliver, for ever."""
         await asyncio.gather(*(self._work(pool) for pool in self._pools.values() for _ in range(pool.workers)))
 
     def begin(self) -> None:
-        """Take up what waits from the former life of this daemon."""
+        """Start to deliver what the process before this one left."""
         self.before = self._tally.next - 1
         self.look()
 
     def look(self) -> None:
-        """Take up any line that is not empty and that nobody empties."""
+        """Start the delivery of each line that is not empty."""
         for line in list(self._tally.lines):
-            if line not in self._delivery_queues:
-                self.more(line)
+            if line not in self._lines:
+                self.added(line)
 
-    def more(self, line: str) -> None:
-        """There is something new in a line."""
-        if (lane := self._delivery_queues.get(line)) is not None:
-            lane.more = True
+    def added(self, line: str) -> None:
+        """Deliver messages that were added to a line."""
+        if (queue := self._lines.get(line)) is not None:
+            queue.added = True
         else:
-            self._delivery_queues[line] = DeliveryQueue(line)
-            self._queue(self._delivery_queues[line])
+            self._lines[line] = DeliveryQueue(line)
+            self._queue(self._lines[line])
 
     def arrived(self, peer: str) -> None:
-        """A peer is there: what waits for it goes at once."""
+        """A peer has appeared: deliver what waits for it now."""
         self._back(peer)
-        for lane in self._delivery_queues.values():
-            if lane.timer is not None and self._peer_of(lane.line) == peer:
-                lane.timer.cancel()
-                self._at_once(lane)
+        for queue in self._lines.values():
+            if queue.timer is not None and self._peers.of(queue.line) == peer:
+                queue.timer.cancel()
+                self._retry_now(queue)
 
     def _back(self, peer: str) -> None:
-        """A peer that was away answers: the lanes that waited for it go on."""
+        """A peer that was away answers: continue with the queues that waited for it."""
         if (away := self._away.pop(peer, None)) is not None:
             if away.timer is not None:
                 away.timer.cancel()
-            for lane in away.delivery_queues.values():
-                self._at_once(lane)
+            for queue in away.queues.values():
+                self._retry_now(queue)
 
-    def _at_once(self, lane: DeliveryQueue) -> None:
-        lane.timer, lane.pause, lane.hung, lane.alone = None, RETRY_FIRST, False, False
-        self._queue(lane)
+    def _retry_now(self, queue: DeliveryQueue) -> None:
+        queue.timer, queue.pause, queue.hung, queue.alone = None, RETRY_FIRST, False, False
+        self._queue(queue)
 
     def may_be_taken(self, line: str, place: int) -> bool:
         """Whether the peer may have taken a message that is still in the file."""
-        lane = self._delivery_queues.get(line)
-        return place <= self.before or (lane is not None and place <= lane.sent)
+        queue = self._lines.get(line)
+        return place <= self.before or (queue is not None and place <= queue.sent)
 
     def state(self, line: str) -> str:
-        """Say what a line waits for."""
-        lane = self._delivery_queues.get(line)
-        if lane is None:
+        """Return what a line waits for, for people."""
+        queue = self._lines.get(line)
+        if queue is None:
             return ""
-        if lane.timer is not None:
-            return f"{lane.state}, next attempt in {max(0.0, lane.due - self._loop.time()):.1f} s"
-        return lane.state
+        if queue.timer is not None:
+            return f"{queue.state}, next attempt in {max(0.0, queue.due - self._loop.time()):.1f} s"
+        return queue.state
 
-    def _queue(self, lane: DeliveryQueue) -> None:
-        if not lane.queued:
-            lane.queued = True
-            self._pools[">" in lane.line, lane.hung].add(lane)
+    def _queue(self, queue: DeliveryQueue) -> None:
+        if not queue.queued:
+            queue.queued = True
+            self._pools[">" in queue.line, queue.hung].add(queue)
 
     async def _work(self, pool: _WorkerPool) -> None:
         while True:
-            lane, group = await pool.next(self._group_of)
-            lane.queued, lane.timer = False, None
-            known, lane.sent = lane.sent, inf
+            queue, group = await pool.next(self._peers.group_of)
+            queue.queued, queue.timer = False, None
+            known, queue.sent = queue.sent, inf
             try:
-                await self._advance(lane, known)
+                await self._advance(queue, known)
             except StoreFailed as failed:
-                self._again(lane, known, NotTaken(str(failed), certain=True))
-            except Exception as error:  # one line's defect must not end what all others live by
-                log.exception("defect in argosy: mail of line %s", lane.line)
-                self._again(lane, known, NotTaken(f"defect in argosy: {type(error).__name__}: {error}", certain=False))
+                self._again(queue, known, NotTaken(str(failed), certain=True))
+            except Exception as error:  # a defect in one line must not stop the others
+                log.exception("defect in argosy: mail of line %s", queue.line)
+                self._again(queue, known, NotTaken(f"defect in argosy: {type(error).__name__}: {error}", certain=False))
             finally:
                 pool.free(group)
 
-    def _again(self, lane: DeliveryQueue, known: float, why: NotTaken) -> None:
-        """Begin a line anew at its front: what was taken and is in the file still is sent again, and known there."""
-        lane.sent, lane.after, lane.removal = max(known, lane.after), 0, None
-        self._later(lane, why)
+    def _again(self, queue: DeliveryQueue, known: float, why: NotTaken) -> None:
+        """Restart a line at its front: messages that were taken and are still in the file are sent again, and known
+        there."""
+        queue.sent, queue.after, queue.removal = max(known, queue.after), 0, None
+        self._later(queue, why)
 
-    async def _advance(self, lane: DeliveryQueue, known: float) -> None:
-        """Take one batch of a line to its peer and settle what became of it."""
-        lane.more = False
-        most = 1 if lane.alone else queries.BATCH
-        batch, more = await self._store.read(partial(queries.front, line=lane.line, after=lane.after, most=most))
+    async def _advance(self, queue: DeliveryQueue, known: float) -> None:
+        """Send one batch of a line to its peer, and act on the answer."""
+        queue.added = False
+        most = 1 if queue.alone else queries.BATCH
+        batch, more = await self._store.read(partial(queries.front, line=queue.line, after=queue.after, most=most))
         if not batch:
-            await self._finish(lane, known)
+            await self._finish(queue, known)
             return
         now, last = self._clock.now(), batch[-1].place
-        # What is too late and has not left before is not sent: the sweep gives it up.
+        # An expired message that was never sent is not sent: the sweep gives it up.
         doubtful = max(known, self.before)
         going = [one for one in batch if one.expires is None or one.expires > now or one.place <= doubtful]
-        answer = await self._carry(lane.line, going) if going else Receipt()
+        answer = await self._peers.carry(queue.line, going) if going else Receipt()
         if isinstance(answer, NotTaken) and answer.unreadable and len(going) == 1:
-            # It would stand in the way of all behind it for ever.
+            # It would block all behind it for ever.
             answer = Receipt(refused={0: Refusal(code="unreadable", text=answer.why[:200])})
         if isinstance(answer, Receipt) and not adds_up(answer, len(going)):
             self.counters["bad_receipts"] += 1
             answer = NotTaken(f"its receipt does not add up to {len(going)}: {answer}"[:200], certain=False)
         if isinstance(answer, NotTaken):
             self.counters["unanswered"] += 1
-            lane.sent = known if answer.certain else max(known, last)
-            self._later(lane, answer)
+            queue.sent = known if answer.certain else max(known, last)
+            self._later(queue, answer)
             return
-        lane.alone = False
-        await self._settle(lane, known, going, answer)
+        queue.alone = False
+        await self._settle(queue, known, going, answer)
         if going:
-            self._back(self._peer_of(lane.line))
+            self._back(self._peers.of(queue.line))
         if answer.later:
-            lane.after, lane.hung, lane.state = 0, False, str(next(iter(answer.later.values())))
-            if answer.taken or (last > known and ">" not in lane.line):  # it was offered something new
-                lane.pause = RETRY_FIRST
-            self._pause(lane, LATER_MOST)
+            queue.after, queue.hung, queue.state = 0, False, str(next(iter(answer.later.values())))
+            if answer.taken or (last > known and ">" not in queue.line):  # it was offered a new message
+                queue.pause = RETRY_FIRST
+            self._pause(queue, LATER_MOST)
             return
-        lane.after, lane.pause, lane.hung, lane.state = last, RETRY_FIRST, False, ""
-        if more or lane.more:
-            self._queue(lane)
+        queue.after, queue.pause, queue.hung, queue.state = last, RETRY_FIRST, False, ""
+        if more or queue.added:
+            self._queue(queue)
         else:
-            await self._finish(lane, lane.sent)
+            await self._finish(queue, queue.sent)
 
-    async def _settle(self, lane: DeliveryQueue, known: float, batch: Sequence[QueuedMessage], answer: Receipt) -> None:
-        """Take out of the file what the peer has taken, and give up what it has refused."""
+    async def _settle(
+        self, queue: DeliveryQueue, known: float, batch: Sequence[StoredMessage], answer: Receipt
+    ) -> None:
+        """Remove what the peer has taken, and give up what it has refused."""
         refused = {one.place: _bounded(answer.refused[i]) for i, one in enumerate(batch) if i in answer.refused}
         taken = [one.place for i, one in enumerate(batch) if i not in answer.refused and i not in answer.later]
         self.counters["sent"] += len(taken)
         self.counters["refused"] += len(refused)
-        await self._removed(lane)  # one at a time: what fails there is tried again from the front
-        # A receiver that says `later` may have a message in hand, as a program does that is not done with it.
-        in_hand = [one.place for i, one in enumerate(batch) if i in answer.later and ">" not in lane.line]
-        lane.sent = max(known, max(taken + in_hand, default=0))
+        await self._removed(queue)  # one at a time: after a failure the line restarts at its front
+        # A receiver that answers `later` may be working on the message, as a program does.
+        in_work = [one.place for i, one in enumerate(batch) if i in answer.later and ">" not in queue.line]
+        queue.sent = max(known, max(taken + in_work, default=0))
         if taken:
-            lane.removal = self._loop.create_task(self._remove(taken))
+            queue.removal = self._loop.create_task(
+                self._store.write(partial(queries.remove, tally=self._tally, places=taken))
+            )
         if refused:
-            for line in await self._give_up(refused, {one.sender for one in batch if one.place in refused}):
-                self.more(line)
+            for line in await self._dead_letters.give_up(
+                refused, {one.sender for one in batch if one.place in refused}
+            ):
+                self.added(line)
         if answer.later:
-            await self._removed(lane)
+            await self._removed(queue)
 
-    async def _removed(self, lane: DeliveryQueue) -> None:
-        if (removal := lane.removal) is not None:
-            lane.removal = None
+    async def _removed(self, queue: DeliveryQueue) -> None:
+        if (removal := queue.removal) is not None:
+            queue.removal = None
             await removal
 
-    async def _remove(self, places: list[int]) -> None:
-        await self._store.write(lambda db: queries.remove(db, self._tally, places))
-
-    async def _finish(self, lane: DeliveryQueue, known: float) -> None:
-        """Forget a line that is empty, unless something came while we looked."""
-        await self._removed(lane)
-        lane.sent = known
-        if lane.more:
-            self._queue(lane)
+    async def _finish(self, queue: DeliveryQueue, known: float) -> None:
+        """End the delivery of an empty line, unless messages were added meanwhile."""
+        await self._removed(queue)
+        queue.sent = known
+        if queue.added:
+            self._queue(queue)
         else:
-            del self._delivery_queues[lane.line]
+            del self._lines[queue.line]
 
-    def _later(self, lane: DeliveryQueue, answer: NotTaken) -> None:
-        """Try again when the peer is there, or after a pause that doubles."""
-        lane.state, lane.hung, lane.alone = answer.why, True, answer.unreadable
+    def _later(self, queue: DeliveryQueue, answer: NotTaken) -> None:
+        """Retry when the peer appears, or after a pause that doubles."""
+        queue.state, queue.hung, queue.alone = answer.why, True, answer.unreadable
         if answer.away:
-            peer = self._peer_of(lane.line)
+            peer = self._peers.of(queue.line)
             away = self._away.setdefault(peer, Away())
-            away.delivery_queues[lane.line] = lane
+            away.queues[queue.line] = queue
             if away.timer is None:
                 self._probe_later(peer, away)
             return
-        self._pause(lane, RETRY_MOST)
+        self._pause(queue, RETRY_MOST)
 
-    def _pause(self, lane: DeliveryQueue, most: float) -> None:
-        """Try a line again after a pause that doubles, up to `most`."""
-        pause = min(lane.pause, most)
-        lane.pause = pause * 2
-        lane.due = self._loop.time() + pause
-        lane.timer = self._loop.call_later(pause, self._queue, lane)
+    def _pause(self, queue: DeliveryQueue, most: float) -> None:
+        """Retry a line after a pause that doubles, up to `most` wall seconds."""
+        pause = min(queue.pause, most)
+        queue.pause = pause * 2
+        queue.due = self._loop.time() + pause
+        queue.timer = self._loop.call_later(pause, self._queue, queue)
 
     def _probe(self, peer: str) -> None:
-        """Let one of the lines that wait for a peer try whether it is there."""
+        """Let one of the lines that wait for a peer probe it."""
         away = self._away.get(peer)
         if away is None:
             return
         away.timer = None
-        if away.delivery_queues:
-            line = next(iter(away.delivery_queues))
-            self._queue(away.delivery_queues.pop(line))
-        if away.delivery_queues:  # the one that tries may find its line empty, and not come back
+        if away.queues:
+            line = next(iter(away.queues))
+            self._queue(away.queues.pop(line))
+        if away.queues:  # the one that probes may find its line empty
             self._probe_later(peer, away)
 
     def _probe_later(self, peer: str, away: Away) -> None:
@@ -352,5 +334,5 @@ class DeliveryQueues:
 
 
 def _bounded(refusal: Refusal) -> Refusal:
-    """Return what is kept of a peer's refusal: it is stored, and travels to the sender."""
+    """Return a peer's refusal, shortened: it is stored, and sent to the sender."""
     return Refusal(code=refusal.code[:MAX_CODE], text=refusal.text[:MAX_TEXT])

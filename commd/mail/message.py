@@ -1,4 +1,4 @@
-"""Messages as commd keeps them: numbered, dated, encoded once, and sent on without a look at their content."""
+"""Messages as commd stores them: numbered, dated, encoded once, and sent on with their content unread."""
 
 from __future__ import annotations
 
@@ -10,31 +10,30 @@ import msgspec
 
 from schemas.wire.codec import codec
 from schemas.wire.records import Header, Receipt, Record, Refusal
-from schemas.wire.records import Mail as ReadMail
 from schemas.wire.records import Message as ReadMessage
 from schemas.wire.terms import Atom, Map, OpenList, Queue, Set, Structure, Term, Variable
 
 M = TypeVar("M", bound="ReadMessage | Message")
 
 LARGEST = 1024 * 1024
-"""Bytes of the largest message, as it travels."""
+"""Bytes of the largest message on the bus."""
 SLACK = 4_096
-"""Bytes that a notice may have besides the content of the largest message."""
+"""Bytes of a notice besides the content of the largest message."""
 OFFICE = "mail"
 """The sender of notices."""
 DEEPEST = 200
-"""Terms within terms that a content may have. How deep a decoder goes depends on where it is called: far less than it
-ever bears, so that whoever takes a message can also hand it on, wrap it into a notice and list it."""
+"""Nesting of terms in a content. A decoder's limit depends on its caller's depth: this is far below it, so that a
+message that was accepted can also be sent on, wrapped into a notice and listed."""
 WRAPPED = 2
-"""Terms around it in a notice."""
+"""Levels that a notice adds."""
 LARGEST_NUMBER = 2**53
-"""No number of a message is above; 64 bits are more than the file takes."""
+"""The largest number of a message: the file does not take all of 64 bits."""
 LONGEST_NUMBERING = 64
 """Characters."""
 
 
 class Message(Record, frozen=True, kw_only=True):
-    """`schemas.wire.records.Message` with a content that is carried, not read: it was checked where it came in."""
+    """`schemas.wire.records.Message` with a content that is not read: it was checked on arrival."""
 
     header: Header = Header()
     id: str
@@ -47,14 +46,16 @@ class Message(Record, frozen=True, kw_only=True):
 
 
 class Mail(Record, frozen=True, kw_only=True):
-    """A batch of them; on the wire the same as `schemas.wire.records.Mail`."""
+    """A batch of them; encoded as `schemas.wire.records.Mail` is."""
 
     messages: tuple[Message, ...] = ()
 
 
 class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
-    """A message on its way into the file."""
+    """A message as a row of the mail file."""
 
+    place: int = 0
+    """0: it gets the next place."""
     line: str
     """Where it waits (`commd.mail.schema`)."""
     sender: str
@@ -65,39 +66,28 @@ class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
     expires: float | None = None
     """By the mail clock."""
     message: bytes
+    """MessagePack."""
 
-
-class QueuedMessage(msgspec.Struct, kw_only=True, gc=False):
-    """A message that has come to the front of its line."""
-
-    place: int
-    sender: str
-    receiver: str
-    numbering: str
-    number: int
-    expires: float | None
-    message: bytes
-
-    def read(self) -> ReadMessage:
-        """Return the message with its content."""
-        return self._numbered(codec(ReadMessage).decode(self.message, MSGPACK))
+    def read(self, now: float) -> ReadMessage:
+        """Return the message with its content, for a receiver in this process."""
+        return self._current(codec(ReadMessage).decode(self.message, MSGPACK), now)
 
     def carried(self, now: float) -> Message:
-        """Return the message as it goes on: with its number, and the time that it has left."""
-        message = self._numbered(_CARRIED.decode(self.message))
+        """Return the message to send on, its content unread."""
+        return self._current(_CARRIED.decode(self.message), now)
+
+    def _current(self, message: M, now: float) -> M:
+        """Set the number of the row, and the time to live that is left at `now` of the mail clock."""
+        if message.header.seq != self.number or message.header.boot != self.numbering:
+            header = msgspec.structs.replace(message.header, boot=self.numbering, seq=self.number)
+            message = msgspec.structs.replace(message, header=header)
         if self.expires is not None:
             message = msgspec.structs.replace(message, ttl=max(0.0, self.expires - now))
         return message
 
-    def _numbered(self, message: M) -> M:
-        if message.header.seq == self.number and message.header.boot == self.numbering:
-            return message
-        header = msgspec.structs.replace(message.header, boot=self.numbering, seq=self.number)
-        return msgspec.structs.replace(message, header=header)
 
-
-def letter(message: ReadMessage, line: str, expires: float | None) -> StoredMessage:
-    """Return a message as it is kept. Raises ValueError for one that cannot be kept, BadRecord among them."""
+def stored(message: ReadMessage, line: str, expires: float | None) -> StoredMessage:
+    """Return the row of a message. Raises ValueError, such as BadRecord, for one that cannot be stored."""
     header = message.header
     numbered = header.seq > 0 and bool(header.boot)
     if header.seq > LARGEST_NUMBER or len(header.boot) > LONGEST_NUMBERING:
@@ -116,7 +106,7 @@ def letter(message: ReadMessage, line: str, expires: float | None) -> StoredMess
 
 
 def too_deep(content: Term, most: int) -> bool:
-    """Whether a content has more than `most` terms within terms."""
+    """Whether a content has more than `most` levels of terms."""
     level: list[Any] = [content]
     for _ in range(most):
         level = [part for term in level for part in _parts(term) if not isinstance(part, (str, int, float))]
@@ -126,7 +116,7 @@ def too_deep(content: Term, most: int) -> bool:
 
 
 def _parts(term: Any) -> Sequence[Any]:
-    """Return the terms that stand directly in a term."""
+    """Return the terms directly within a term."""
     match term:
         case list() | tuple():
             return term
@@ -144,14 +134,14 @@ def _parts(term: Any) -> Sequence[Any]:
 
 
 def shown(message: ReadMessage) -> ReadMessage:
-    """Return a message as it can be told of: without its content if that is too deep to be wrapped into anything."""
+    """Return a message to be listed or wrapped: without its content if that is nested too deeply."""
     if too_deep(message.content, DEEPEST + 1):
         return msgspec.structs.replace(message, content="(nested too deeply to be shown)")
     return message
 
 
 def undelivered(message: ReadMessage, reason: Refusal) -> ReadMessage:
-    """Return the notice that tells a sender what became of its message."""
+    """Return the notice for the sender of a message that is not delivered."""
     what = (_name(message.receiver), _name(message.performative), shown(message).content, reason.code)
     detail = (Structure("detail", (reason.text,)),) if reason.text else ()
     return ReadMessage(
@@ -164,7 +154,7 @@ def undelivered(message: ReadMessage, reason: Refusal) -> ReadMessage:
 
 
 def adds_up(receipt: Receipt, messages: int) -> bool:
-    """Whether a receipt says what became of each message of a batch."""
+    """Whether a receipt accounts for each message of a batch."""
     places = {*receipt.refused, *receipt.later}
     counted = receipt.taken + len(receipt.refused) + len(receipt.later)
     return (
@@ -174,13 +164,8 @@ def adds_up(receipt: Receipt, messages: int) -> bool:
     )
 
 
-def opened(batch: Mail) -> tuple[ReadMessage, ...]:
-    """Return the messages of a batch with their contents, for a receiver in this process."""
-    return codec(ReadMail).decode(codec(Mail).encode(batch, "msgpack"), codec(ReadMail).encoding("msgpack")).messages
-
-
 def _name(text: str) -> Term:
-    """Return a name as an atom, if it can be one."""
+    """Return a name as an atom if possible, else as a string."""
     return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
 
 

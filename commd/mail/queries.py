@@ -1,4 +1,4 @@
-"""What is done with the messages in a board's mail file: functions on a connection, each part of a transaction."""
+"""SQL operations on a board's mail file; each is part of a transaction on the given connection."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from sqlite3 import Connection
 
 import msgspec
 
-from commd.mail.message import QueuedMessage, StoredMessage, letter, undelivered
+from commd.mail.message import MSGPACK, StoredMessage, stored, undelivered
 from schemas.mission.model import RESERVED
 from schemas.wire.codec import codec
 from schemas.wire.records import Message, Refusal
 
 BATCH, BATCH_BYTES = 500, 256 * 1024
-"""A batch has at most so many messages, and not more bytes than that if it has more than one."""
+"""Messages of a batch at most, and bytes unless it is a single message."""
 REMOTE_BYTES = 64 * 1024
-"""The same for another board: links between boards may be slow."""
+"""Bytes of a batch to another board: links between boards may be slow."""
 NUMBERINGS = 2 * BATCH
-"""Numberings of a pair whose last numbers are kept; the oldest goes when a sender begins a further one. More than a
-batch can bring: each of its messages may be of another life, and the whole batch may come again."""
+"""Numberings of a pair whose last numbers are kept; a further one replaces the oldest. A batch has fewer: each of its
+messages may have another numbering, and the whole batch may be sent again."""
 MAILBOX_BYTES = 256 * 1024 * 1024
 """Bytes that may wait for one receiver."""
 DEAD, DEAD_BYTES = 10_000, 64 * 1024 * 1024
-"""Dead letters that are kept, and their bytes; the oldest go first."""
+"""Dead letters that are kept, and their bytes; the oldest are removed first."""
 TAKEN, AGAIN, FULL = "taken", "again", "mailbox_full"
-"""What becomes of a message that comes in: written, known already, to be sent again."""
+"""Outcomes of a message: stored, known already, to be sent again."""
 
 
 class Tally:
-    """How much waits, counted in the writer's thread with each change and anew after a change was rolled back."""
+    """Counts of what waits, updated in the writer's thread with each change, and counted again after a rollback."""
 
     def __init__(self) -> None:
         self.lines: Counter[str] = Counter()
@@ -44,13 +44,13 @@ class Tally:
         """Messages with a time to live."""
         self.dead = self.dead_bytes = 0
         self.next = 1
-        """The place of the next message; no place is given twice while this process lives."""
+        """The place of the next message; no place is used twice by one process."""
         self.numbering = os.urandom(8).hex()
-        """This board's own, for messages that come without number. Each life of the board has another one: a file that
-        has gone back in time (a power cut, a backup) would give numbers again that receivers know."""
+        """This board's own, for messages without number. Each process has a new one: a file that has gone back in time
+        (a power cut, a backup) would repeat numbers that receivers know."""
 
     def count(self, db: Connection) -> None:
-        """Count what is in the file."""
+        """Count the file's contents."""
         lines, messages, bytes_ = Counter[str](), Counter[str](), Counter[str]()
         rows = db.execute("SELECT line, receiver, count(*), sum(size) FROM mail GROUP BY line, receiver")
         for line, receiver, count, size in rows:
@@ -64,7 +64,7 @@ class Tally:
         self.next = max(self.next, last + 1)
 
     def add(self, line: str, receiver: str, size: int, sign: int = 1) -> None:
-        """Count a message that comes, or with sign -1 one that goes."""
+        """Count a message that is added, or with `sign` -1 removed."""
         for counter, key, amount in (
             (self.lines, line, sign),
             (self.messages, receiver, sign),
@@ -75,21 +75,21 @@ class Tally:
                 del counter[key]
 
 
-def put(db: Connection, tally: Tally, letters: Iterable[StoredMessage], now: float, bound: int | None) -> list[str]:
-    """Write messages at the ends of their lines. Returns what becomes of each.
+def put(db: Connection, tally: Tally, messages: Iterable[StoredMessage], now: float, bound: int | None) -> list[str]:
+    """Append messages to their lines. Returns the outcome of each.
 
-    A number that is not above the last one of its numbering was taken before. One that is too late is taken too: it is
-    given up here, once, whatever becomes of the answer. When `bound` messages wait for a receiver, no more are taken
-    for it; None = all are.
+    A message whose number is not above the last one of its numbering was taken before. An expired message is taken too:
+    it is given up here, once, even if the reply is lost. At most `bound` messages may wait for a receiver; None = any
+    number.
     """
     last: dict[tuple[str, str, str], int] = {}
     changed: set[tuple[str, str, str]] = set()
     full: set[tuple[str, str]] = set()
     rows: list[tuple[int, str, str, str, str, int, float, float | None, int, bytes]] = []
     outcomes: list[str] = []
-    for one in letters:
+    for one in messages:
         sender, receiver = one.sender, one.receiver
-        if (sender, receiver) in full:  # what follows in order may not overtake
+        if (sender, receiver) in full:  # later ones must not overtake it
             outcomes.append(FULL)
             continue
         key = (sender, receiver, one.numbering or tally.numbering)
@@ -118,7 +118,7 @@ def put(db: Connection, tally: Tally, letters: Iterable[StoredMessage], now: flo
 
 
 def numbers_of(db: Connection, sender: str, former: str, left_out: Sequence[str] = ()) -> dict[str, int]:
-    """Return how much was taken of a sender's numbering and of those that it has begun later, by receiver."""
+    """Return the messages taken of a sender's numbering and of its later ones, by receiver."""
     query = "SELECT receiver, numbering, number, age FROM numbers WHERE sender = ? ORDER BY age"
     rows = db.execute(query, (sender,)).fetchall()
     began: dict[str, int] = {}
@@ -142,7 +142,7 @@ def _set_last(db: Connection, tally: Tally, key: tuple[str, str, str], number: i
     if db.execute(update, (number, *key)).rowcount:
         return
     db.execute("INSERT INTO numbers(sender, receiver, numbering, number) VALUES(?, ?, ?, ?)", (*key, number))
-    db.execute(  # this board's own numbering stays: begun anew its numbers would pass for old ones
+    db.execute(  # this board's own numbering stays: restarted, its numbers would count as old ones
         """DELETE FROM numbers WHERE sender = ?1 AND receiver = ?2 AND numbering <> ?3 AND age NOT IN (
                SELECT age FROM numbers WHERE sender = ?1 AND receiver = ?2 AND numbering <> ?3
                ORDER BY age DESC LIMIT ?4)""",
@@ -150,10 +150,10 @@ def _set_last(db: Connection, tally: Tally, key: tuple[str, str, str], number: i
     )
 
 
-def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[list[QueuedMessage], bool]:
-    """Return the next batch of a line, at most `most` messages behind place `after`, and whether more stand behind."""
+def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[list[StoredMessage], bool]:
+    """Return the next batch of a line, at most `most` messages behind place `after`, and whether more follow."""
     most_bytes = REMOTE_BYTES if ">" in line else BATCH_BYTES
-    found: list[QueuedMessage] = []
+    found: list[StoredMessage] = []
     size = 0
     rows = db.execute(
         """SELECT place, sender, receiver, numbering, number, expires, message FROM mail
@@ -167,8 +167,9 @@ def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[lis
             more = True
             break
         found.append(
-            QueuedMessage(
+            StoredMessage(
                 place=place,
+                line=line,
                 sender=sender,
                 receiver=receiver,
                 numbering=numbering,
@@ -182,9 +183,9 @@ def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[lis
 
 
 def move(db: Connection, tally: Tally, line: str, home: bool) -> None:
-    """Let the messages of a line wait for their receivers here (`home`), or for the boards of these.
+    """Move the messages of a line to their receivers' lines here (`home`), or to those of their receivers' boards.
 
-    Those that go back to other boards go on with numbers of this board: their senders' boards know the old ones.
+    Messages to other boards get numbers of this board: their senders' boards know the old ones.
     """
     if home:
         db.execute("UPDATE mail SET line = receiver WHERE line = ?", (line,))
@@ -200,7 +201,7 @@ def move(db: Connection, tally: Tally, line: str, home: bool) -> None:
 
 
 def remove(db: Connection, tally: Tally, places: Sequence[int]) -> list[tuple[int, str, bytes]]:
-    """Take messages out of the file. Returns place, sender and message of those that were still there."""
+    """Remove messages. Returns place, sender and message of each that was still there."""
     rows = db.execute(
         """DELETE FROM mail WHERE place IN (SELECT value FROM json_each(?))
            RETURNING place, line, sender, receiver, expires, size, message""",
@@ -212,13 +213,13 @@ def remove(db: Connection, tally: Tally, places: Sequence[int]) -> list[tuple[in
     return sorted((place, sender, message) for place, _, sender, _, _, _, message in rows)
 
 
-def bury(
+def move_to_dead_letters(
     db: Connection, tally: Tally, reasons: Mapping[int, Refusal], lines: Mapping[str, str], now: float
 ) -> list[str]:
-    """Give messages up: keep them as dead letters and write the notices to their senders.
+    """Move messages to the dead letters, and write the notices to their senders.
 
-    `reasons` by place; `lines` says where notices to each sender wait, whoever has none gets none. Returns the lines
-    that notices were written to.
+    `reasons` by place; `lines` has the line of notices to each sender that gets one. Returns the lines of the notices
+    written.
     """
     notices: list[StoredMessage] = []
     for place, sender, message in remove(db, tally, list(reasons)):
@@ -230,8 +231,8 @@ def bury(
         tally.dead += 1
         tally.dead_bytes += len(message)
         if sender in lines and sender not in RESERVED:
-            notice = undelivered(codec(Message).decode(message, _MSGPACK), reason)
-            notices.append(letter(notice, lines[sender], None))
+            notice = undelivered(codec(Message).decode(message, MSGPACK), reason)
+            notices.append(stored(notice, lines[sender], None))
     _bound_dead(db, tally)
     put(db, tally, notices, now, None)
     return sorted({notice.line for notice in notices})
@@ -247,15 +248,12 @@ def _bound_dead(db: Connection, tally: Tally) -> None:
 
 
 def expired(db: Connection, now: float, most: int) -> list[tuple[int, str, str, float]]:
-    """Return place, line, sender and end of the messages whose time is over, the first over first."""
+    """Return place, line, sender and end of expired messages, in the order of their ends."""
     query = "SELECT place, line, sender, expires FROM mail WHERE expires <= ? ORDER BY expires LIMIT ?"
     return db.execute(query, (now, most)).fetchall()
 
 
 def places_for(db: Connection, receiver: str, most: int) -> list[tuple[int, str]]:
-    """Return place and sender of messages that wait for a receiver."""
+    """Return place and sender of messages to a receiver."""
     query = "SELECT place, sender FROM mail WHERE receiver = ? ORDER BY place LIMIT ?"
     return db.execute(query, (receiver, most)).fetchall()
-
-
-_MSGPACK = codec(Message).encoding("msgpack")

@@ -1,7 +1,7 @@
-"""A board's mail: taken from senders and from other boards, kept on disk, carried on until its receiver has it.
+"""A board's mail service: stores messages of senders and of other boards, and delivers them.
 
-Whoever holds a message answers for it: it is removed here only when whoever comes next has it on disk, and if it is
-given up here its sender is told from here (docs/guides/mail.md).
+A message is removed here only when the next one on its way has it on disk; if it is given up here, this board notifies
+its sender (docs/guides/mail.md).
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from msgspec.structs import replace
 from commd.bus.bus import Bus, Query
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
-from commd.mail.dead_letters import Undelivered
+from commd.mail.dead_letters import DeadLetters
 from commd.mail.delivery import RETRY_MOST, DeliveryQueues
 from commd.mail.inspection import list_mailboxes
-from commd.mail.message import LARGEST, SLACK, StoredMessage, letter
+from commd.mail.message import LARGEST, SLACK, StoredMessage, stored
 from commd.mail.queries import Tally
 from commd.mail.store import Store, StoreFailed, open_store
 from commd.mail.transport import Air, Deliver, Directory, Peers
@@ -37,7 +37,7 @@ log = logging.getLogger("mail")
 
 
 class MailService:
-    """Takes mail, keeps it and carries it on."""
+    """Stores and delivers the mail of one board."""
 
     def __init__(
         self,
@@ -49,27 +49,24 @@ class MailService:
         rules: MailRules,
         air: Air | None = None,
     ) -> None:
-        """`tally` is what `store` counts; `bus.name` is the board."""
+        """`tally` has the counts of `store`; `bus.name` is the board."""
         self.counters: Counter[str] = Counter()
         self.store = store
-        """The board's file: its facts are kept there too."""
+        """The board's mail file, which the directory uses too."""
         self._bus, self._tally, self.clock, self._rules = bus, tally, clock, rules
         self._peers = Peers(bus, clock, directory, air)
-        self._undelivered = Undelivered(store, tally, clock, self._line)
-        peers = self._peers
-        self._delivery_queues = DeliveryQueues(
-            store, tally, clock, peers.carry, self._undelivered.give_up, peers.of, peers.group_of
-        )
+        self._dead_letters = DeadLetters(store, tally, clock, self._line)
+        self._queues = DeliveryQueues(store, tally, clock, self._peers, self._dead_letters)
         self.ask_around: Callable[[], Awaitable[None]] | None = None
-        """Lets the directory hear who has joined other boards just now; asked before a receiver is refused."""
+        """Asks the other boards who has joined them, before an unknown receiver is refused."""
         self.everybody_known = True
-        """Whether the directory knows by now who joined in former lives: else it refuses nobody."""
+        """Whether the directory has read who joined before; until then no receiver is refused as unknown."""
         self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
         self._moving: asyncio.Task[bool] | None = None
 
     @property
     def directory(self) -> Directory:
-        """Who can be sent to, and where."""
+        """The receivers of mail and their boards."""
         return self._peers.directory
 
     @directory.setter
@@ -78,38 +75,36 @@ class MailService:
 
     @property
     def names(self) -> Collection[str]:
-        """All who can be sent to, there or away."""
+        """All receivers, present or away."""
         return self.directory.names()
 
     @property
     def waiting(self) -> int:
-        """How many messages are in the file."""
+        """Number of messages in the file."""
         return self._tally.messages.total()
 
     @property
     def counters_now(self) -> Counter[str]:
-        """What became of messages so far, from their coming to their going."""
-        return self.counters + self._delivery_queues.counters + self._undelivered.counters + self.store.counters
+        """Totals of what became of messages."""
+        return self.counters + self._queues.counters + self._dead_letters.counters + self.store.counters
 
     def state_of(self, sender: str, receiver: str) -> str:
-        """Say what the mail of a pair waits for; empty if it is on its way or none waits."""
-        return self._delivery_queues.state(self._line(sender, receiver) or "")
+        """Return what the mail of a pair waits for, for people; empty if it is in flight or none waits."""
+        return self._queues.state(self._line(sender, receiver) or "")
 
     async def run(self) -> None:
-        """Carry mail on, for ever. Whom this board hosts by then is known."""
+        """Deliver mail, for ever. Call it when the names of this board are known."""
         moved = await self._lines_moved()
         while not moved:
             await asyncio.sleep(RETRY_MOST)
             moved = await self._lines_moved()
-        self._peers.watch(self._delivery_queues.arrived)
-        self._delivery_queues.begin()
+        self._peers.watch(self._queues.arrived)
+        self._queues.begin()
         self._bus.serve(keys.mailboxes(self._bus.fleet, self._bus.name), Mailboxes, self._list)
-        await asyncio.gather(self._delivery_queues.run(), self._undelivered.sweep(self._delivery_queues))
-
-    # Who lives here
+        await asyncio.gather(self._queues.run(), self._dead_letters.sweep(self._queues))
 
     def host(self, name: str) -> None:
-        """Serve the mail of an agent, a client or a node that lives on this board."""
+        """Serve the mail of an agent, a client or a node of this board."""
         if name not in self._hosted:
             fleet = self._bus.fleet
             self._hosted[name] = (
@@ -120,24 +115,23 @@ class MailService:
                 self._moving = asyncio.create_task(self._lines_moved())
 
     async def unhost(self, name: str) -> None:
-        """Serve somebody no more who has left for good: what waits for it is given up."""
+        """Stop to serve a name that has left for good, and give up its mail."""
         for withdraw in self._hosted.pop(name, ()):
             withdraw()
         await self.gone(name)
 
     async def gone(self, name: str) -> None:
-        """Give up what waits here for somebody who has left for good."""
-        await self._undelivered.give_up_all(name, Refusal(code="receiver_left"), self._delivery_queues)
+        """Give up mail to a receiver that has left for good."""
+        await self._dead_letters.give_up_all(name, Refusal(code="receiver_left"), self._queues)
 
     def attach(self, name: str, deliver: Deliver) -> Callable[[], None]:
-        """Hand the mail of a receiver in this process to `deliver(batch)`, batch by batch. Returns what ends it."""
+        """Hand the mail of a receiver in this process to `deliver(batch)`. Returns what ends it."""
         self._peers.attached[name] = deliver
-        self._delivery_queues.arrived(name)
+        self._queues.arrived(name)
         return lambda: self._peers.attached.pop(name, None) and None
 
     async def _lines_moved(self) -> bool:
-        """Let what waits wait where it belongs by now: an agent may have moved to another board. Returns False when the
-        disk does not do it."""
+        """Move waiting mail to the present boards of its receivers. Returns False if the disk fails."""
         try:
             for line in list(self._tally.lines):
                 receiver = line.rpartition(">")[2]
@@ -145,34 +139,32 @@ class MailService:
                 if belongs is not None and (">" in line) != (">" in belongs):
                     home = belongs == receiver
                     await self.store.write(partial(queries.move, tally=self._tally, line=line, home=home))
-                    self._delivery_queues.more(belongs if home else line)
+                    self._queues.added(belongs if home else line)
         except StoreFailed:
             return False
         return True
 
     def _line(self, sender: str, receiver: str) -> str | None:
-        """Return the line in which a message waits; None if nobody knows its receiver."""
+        """Return the line in which a message waits; None if its receiver is unknown."""
         board = self.directory.board_of(receiver)
         if receiver in self._hosted or board == self._bus.name:
             return receiver
         return None if board is None else f"{sender}>{receiver}"
 
-    # Mail that comes in
-
     async def take(self, messages: Sequence[Message], also: Callable[[Connection], None] | None = None) -> Receipt:
-        """Take mail from senders of this board. When it returns, what was taken is on disk.
+        """Store mail of senders of this board; it is on disk on return.
 
         `also(connection)` becomes part of the same transaction. Raises StoreFailed: nothing was taken.
         """
         self.counters["posted"] += len(messages)
         now = self.clock.now()
-        letters = [self._kept(one, self._line(one.sender, one.receiver), now, self._rules.ttl) for one in messages]
-        # What this board's own offices tell stands in no mailbox's way: nobody keeps it until there is room.
+        rows = [self._row(one, self._line(one.sender, one.receiver), now, self._rules.ttl) for one in messages]
+        # Notices of this board bypass the mailbox quota: nobody would keep them until there is room.
         own = all(one.sender in RESERVED for one in messages)
-        return await self._write(letters, now, None if own else self._rules.mailbox, also)
+        return await self._write(rows, now, None if own else self._rules.mailbox, also)
 
     async def _post(self, query: Query[Mail]) -> None:
-        """Serve an outbox."""
+        """Serve the outbox of a sender of this board."""
         if query.record is None or not query.concrete:
             query.reply_error(query.error or "expected a Mail record on a concrete key")
             return
@@ -186,16 +178,16 @@ class MailService:
             return
         if self.ask_around is not None and any(self._line("", one.receiver) is None for one in query.record.messages):
             await self.ask_around()
-        letters = [
-            self._kept(one, self._line(sender, one.receiver), now, self._rules.ttl)
+        rows = [
+            self._row(one, self._line(sender, one.receiver), now, self._rules.ttl)
             if one.sender == sender
             else Refusal(code="wrong_address", text=f"its sender is not {sender}")
             for one in query.record.messages
         ]
-        await self._answer(query, letters, now)
+        await self._answer(query, rows, now)
 
     async def _tell_numbers(self, query: Query[Mail], numberings: tuple[str, ...]) -> None:
-        """Say how far this board has taken the mail of a sender."""
+        """Reply how much of a sender's mail this board has taken."""
         sender = keys.parse(query.key)[1]  # type: ignore[index]
         try:
             numbers = await self.store.read(
@@ -207,56 +199,54 @@ class MailService:
         query.reply(Receipt(numbers=numbers))
 
     async def _receive(self, query: Query[Mail]) -> None:
-        """Serve what another board brings for a receiver of this one."""
+        """Serve mail of another board to a receiver of this one."""
         if query.record is None or not query.concrete:
             query.reply_error(query.error or "expected a Mail record on a concrete key")
             return
         self.counters["received"] += len(query.record.messages)
         _, receiver, (_, sender) = keys.parse(query.key)  # type: ignore[misc]
         now = self.clock.now()
-        letters = [
-            self._kept(one, receiver, now, None, SLACK)
+        rows = [
+            self._row(one, receiver, now, None, SLACK)
             if (one.sender, one.receiver) == (sender, receiver)
             else Refusal(code="wrong_address", text=f"it came as mail from {sender} to {receiver}")
             for one in query.record.messages
         ]
-        await self._answer(query, letters, now)
+        await self._answer(query, rows, now)
 
-    async def _answer(self, query: Query[Mail], letters: Sequence[StoredMessage | Refusal], now: float) -> None:
+    async def _answer(self, query: Query[Mail], rows: Sequence[StoredMessage | Refusal], now: float) -> None:
         try:
-            query.reply(await self._write(letters, now, self._rules.mailbox))
-        except StoreFailed as failed:  # nothing is taken: it will come again
+            query.reply(await self._write(rows, now, self._rules.mailbox))
+        except StoreFailed as failed:  # nothing is taken: the sender repeats it
             query.reply_error(str(failed))
 
-    def _kept(
+    def _row(
         self, message: Message, line: str | None, now: float, ttl: float | None, slack: int = 0
     ) -> StoredMessage | Refusal:
-        """Return a message as it is kept, or why it is refused for good. `ttl` is for one that brings none."""
+        """Return the row of a message, or why it is refused for good. `ttl`: if the message has none."""
         if line is None:
             return Refusal(code="receiver_not_found")
         ttl = message.ttl if message.ttl is not None else ttl
         try:
             check_name(message.sender)
-            kept = letter(message, line, None if ttl is None else now + ttl)
+            row = stored(message, line, None if ttl is None else now + ttl)
         except ValueError as bad:
             return Refusal(code="not_sendable", text=str(bad))
-        if len(kept.message) > LARGEST + slack and self._travels_as(message) > LARGEST + slack:
+        # JSON writes many numbers shorter than MessagePack does.
+        largest = LARGEST + slack
+        if len(row.message) > largest and len(codec(Message).encode(message, self._bus.wire)) > largest:
             return Refusal(code="message_too_large")
-        return kept
-
-    def _travels_as(self, message: Message) -> int:
-        """Return the bytes of a message on the bus: JSON writes many numbers shorter than MessagePack does."""
-        return len(codec(Message).encode(message, self._bus.wire))
+        return row
 
     async def _write(
         self,
-        letters: Sequence[StoredMessage | Refusal],
+        rows: Sequence[StoredMessage | Refusal],
         now: float,
         bound: int | None,
         also: Callable[[Connection], None] | None = None,
     ) -> Receipt:
-        """Put a batch on disk, and let it go on from there. Reasons stand where messages are refused."""
-        good = [one for one in letters if isinstance(one, StoredMessage)]
+        """Write a batch to disk and start its delivery; a `Refusal` stands in the place of a refused message."""
+        good = [one for one in rows if isinstance(one, StoredMessage)]
 
         def write(db: Connection) -> list[str]:
             if also is not None:
@@ -266,7 +256,7 @@ class MailService:
         outcomes = iter(await self.store.write(write) if good or also is not None else ())
         refused: dict[int, Refusal] = {}
         later: dict[int, Refusal] = {}
-        for place, one in enumerate(letters):
+        for place, one in enumerate(rows):
             if isinstance(one, Refusal):
                 refused[place] = one
             elif (outcome := next(outcomes)) == queries.FULL:
@@ -274,30 +264,27 @@ class MailService:
             else:
                 self.counters["taken" if outcome == queries.TAKEN else "duplicates"] += 1
         for line in {one.line for one in good}:
-            self._delivery_queues.more(line)
+            self._queues.added(line)
         self.counters["turned_away"] += len(refused)
         self.counters["later"] += len(later)
-        return Receipt(taken=len(letters) - len(refused) - len(later), refused=refused, later=later)
-
-    # What is told of it
+        return Receipt(taken=len(rows) - len(refused) - len(later), refused=refused, later=later)
 
     async def _list(self, query: Query[Mailboxes]) -> None:
-        """Serve what waits here and what was given up."""
+        """Serve the list of waiting and given up mail."""
         try:
-            listed = await self.store.read(
-                partial(list_mailboxes, now=self.clock.now(), state=self._delivery_queues.state)
-            )
+            listed = await self.store.read(partial(list_mailboxes, now=self.clock.now(), state=self._queues.state))
         except StoreFailed as failed:
             query.reply_error(str(failed))
             return
-        about = (self._bus.header("mailboxes"), self._bus.name, str(self.store.path), self.store.synchronous)
-        header, board, store, synchronous = about
-        query.reply(
-            replace(
-                listed, header=header, board=board, store=store, synchronous=synchronous, dead_count=self._tally.dead
-            ),
-            keys.mailboxes(self._bus.fleet, self._bus.name),
+        listed = replace(
+            listed,
+            header=self._bus.header("mailboxes"),
+            board=self._bus.name,
+            store=str(self.store.path),
+            synchronous=self.store.synchronous,
+            dead_count=self._tally.dead,
         )
+        query.reply(listed, keys.mailboxes(self._bus.fleet, self._bus.name))
 
     def health(self) -> Health:
         """Return the mail counters for the daemon's health."""
@@ -313,7 +300,7 @@ class MailService:
 
 
 @asynccontextmanager
-async def open_mailroom(
+async def open_mail_service(
     bus: Bus,
     directory: Directory,
     rules: MailRules,
@@ -322,19 +309,19 @@ async def open_mailroom(
     clock: MailClock | None = None,
     everybody_known: bool = True,
 ) -> AsyncIterator[MailService]:
-    """Open the mail of the board `bus.name`, kept in `folder`, and carry it on until the end.
+    """Open the mail of the board `bus.name`, stored in `folder`, and deliver it until the end.
 
-    Without `everybody_known` it refuses no receiver as unknown until it has another directory. Raises Findings if its
+    Without `everybody_known` no receiver is refused as unknown until it has another directory. Raises Findings if the
     file cannot be used.
     """
     tally, clock = Tally(), clock or MailClock()
 
-    def count(db: Connection) -> None:  # the first time as soon as there is a file: it may not be readable yet
+    def count(db: Connection) -> None:  # first called when the file can be read
         clock.load_once(db)
         tally.count(db)
 
     async with open_store(folder / f"{bus.name}.mail", rules.synchronous, count) as store:
-        with suppress(StoreFailed):  # what is told of a message's age may be less than the truth then
+        with suppress(StoreFailed):  # the ages of messages may then be too low
             clock.saved = await store.write(clock.save)
         mail_service = MailService(bus, store, tally, clock, directory, rules, air)
         mail_service.everybody_known = everybody_known
@@ -345,7 +332,7 @@ async def open_mailroom(
 
         def ended(task: asyncio.Task[None]) -> None:
             if not task.cancelled() and owner is not None:
-                owner.cancel()  # without it nothing would be carried on, and nobody told
+                owner.cancel()  # without it nothing would be delivered
 
         running.add_done_callback(ended)
         try:

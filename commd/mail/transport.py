@@ -1,46 +1,60 @@
-"""Who takes mail from a board's commd, and how a batch is handed over: receivers of this board, and other boards."""
+"""Send batches of mail to receivers of this board and to other boards, by queries."""
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
 from commd.mail.age_clock import MailClock
-from commd.mail.delivery import NotTaken
-from commd.mail.message import Mail, QueuedMessage, opened
+from commd.mail.message import Mail, StoredMessage
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, TooDeep
 from schemas.wire.records import Message, Receipt
 
 ANSWER_TIMEOUT, SLOWEST = 5.0, 10_000
-"""Wall seconds that another board has to commit a batch, and bytes per second of the slowest link to it: the batch has
-so much longer as it and those before it need on the way."""
+"""Wall seconds that another board has to commit a batch, and bytes per second of the slowest link: the time that the
+batch and those before it take on such a link is added."""
 ABSORB_TIMEOUT = 10.0
-"""Wall seconds that a receiver has to take a batch in."""
+"""Wall seconds that a receiver has to take a batch."""
 RECEIPT_SIZE = 64
 """Bytes of a receipt on the air."""
 
 Deliver: TypeAlias = Callable[[tuple[Message, ...]], Awaitable[Receipt | None]]
-"""Hands a batch to a receiver in this process; None = no answer, to be tried again."""
+"""Hands a batch to a receiver in this process; None = no answer, to be sent again."""
+
+
+@dataclass(frozen=True)
+class NotTaken:
+    """A batch that was not taken, as far as is known."""
+
+    why: str
+    """For people."""
+    certain: bool
+    """Whether nothing was taken for certain: the batch was not sent, or there was no receiver."""
+    away: bool = False
+    """Whether the peer is away, for all its lines."""
+    unreadable: bool = False
+    """Whether the peer can never read some message of the batch."""
 
 
 class Directory(Protocol):
-    """Who can be sent to. What it says is asked for at any time and answered at once."""
+    """Knows the receivers of mail."""
 
     def board_of(self, name: str) -> str | None:
-        """Return the board whose commd keeps the mail of an agent, a client or a node; None for a name of nobody."""
+        """Return the board whose commd stores the mail of an agent, a client or a node; None for an unknown name."""
         ...
 
     def names(self) -> Collection[str]:
-        """Return all who can be sent to, there or away."""
+        """Return all receivers, present or away."""
         ...
 
 
 class FixedDirectory:
-    """A directory of names that do not change: those of the mission."""
+    """A directory of fixed names: those of the mission."""
 
     def __init__(self, mailboxes: Mapping[str, str]) -> None:
         self._mailboxes = dict(mailboxes)
@@ -55,31 +69,31 @@ class FixedDirectory:
 
 
 class Air(Protocol):
-    """What lies between two boards."""
+    """A model of the radio between two boards."""
 
     async def carries(self, sender: str, receiver: str, size: int) -> bool:
-        """Let one transmission of `size` bytes take its time. Returns whether it arrived."""
+        """Wait for one transmission of `size` bytes. Returns whether it arrived."""
         ...
 
 
 class Peers:
-    """The tokens of receivers and other boards, and the way to them."""
+    """Receivers of this board and other boards: which are alive, and how a batch gets there."""
 
     def __init__(self, bus: Bus, clock: MailClock, directory: Directory, air: Air | None) -> None:
         self.directory, self.air = directory, air
         self.attached: dict[str, Deliver] = {}
         """Receivers in this process."""
         self._bus, self._clock = bus, clock
-        self._on_their_way: Counter[str] = Counter()
-        """Bytes by board, of the batches that wait for their receipts."""
+        self._in_flight: Counter[str] = Counter()
+        """Bytes of the batches that wait for their receipts, by board."""
         self._alive: defaultdict[str, set[str]] = defaultdict(set)
 
     def watch(self, arrived: Callable[[str], None]) -> None:
-        """Follow the tokens of the fleet; call `arrived(name)` when a board or a receiver appears."""
+        """Watch the fleet's liveliness tokens; call `arrived(name)` when a board or a receiver appears."""
 
         def token(key: str, alive: bool) -> None:
             parsed = keys.parse(key)
-            if parsed is None or len(parsed[2]) != 3:  # some `alive/**` of whoever may hold tokens
+            if parsed is None or len(parsed[2]) != 3:  # an `alive/**` key that is not a daemon's
                 return
             _, name, (_, daemon, boot) = parsed
             if daemon == "bridged" or daemon == "argosy":
@@ -95,23 +109,24 @@ class Peers:
         self._bus.watch(keys.alive(self._bus.fleet, "*", "*", "*"), token)
 
     def of(self, line: str) -> str:
-        """Return who takes the mail of a line: a receiver of this board, or the board of one."""
+        """Return the peer that takes the mail of a line: a receiver of this board, or another board."""
         _, remote, receiver = line.partition(">")
         return (self.directory.board_of(receiver) or receiver) if remote else line
 
     def group_of(self, line: str) -> str:
-        """Return with what a line is likely to hang: the process of a receiver of this board, or another board."""
+        """Return what a line hangs with: the process of its receiver on this board, or another board."""
         peer = self.of(line)
         if ">" not in line and len(alive := self._alive.get(peer, ())) == 1:
             return next(iter(alive))
         return peer
 
-    async def carry(self, line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
-        """Hand a batch of a line to whoever takes it."""
+    async def carry(self, line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
+        """Send a batch of a line to its peer."""
         now = self._clock.now()
-        mail = Mail(messages=tuple(one.carried(now) for one in batch))
         if (deliver := self.attached.get(line)) is not None:
-            return await deliver(opened(mail)) or NotTaken(f"{line} does not answer", certain=False)
+            receipt = await deliver(tuple(one.read(now) for one in batch))
+            return receipt or NotTaken(f"{line} does not answer", certain=False)
+        mail = Mail(messages=tuple(one.carried(now) for one in batch))
         sender, remote, receiver = line.partition(">")
         if not remote:
             return await self._ask(line, keys.inbox(self._bus.fleet, line), mail, ABSORB_TIMEOUT)
@@ -119,12 +134,12 @@ class Peers:
         if self.air is not None and not await self.air.carries(sender, receiver, size):
             return NotTaken("lost on the air", certain=True)
         key, board = keys.mail(self._bus.fleet, receiver, sender), self.of(line)
-        self._on_their_way[board] += size
+        self._in_flight[board] += size
         try:
-            patience = ANSWER_TIMEOUT + self._on_their_way[board] / SLOWEST
+            patience = ANSWER_TIMEOUT + self._in_flight[board] / SLOWEST
             answer = await self._ask(board, key, mail, patience)
         finally:
-            self._on_their_way[board] -= size
+            self._in_flight[board] -= size
         if (
             self.air is not None
             and isinstance(answer, Receipt)
@@ -141,9 +156,9 @@ class Peers:
             return NotTaken(str(closed), certain=True)
         except BadRecord as bad:
             return NotTaken(f"it cannot be written: {bad}", certain=True, unreadable=True)
-        except QueryTimeout as silent:
-            if not silent.nobody:
-                return NotTaken(f"{peer}: {silent}", certain=False)
+        except QueryTimeout as timed_out:
+            if not timed_out.nobody:
+                return NotTaken(f"{peer}: {timed_out}", certain=False)
             if there or peer in self._alive:
                 # A router that denies a query ends it at once, as it does when nobody serves the key.
                 denied = ": or does its router deny it?" if self._clock.now() - begun < timeout / 2 else ""

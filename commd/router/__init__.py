@@ -1,1 +1,1 @@
-"""The router of a board: configuration, admission of links, monitoring of links and of itself."""
+"""The router of a board: configuration, admission of other machines, monitoring of links and of the board itself."""

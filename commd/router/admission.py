@@ -1,303 +1,148 @@
-"""Admission control in front of a router's TLS listener: who may begin a handshake, and which session may stay.
+"""Admission control in front of a router's TLS listener: which connections may begin a handshake, which sessions stay.
 
-Zenoh's listener stops for 0.1 s after each handshake that fails, whoever failed it: 100 dead connections keep everybody
-out for 10 s. So other machines connect here, and what they send is passed on, unread, to a listener of the router on
-loopback:
+Zenoh's listener stops for 0.1 s after each failed handshake: 100 dead connections block everybody for 10 s. So other
+machines connect here, and their bytes are passed on to a listener of the router on loopback (`commd.router.relay`):
 
-- A connection is passed on when its ClientHello is complete. Until then it costs the router nothing, and when too many
-  wait, the oldest of the address that has the most goes: who means to come in says hello at once.
-- Each address has an allowance of handshakes. One that becomes a session is given back, one that fails is not.
-- Addresses of the mission's boards, and those from which a session came, have listeners that strangers cannot delay, so
-  many that an attacker at such an address (the operator's own machine, or one behind the same NAT) does not block them
-  all. What such addresses fail beyond their allowance comes from one that they share.
-- A session that carries the Zenoh id of another machine (`commd.bus.session.session_id`) is cut off: ids are public,
-  and a router refuses the second of two with the same one.
-- One certificate has at most `MOST_SESSIONS`, and a person who takes nothing for `STALLED` seconds while something
-  waits for him loses his session, an observer for `BARRED` seconds: the router waits for each such session in turn, and
-  whoever answers it is not served meanwhile.
+- A connection is passed on when its ClientHello is complete. If too many wait for theirs, the oldest one of the address
+  with the most is closed.
+- Each address has an allowance of handshakes. A successful handshake is given back, a failed one is not.
+- Addresses of the mission's boards, and those of earlier sessions, have listeners that strangers cannot delay. There
+  are enough of them that an attacker at such an address (the operator's own machine, or one behind the same NAT) cannot
+  block all. Handshakes beyond the allowance of such an address are taken from one that they share.
+- A session with the Zenoh id of another machine (`commd.bus.session.session_id`) is disconnected: ids are public, and a
+  router refuses the second of two sessions with one id.
+- One certificate has at most `MOST_SESSIONS`. A person's session that takes nothing for `STALLED` seconds although
+  something waits is closed, and an observer is refused for `BARRED` seconds: the router waits for each such session in
+  turn, and whoever replies to it is not served meanwhile.
 """
 
 from __future__ import annotations
 
 import asyncio
-import errno
 import logging
-import os
-import re
 import resource
 import socket
 import time
 from collections import Counter, deque
 from collections.abc import AsyncIterator, Coroutine, Sequence
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass
-from ipaddress import IPv6Address, IPv6Network
 from threading import Thread
 from typing import Any
 
-from commd.bus.bus import LOOK_UP_PATIENCE, Bus
+from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
 from commd.bus.session import owner_of
 from commd.router import tls_rejections
+from commd.router.relay import BACKLOG, Connection, bound_socket, counted_as, free_listener
 from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
 from schemas.wire.records import Health, Note
 
 HELLO = 5.0
-"""Wall seconds that a connection has to say its ClientHello; on a bad radio it is sent more than once."""
+"""Wall seconds for the ClientHello of a connection, which a bad radio repeats."""
 HANDSHAKE = 10.0
-"""Wall seconds from there until the router has a session, as Zenoh has it."""
+"""Wall seconds from there to the session, as in Zenoh."""
 UNHEARD = 512
-"""Connections that may wait for their ClientHello at once."""
+"""Connections that may wait for their ClientHello."""
 ALLOWANCE, REFILL = 10.0, 2.0
-"""Failed handshakes that an address may have at once, and how many more each second."""
+"""Failed handshakes of an address: at once, and more per second."""
 KNOWN_ALLOWANCE, KNOWN_REFILL = 100.0, 100.0
-"""The same for all known addresses together, beyond what each has."""
+"""The same for all known addresses together, beyond their own allowances."""
 KNOWN_LISTENERS = 16
-"""Listeners for known addresses. Each takes 10 failing handshakes a second: more than are let through."""
+"""Listeners for known addresses. Together they take 160 failing handshakes a second, more than are admitted."""
 AT_ONCE = 48
-"""Handshakes under way at one listener: Zenoh takes 100."""
+"""Handshakes under way at one listener; Zenoh's own limit is 100."""
 MOST_SESSIONS = 64
 """Of one certificate."""
 STALLED = 0.5
-"""Wall seconds for which a person's machine may take nothing although something waits for it: less than a lease."""
+"""Wall seconds for which a person's machine may take nothing although something waits: less than a lease."""
 BARRED = 10.0
-"""Wall seconds for which an observer that did not read gets no new session, and an address from which another machine's
-id came no share of what known addresses have together."""
+"""Wall seconds for which an observer that did not read is refused, and for which an address that sent another machine's
+id has no share of the allowance of known addresses."""
 LEAVING = 2.0
-"""Wall seconds that the last bytes of a connection have to be taken."""
-WAITING = 262_144
-"""Bytes of a session that wait here at most; then the router's own queue fills, and drops."""
-BACKLOG = 4096
-"""Connections that the kernel keeps until they are taken; its own bound is `net.core.somaxconn`."""
+"""Wall seconds for the last bytes of a connection."""
 ADDRESSES = 4096
 """Addresses that are remembered."""
 LOOK = 0.25
-"""Wall seconds between two looks for what has taken too long."""
+"""Wall seconds between two checks of timeouts."""
 BIND_AGAIN = 1.0
-"""Wall seconds until it is tried again to listen at an address that this machine does not have yet."""
+"""Wall seconds between two attempts to listen at an address that this machine does not have yet."""
 REMEMBERED = 600.0
-"""Wall seconds for which health tells of a forged id."""
+"""Wall seconds for which health has a note of a forged id."""
 FILES = 8192
-"""Descriptors: three for each session of another machine."""
+"""File descriptors: three for each session of another machine."""
 FORGED = "session_id_forged"
 """Code of the note about a session that carried another machine's id."""
-_RECORD, _HANDSHAKE, _CLIENT_HELLO, _LONGEST = 5, 22, 1, 16_384
-"""TLS (RFC 8446, 5.1): bytes of a record's head, its type, the message in it, and bytes of a record at most."""
 _TRY_LATER = bytes((21, 3, 3, 0, 2, 2, 80))
-"""A TLS alert, internal_error: `commd.bus.connect_diagnosis` knows what it means here."""
-_TLS = re.compile(r"tls/(.+)")
+"""A TLS alert, internal_error, which `commd.bus.connect_diagnosis` explains."""
 log = logging.getLogger("admission")
 
 
-class _Allowance:
-    """How many handshakes may fail now: a token bucket, full at first."""
+class Allowance:
+    """A token bucket of failed handshakes, full at first."""
 
     def __init__(self, most: float, refill: float) -> None:
-        """`refill`: each second."""
+        """`refill`: tokens per second."""
         self.most, self.refill, self.left = most, refill, most
         self.at = time.monotonic()
-        """When it was reckoned."""
+        """When `left` was computed, monotonic seconds."""
 
     def now(self, at: float) -> float:
-        """Return the allowance after its refill."""
+        """Refill, and return what is left."""
         self.left, self.at = min(self.most, self.left + self.refill * (at - self.at)), at
         return self.left
 
     def give_back(self) -> None:
-        """Return what was taken for a handshake that did not fail."""
+        """Return the token of a handshake that did not fail."""
         self.left = min(self.most, self.left + 1.0)
 
 
-class _Source(_Allowance):
-    """What is known of an address."""
+class Source(Allowance):
+    """An address: its allowance and its connections without ClientHello."""
 
     def __init__(self) -> None:
         super().__init__(ALLOWANCE, REFILL)
-        self.unheard: deque[_Connection] = deque()
+        self.unheard: deque[Connection] = deque()
         self.forged_at = -BARRED
-        """When a session from there carried another machine's id, monotonic seconds."""
-
-
-class _End(asyncio.Protocol):
-    """One end of a connection: the other machine's, or the router's."""
-
-    transport: asyncio.Transport
-    other: _End | None = None
-
-    def __init__(self, connection: _Connection) -> None:
-        self._connection = connection
-        self.took_at = 0.0
-        """When it was last seen to take something, or to have nothing to take."""
-        self.left = 0
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self.transport = transport
-        transport.set_write_buffer_limits(WAITING)
-        self._connection.made(self)
-
-    def data_received(self, data: bytes) -> None:
-        if self.other is not None:
-            self.other.transport.write(data)
-        else:
-            self._connection.heard(data)
-
-    def pause_writing(self) -> None:
-        if self.other is not None:
-            self.other.transport.pause_reading()
-
-    def resume_writing(self) -> None:
-        if self.other is not None:
-            self.other.transport.resume_reading()
-
-    def connection_lost(self, error: Exception | None) -> None:
-        self._connection.lost()
-
-
-class _Connection:
-    """A connection from another machine, and the way from there to the router."""
-
-    def __init__(self, admission: Admission) -> None:
-        self._admission = admission
-        self.outside, self.inside = _End(self), _End(self)
-        self.address = ""
-        self.since = time.monotonic()
-        self.hello = b""
-        self.port = 0
-        """Our port on the way to the router, by which it names the link; 0 = not passed on."""
-        self.listener: _Listener | None = None
-        """That of the handshake under way."""
-        self.allowance: _Allowance | None = None
-        """From which that was taken."""
-        self.name: str | None = None
-        """Whose certificate it showed; None = the router has no session of it (yet)."""
-        self.ended = False
-
-    def made(self, end: _End) -> None:
-        if end is self.outside:
-            self.address = _counted_as(end.transport.get_extra_info("peername"))
-            self._admission.came(self)
-
-    def heard(self, data: bytes) -> None:
-        """Gather the ClientHello."""
-        self.hello += data
-        head = self.hello[: _RECORD + 1]
-        if head[:1] != bytes((_HANDSHAKE,)) or (len(head) > _RECORD and head[_RECORD] != _CLIENT_HELLO):
-            return self._admission.refuse(self, "it speaks no TLS")
-        length = int.from_bytes(head[3:5], "big") if len(head) >= _RECORD else 0
-        if length > _LONGEST:
-            return self._admission.refuse(self, "it speaks no TLS")
-        if len(head) > _RECORD and len(self.hello) >= _RECORD + length:
-            self.outside.transport.pause_reading()
-            self._admission.said_hello(self)
-        return None
-
-    async def pass_on(self, listener: _Listener) -> None:
-        """Connect to the router, and from now on pass on what either says."""
-        loop = asyncio.get_running_loop()
-        try:
-            await loop.create_connection(lambda: self.inside, listener.host, listener.port)
-        except OSError as error:
-            log.warning("the router does not listen at %s:%d: %s", listener.host, listener.port, error.strerror)
-            self.end()
-            return
-        if self.ended:
-            self.inside.transport.abort()
-            return
-        self.port = self.inside.transport.get_extra_info("sockname")[1]
-        self._admission.passed_on(self)
-        self.inside.other, self.outside.other = self.outside, self.inside
-        self.inside.transport.write(self.hello)
-        self.hello = b""
-        self.outside.transport.resume_reading()
-
-    def lost(self) -> None:
-        """One end is closed: the other takes what waits for it, and is closed too."""
-        if not self.ended:
-            self.end()
-
-    def end(self, last: bytes = b"") -> None:
-        """Close both ends; the other machine may still take what waits for it, and `last`."""
-        self.ended, self.since = True, time.monotonic()
-        if last:
-            self.outside.transport.write(last)
-        for end in (self.outside, self.inside):
-            if hasattr(end, "transport"):
-                end.transport.close()
-        self._admission.ended(self)
-
-    def cut(self) -> None:
-        """Close both ends at once."""
-        if not self.ended:
-            self.end()
-        for end in (self.outside, self.inside):
-            if hasattr(end, "transport"):
-                end.transport.abort()
-
-    @property
-    def gone(self) -> bool:
-        """Whether nothing is left of it."""
-        transport = self.outside.transport
-        return self.ended and transport.is_closing() and not transport.get_write_buffer_size()
-
-    def stalls_for(self, now: float) -> float:
-        """Return for how many seconds the other machine has taken nothing although something waits for it."""
-        end = self.outside
-        left = end.transport.get_write_buffer_size()
-        if not left or left != end.left:
-            end.left, end.took_at = left, now
-        return now - end.took_at
-
-
-@dataclass
-class _Listener:
-    """A listener of the router on loopback."""
-
-    host: str
-    port: int
-    under_way: int = 0
-    """Handshakes."""
-    failed_at: float = 0.0
-    """When one failed last, monotonic seconds: it stands still for a moment then."""
+        """When it last sent another machine's id, monotonic seconds."""
 
 
 class Admission:
-    """The listeners for other machines, on an event loop of their own: mail and minds are not to delay them."""
+    """The listeners for other machines, in a thread and event loop of their own, so that mail cannot delay them."""
 
     def __init__(self, public: Sequence[str], mission: Mission) -> None:
-        """Find room for the router's own listeners; `public`: where other machines connect, `tls/HOST:PORT`."""
+        """Choose the router's own listeners; `public`: where other machines connect, `tls/HOST:PORT`."""
         self._public = tuple(public)
         hosts = (
             host_and_port(one.address, DEFAULT_PORT)[0].strip("[]") for one in mission.boards.values() if one.address
         )
-        self._known = {_counted_as((host, 0)) for host in hosts}
-        """Addresses that strangers do not delay; of a board that is known by name, once it was here."""
+        self._known = {counted_as((host, 0)) for host in hosts}
+        """Known addresses; that of a board with a host name is added with its first session."""
         self._names = frozenset((*mission.board_names, *mission.security.operators, *mission.security.observers))
         self._people = frozenset((*mission.security.operators, *mission.security.observers))
         self._barred = dict.fromkeys(mission.security.observers, -BARRED)
-        """Observers, and when they last did not read."""
-        self._for_known, self._for_strangers = [_free() for _ in range(KNOWN_LISTENERS)], [_free()]
+        """When each observer last did not read, monotonic seconds."""
+        self._for_known, self._for_strangers = [free_listener() for _ in range(KNOWN_LISTENERS)], [free_listener()]
         self.inner = tuple(f"tls/{one.host}:{one.port}" for one in (*self._for_known, *self._for_strangers))
-        """Where the router is to listen instead."""
-        self._of_known = _Allowance(KNOWN_ALLOWANCE, KNOWN_REFILL)
-        self._sources: dict[str, _Source] = {}
+        """Where the router must listen instead."""
+        self._of_known = Allowance(KNOWN_ALLOWANCE, KNOWN_REFILL)
+        self._sources: dict[str, Source] = {}
         self._unheard = 0
-        self._passed: dict[int, _Connection] = {}
+        self._passed: dict[int, Connection] = {}
         self._sessions: Counter[str] = Counter()
-        self._all: set[_Connection] = set()
+        self._all: set[Connection] = set()
         self.counters: Counter[str] = Counter()
         self._forged: dict[str, tuple[float, Note]] = {}
         self._loop = asyncio.new_event_loop()
         self._tasks: set[asyncio.Task[None]] = set()
         self._thread = Thread(target=self._run, name="admission", daemon=True)
 
-    # from other threads
+    # Called from other threads.
 
     async def begin(self) -> None:
-        """Begin to listen, as far as this machine has the addresses. Raises BusClosed if another program is there."""
+        """Listen, as soon as this machine has the addresses. Raises BusClosed if another program listens there."""
         raise_file_limit()
-        bound = {endpoint: await _bound_soon(endpoint) for endpoint in self._public}
+        bound = {endpoint: await bound_socket(endpoint) for endpoint in self._public}
         self._thread.start()
         for endpoint, listening in bound.items():
             self._soon(self._listen(endpoint, listening))
@@ -310,21 +155,21 @@ class Admission:
             self._thread.join(LEAVING)
 
     def linked(self, zid: str, place: str, name: str, up: bool) -> None:
-        """Take from Zenoh that it has a link, or has it no longer: the other end's id, our end of it, its name."""
+        """Note a link that Zenoh reports: the other end's id, our endpoint, and the name in its certificate."""
         port = place.rpartition(":")[2]
         if up and port.isdecimal() and self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._session, int(port), zid, name)
 
     def health(self) -> Health:
-        """Tell how many were kept out or cut off, and of forged ids."""
+        """Return the counts of refused connections and closed sessions, and notes of forged ids."""
         now = time.monotonic()
         notes = tuple(note for at, note in list(self._forged.values()) if now - at < REMEMBERED)
         return Health(notes=notes, counters={name: float(count) for name, count in dict(self.counters).items()})
 
-    # on the loop of its own
+    # Called on its own loop.
 
-    def came(self, connection: _Connection) -> None:
-        """Let a connection wait for its ClientHello, in the place of an older one if there is no more room."""
+    def came(self, connection: Connection) -> None:
+        """Add a connection that waits for its ClientHello; without room, close an older one."""
         self._all.add(connection)
         source = self._source(connection.address)
         source.unheard.append(connection)
@@ -334,8 +179,8 @@ class Admission:
             self.counters["unheard"] += 1
             most.unheard[0].cut()
 
-    def said_hello(self, connection: _Connection) -> None:
-        """Pass a connection on to the router, if its address may have one more handshake."""
+    def said_hello(self, connection: Connection) -> None:
+        """Pass a connection on to the router, if its address has an allowance left."""
         self._forget(connection)
         now, source = time.monotonic(), self._source(connection.address)
         known = connection.address in self._known
@@ -353,18 +198,18 @@ class Admission:
         self._spawn(connection.pass_on(listener))
         return None
 
-    def passed_on(self, connection: _Connection) -> None:
-        """Await the router's word on a connection."""
+    def passed_on(self, connection: Connection) -> None:
+        """Note a connection that is passed on; `linked` follows if its handshake succeeds."""
         self._passed[connection.port] = connection
 
-    def refuse(self, connection: _Connection, why: str, last: bytes = b"") -> None:
-        """Close a connection that the router does not hear of, and tell."""
+    def refuse(self, connection: Connection, why: str, last: bytes = b"") -> None:
+        """Close a connection that is not passed on, and log why."""
         tls_rejections.tell(why, connection.address)
         self._forget(connection)
         connection.end(last)
 
-    def ended(self, connection: _Connection) -> None:
-        """Forget a connection, but for what it still has to take."""
+    def ended(self, connection: Connection) -> None:
+        """Release what a connection held."""
         self._forget(connection)
         self._passed.pop(connection.port, None)
         if connection.listener is not None:
@@ -374,7 +219,7 @@ class Admission:
             self._sessions[connection.name] -= 1
 
     def _session(self, port: int, zid: str, name: str) -> None:
-        """Judge a session that the router has now."""
+        """Check a new session of the router."""
         connection = self._passed.get(port)
         if connection is None or connection.name is not None or connection.ended:
             return
@@ -413,23 +258,23 @@ class Admission:
             self._forged.clear()
         self._forged[about] = time.monotonic(), Note(FORGED, text, about)
 
-    def _settle(self, connection: _Connection) -> None:
-        """Its handshake is over."""
+    def _settle(self, connection: Connection) -> None:
+        """End its handshake."""
         if connection.listener is not None:
             connection.listener.under_way -= 1
             connection.listener = None
 
-    def _forget(self, connection: _Connection) -> None:
-        """It does not wait for its ClientHello any more."""
+    def _forget(self, connection: Connection) -> None:
+        """Remove it from those that wait for a ClientHello."""
         source = self._sources.get(connection.address)
         if source is not None and connection in source.unheard:
             source.unheard.remove(connection)
             self._unheard -= 1
 
-    def _source(self, address: str) -> _Source:
+    def _source(self, address: str) -> Source:
         now = time.monotonic()
         if (found := self._sources.get(address)) is None:
-            if len(self._sources) >= ADDRESSES:  # those with all of their allowance are as good as new
+            if len(self._sources) >= ADDRESSES:  # an address with its full allowance can be forgotten
                 idle = [
                     name
                     for name, one in self._sources.items()
@@ -437,11 +282,11 @@ class Admission:
                 ]
                 for name in idle or [next(name for name, one in self._sources.items() if not one.unheard)]:
                     del self._sources[name]
-            found = self._sources[address] = _Source()
+            found = self._sources[address] = Source()
         return found
 
     async def _watch(self) -> None:
-        """End what has taken too long, for ever."""
+        """Close what exceeds its timeout, for ever."""
         while True:
             await asyncio.sleep(LOOK)
             now = time.monotonic()
@@ -463,7 +308,7 @@ class Admission:
                     self._tell_stalled(connection)
                     connection.cut()
 
-    def _tell_stalled(self, connection: _Connection) -> None:
+    def _tell_stalled(self, connection: Connection) -> None:
         self.counters["stalled"] += 1
         if connection.name in self._barred:
             self._barred[connection.name] = time.monotonic()
@@ -477,9 +322,9 @@ class Admission:
         while bound is None:
             await asyncio.sleep(BIND_AGAIN)
             with suppress(BusClosed):
-                bound = await _bound_soon(endpoint)
-        # 64: so many are taken before sessions have their turn again
-        await self._loop.create_server(lambda: _Connection(self).outside, sock=bound, backlog=64)
+                bound = await bound_socket(endpoint)
+        # 64: accepted in one pass of the loop
+        await self._loop.create_server(lambda: Connection(self).outside, sock=bound, backlog=64)
         bound.listen(BACKLOG)
 
     def _run(self) -> None:
@@ -505,7 +350,7 @@ class Admission:
 
 @asynccontextmanager
 async def open_admission(admission: Admission, bus: Bus) -> AsyncIterator[Admission]:
-    """Let other machines in until the end; `bus` is the router's session."""
+    """Admit other machines until the end; `bus` is the router's session."""
     bus.on_link(admission.linked)
     await admission.begin()
     try:
@@ -515,64 +360,9 @@ async def open_admission(admission: Admission, bus: Bus) -> AsyncIterator[Admiss
 
 
 def raise_file_limit() -> None:
-    """Take as many descriptors as the sessions of other machines may need and this process may have."""
+    """Raise the limit of file descriptors to what sessions of other machines need, as far as allowed."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = FILES if hard == resource.RLIM_INFINITY else min(FILES, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         with suppress(OSError, ValueError):  # a unit may forbid it, and has a limit of its own
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-
-
-def _counted_as(peer: tuple[str, int] | None) -> str:
-    """Return the address that counts for a connection: of IPv6 its network, as one machine has all of a /64."""
-    if peer is None:  # it has gone already
-        return "?"
-    if ":" not in peer[0]:
-        return peer[0]
-    address = IPv6Address(peer[0].partition("%")[0])
-    mapped = address.ipv4_mapped
-    return str(mapped) if mapped is not None else str(IPv6Network((int(address), 64), strict=False))
-
-
-def _free() -> _Listener:
-    """Find a place on loopback: in all of 127/8, so that nobody else is there by accident."""
-    while True:
-        host = "127.{}.{}.{}".format(*(1 + byte % 254 for byte in os.urandom(3)))
-        with socket.socket() as probe:
-            probe.bind((host, 0))
-            return _Listener(host, probe.getsockname()[1])
-
-
-async def _bound_soon(endpoint: str) -> socket.socket | None:
-    """Return what `_bound` does; None, too, if the name service does not answer."""
-    try:
-        return await asyncio.wait_for(asyncio.to_thread(_bound, endpoint), LOOK_UP_PATIENCE)
-    except TimeoutError:
-        return None
-
-
-def _bound(endpoint: str) -> socket.socket | None:
-    """Return a socket bound to an endpoint; None if this machine does not have the address, or not yet.
-
-    Raises BusClosed if another program listens there.
-    """
-    found = _TLS.fullmatch(endpoint)
-    assert found is not None
-    host, port = host_and_port(found[1])
-    made: socket.socket | None = None
-    try:
-        family, kind, _, _, address = socket.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_STREAM)[0]
-        made = socket.socket(family, kind)
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind(address)
-        made.listen(BACKLOG)
-        made.setblocking(False)
-    except socket.gaierror:
-        return None
-    except OSError as error:
-        if made is not None:
-            made.close()
-        if error.errno == errno.EADDRNOTAVAIL:
-            return None
-        raise BusClosed(f"cannot listen at {endpoint}: {error.strerror}: is another router running there?") from None
-    return made

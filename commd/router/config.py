@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 
 from commd.bus.router_endpoints import router_of
-from commd.bus.session import BLOCKED_SEND_US, LEASE_MS, NOBODY_IS_SOUGHT, READ_ONLY, dialling, listening_late
+from commd.bus.session import BLOCKED_SEND_US, LEASE_MS, NO_SCOUTING, READ_ONLY, dialling, listening_late
 from commd.bus.tls import Tls, files_in
 from schemas.files.findings import Finding, Findings
 from schemas.mission import access_rules
@@ -66,7 +66,7 @@ def router_settings(mission: Mission, board: str, *, socket: str, keys: Path | N
     return {
         "mode": "router",
         "metadata": {"name": f"commd/{board}"},
-        "scouting": NOBODY_IS_SOUGHT,
+        "scouting": NO_SCOUTING,
         # The address of a network that is not up yet must not keep the board's own daemons waiting.
         "listen": listening_late(endpoint, listen),
         "connect": dialling(connect),

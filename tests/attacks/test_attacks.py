@@ -106,7 +106,7 @@ def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(
         in bridged.text
     )
     for daemon in (agentd, bridged):
-        assert "by its rules they are not of its board; `argosy units` makes them anew" in daemon.text
+        assert "by its rules they are not of its board; `argosy units` writes new rules" in daemon.text
 
 
 def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(

@@ -11,7 +11,7 @@ from typing import Any
 from commd.bus.bus import Bus, Query
 from commd.bus.errors import QueryFailed
 from commd.mail.age_clock import MailClock
-from commd.mail.service import MailService, open_mailroom
+from commd.mail.service import MailService, open_mail_service
 from commd.mail.transport import Air, FixedDirectory
 from schemas.mission.model import MailRules
 from schemas.wire import keys
@@ -47,7 +47,7 @@ async def board(
     bus = await connect(name, "commd")
     clock = MailClock(now, "this boot") if now is not None else None
     directory = FixedDirectory(TWO_BOARDS if homes is None else homes)
-    async with open_mailroom(bus, directory, rules, folder, air, clock) as mail_service:
+    async with open_mail_service(bus, directory, rules, folder, air, clock) as mail_service:
         token = bus.token(keys.alive(FLEET, name, "commd", bus.boot))
         yield mail_service
         bus.withdraw(token)

@@ -6,9 +6,11 @@ import asyncio
 import math
 import os
 import signal
+import socket
 import time
 from argparse import Namespace
 from collections.abc import Awaitable, Callable
+from contextlib import closing
 from pathlib import Path
 from typing import cast
 from unittest.mock import Mock
@@ -139,7 +141,7 @@ def test_a_router_that_hangs_keeps_nobody_from_leaving(endpoint: str, caplog: py
             return time.monotonic() - started
 
     assert kept(lambda: asyncio.run(asyncio.wait_for(body(), 240)), 3.0)
-    assert "the router hangs: this session ends without a word to it" in caplog.text
+    assert "the router hangs: this session ends without notice to it" in caplog.text
 
 
 def test_a_bad_mission_ends_commd_with_its_findings(tmp_path: Path, endpoint: str) -> None:
@@ -158,10 +160,34 @@ def test_of_several_boards_the_one_that_it_is_has_to_be_said(tmp_path: Path, end
     mission.write_text("mission: m\nboards: {one: {}, two: {}}\nagents: {a: {program: a.asl, board: one}}\n")
     with running("commd", "serve", str(mission), "--router", endpoint) as commd:
         assert commd.ends() == 2
-        assert "which board is this? Say it by --board: the mission has one, two" in commd.text
+        assert "which board is this? Name it by --board: the mission has one, two" in commd.text
 
 
 @pytest.mark.parametrize("endpoint", ["carrier-pigeon/here", "tcp/127.0.0.1:99999", "127.0.0.1:7447", ""])
+def test_only_the_board_of_the_gateway_listens_to_its_nodes(
+    tmp_path: Path, endpoint: str, free_port: Callable[[], int]
+) -> None:
+    address = ("127.0.0.1", free_port())
+    gateway = f'gateway: {{board: b, listen: "127.0.0.1:{address[1]}", nodes: {{old: "127.0.0.1:9"}}}}'
+    agents = "agents: {u: {program: u.asl, board: a}}"
+    (tmp_path / "m.yaml").write_text(f"mission: m\nboards: {{a: {{}}, b: {{}}}}\n{agents}\n{gateway}\n")
+    for board, listens in (("a", False), ("b", True)):
+        state = ("--state", str(tmp_path / board))
+        file = str(tmp_path / "m.yaml")
+        with running("commd", "serve", file, "--board", board, "--router", endpoint, *state) as commd:
+            commd.says(f"router board={board}")
+            assert _is_bound(address) == listens
+
+
+def _is_bound(address: tuple[str, int]) -> bool:
+    with closing(socket.socket(type=socket.SOCK_DGRAM)) as probe:
+        try:
+            probe.bind(address)
+        except OSError:
+            return True
+    return False
+
+
 def test_what_is_no_endpoint_is_refused_with_what_is_one(endpoint: str) -> None:
     with running("commd", "serve", MISSION, "--router", endpoint) as commd:
         assert commd.ends() == 2

@@ -13,7 +13,7 @@ NEXT = schemas.wire.records.VERSION + 1
 if __name__ == "__main__":
     for module in (schemas.wire.records, schemas.wire.codec):
         module.VERSION = NEXT  # type: ignore[attr-defined]
-    import commd.bus.version_check
+    import commd.bus.queries
 
-    assert commd.bus.version_check.VERSION == NEXT
+    assert commd.bus.queries.VERSION == NEXT
     sys.exit(importlib.import_module(f"{sys.argv[1]}.__main__").main(sys.argv[2:]))

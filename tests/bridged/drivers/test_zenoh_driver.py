@@ -16,6 +16,7 @@ import zenoh
 
 from bridged.drivers.api import Outcome
 from commd.bus.bus import Bus, open_bus
+from commd.bus.loop_dispatch import LoopDispatch
 from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, _Queue
 from schemas.manifest.loader import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
@@ -345,7 +346,7 @@ def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch: pytes
 
     async def body() -> None:
         told: list[Sample] = []
-        queue = _Queue(asyncio.get_running_loop(), told.append, Counter())
+        queue = _Queue(LoopDispatch(asyncio.get_running_loop(), Counter()), told.append)
         samples = [Sample(f"k/{number}", bytes(40), "") for number in range(6)]
         for some, dropped in ((samples[:3], 1), (samples[3:5], 1), (samples[5:], 1)):
             for sample in some:

@@ -12,8 +12,9 @@ from unittest.mock import Mock
 import pytest
 import zenoh
 
-from commd.bus.bus import ROUTER_LOST, Bus, Query, open_bus
+from commd.bus.bus import Bus, Query, open_bus
 from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFailed, QueryTimeout
+from commd.bus.queries import ROUTER_LOST
 from schemas.wire.codec import codec
 from schemas.wire.records import Action, ActionStatus, Perception
 from tests.support.buses import Connect, on_a_bus, served, subscribed, until
@@ -38,8 +39,8 @@ def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
 def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon(
     told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.bus.bus.OPEN_PATIENCE", 60.0 if told else 0.2)
-    monkeypatch.setattr("commd.bus.bus.STOP_PATIENCE", 0.2)
+    monkeypatch.setattr("commd.bus.session.OPEN_PATIENCE", 60.0 if told else 0.2)
+    monkeypatch.setattr("commd.bus.session.STOP_PATIENCE", 0.2)
     # three seconds: none of these waits so long, and no thread within Zenoh is left to the tests after it
     long = """{mode: "router", transport: {link: {protocols: ["unixsock-stream"]}},
       listen: {endpoints: ["tcp/127.0.0.1:0#exit_on_failure=true"], timeout_ms: 3000, exit_on_failure: false}}"""
@@ -366,7 +367,7 @@ def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: str) -
 
 
 def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.bus.bus.BACKLOG", 100)
+    monkeypatch.setattr("commd.bus.loop_dispatch.BACKLOG", 100)
 
     async def body(connect: Any) -> None:
         sender, receiver = await connect(), await connect()
@@ -390,7 +391,7 @@ def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
     async def body(connect: Connect) -> None:
         bus = await connect()
         for _ in range(1000):
-            bus._handover.put(time.sleep, 0.005)
+            bus._dispatch.put(time.sleep, 0.005)
         await bus.close()
         assert not [one for one in caplog.records if "hangs" in one.message]
 
@@ -398,7 +399,7 @@ def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
 
 
 def test_what_is_urgent_is_served_while_all_other_queries_wait(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.bus.bus.QUERIES", 3)
+    monkeypatch.setattr("commd.bus.queries.QUERIES", 3)
 
     async def body(connect: Connect) -> None:
         backfill, server = await connect(), await connect()

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from commd.bus import key_cache
+from commd.bus import session
 from commd.bus.bus import Bus, open_bus
 from schemas.wire.records import Perception
 from tests.support.buses import on_a_bus, subscribed, until
@@ -20,11 +20,11 @@ KEY = "argosy/test/uav/percept/altitude"
 def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_for(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(key_cache, "MOST", 3)
+    monkeypatch.setattr(session, "MOST_KEYS", 3)
 
     async def body(connect: Any) -> None:
         bus = await connect()
-        known = key_cache.KeyCache(bus._session)
+        known = session.KeyCache(bus._session)
         assert known.of(KEY) == KEY
         assert known.used(KEY) is not None
         assert str(known.of(KEY)) == KEY
@@ -47,7 +47,7 @@ def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_
 
 def test_what_is_no_key_is_not_declared(endpoint: str) -> None:
     async def body(connect: Any) -> None:
-        known = key_cache.KeyCache((await connect())._session)
+        known = session.KeyCache((await connect())._session)
         assert [known.of("//"), known.of("//"), known.of("//")] == ["//"] * 3
 
     on_a_bus(endpoint, body)

@@ -11,7 +11,7 @@ import pytest
 
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
-from commd.bus.router_endpoints import addresses_to_come, router_of
+from commd.bus.router_endpoints import missing_addresses, router_of
 from schemas.mission.model import read_mission
 from schemas.wire import keys
 from tests.support.buses import FLEET, session, until
@@ -123,6 +123,10 @@ def test_an_endpoint_that_is_taken_ends_the_router_at_once(free_port: Port, late
 
 
 def test_a_name_that_nobody_knows_may_be_known_later() -> None:
-    assert addresses_to_come(["tcp/no-such-host.invalid:7447", "unixsock-stream//run/x"]) == [
-        "tcp/no-such-host.invalid:7447"
-    ]
+    unknown = "tcp/no-such-host.invalid:7447"
+    assert asyncio.run(missing_addresses("unixsock-stream//run/y", [unknown, "unixsock-stream//run/x"])) == [unknown]
+
+
+def test_a_router_whose_own_address_is_missing_does_not_start() -> None:
+    with pytest.raises(BusClosed, match=r"cannot listen at tcp/192\.0\.2\.1:7447: no address of this machine"):
+        asyncio.run(missing_addresses("tcp/192.0.2.1:7447", [NOWHERE]))

@@ -66,21 +66,21 @@ def test_what_could_not_be_known_is_looked_at_again_and_a_defect_ends_no_watch(m
     looks: list[str] = []
 
     class Some:
-        declared = True
+        declared, declarations_changed = True, asyncio.Event()
 
-    async def known_refused(bus: Bus) -> str | None:
+    async def find_denials(bus: Bus) -> str | None:
         looks.append(watch.note)
         answer = answers.pop(0)
         if isinstance(answer, ValueError):
             raise answer
         return answer
 
-    monkeypatch.setattr(access_probe, "known_refused", known_refused)
+    monkeypatch.setattr(access_probe, "find_denials", find_denials)
     watch = access_probe.Watch(Some())  # type: ignore[arg-type]
 
     async def body() -> None:
         watching = asyncio.create_task(watch.run())
-        watch.changed()
+        Some.declarations_changed.set()
         await until(lambda: not answers and not watch.note, "all is well")
         for _ in range(20):
             await asyncio.sleep(0.01)

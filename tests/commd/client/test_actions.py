@@ -365,11 +365,11 @@ def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_
         status = await asyncio.wait_for(doing, 120)
         assert (status.state, status.reason) == (
             "failed",
-            "bridge_lost: the bridge is there and says nothing: it hangs",
+            "bridge_lost: the bridge is alive but sends no health records: it hangs",
         )
         assert not watch.up
         status = await asyncio.wait_for(action_requests.perform("uav:b:2", "goto", (), 1000), 120)
-        assert status.reason == "bridge_lost: the bridge is there and says nothing: it hangs"
+        assert status.reason == "bridge_lost: the bridge is alive but sends no health records: it hangs"
         speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
         await until(lambda: watch.up and not watch.hangs, "the bridge is back")
         speaking.cancel()

@@ -106,7 +106,7 @@ def test_an_answer_is_given_also_when_there_is_no_room_for_more_mail(
 def test_who_reads_no_mail_is_told_that_an_answer_may_stand_behind_it(endpoint: str) -> None:
     async def body(me: Client, commd: ScriptedCommd) -> None:
         offered = asyncio.create_task(commd.offer(mail(1), mail(2), mail(1, sender="rescuer")))
-        with pytest.raises(Unanswered, match="no answer within 1 s; it may stand behind 3 messages that are not done"):
+        with pytest.raises(Unanswered, match="no answer within 1 s; it may be behind 3 messages that are not done"):
             await me.ask("scout", QUESTION, patience=1)
         await offered
 

@@ -124,7 +124,7 @@ def test_an_action_whose_program_gives_it_up_is_cancelled(endpoint: str, mission
 def test_who_has_no_robot_is_told_so(endpoint: str, mission: Mission) -> None:
     async def everything(connect: Connect) -> None:
         async with join("driver", mission=mission, router=endpoint) as me:
-            with pytest.raises(ValueError, match="`artist` has no robot that the mission tells of"):
+            with pytest.raises(ValueError, match="`artist` has no robot in the mission"):
                 me.percepts("artist")
 
     on_a_bus(endpoint, everything)

@@ -70,7 +70,7 @@ def test_nothing_is_said_of_what_is_over_and_the_next_time_begins_anew(time: Tim
     assert reminder.end() == 30
     time.until(5000)
     assert said == [10]
-    assert not reminder.goes_on
+    assert not reminder.active
     reminder.begin()
     time.until(5011)
     assert said == [10, 10]

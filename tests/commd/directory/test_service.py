@@ -16,7 +16,7 @@ from commd.client import join
 from commd.common.clock import Clock
 from commd.directory import service as directory_module
 from commd.directory.service import Directory, open_directory
-from commd.mail.service import MailService, open_mailroom
+from commd.mail.service import MailService, open_mail_service
 from commd.mail.store import Store, StoreFailed
 from commd.mail.transport import FixedDirectory
 from schemas.mission.model import read_mission
@@ -54,7 +54,9 @@ class Fleet:
         listen, connect = ([self.link], []) if name == "pi1" else ([], [self.link])
         async with (
             session(self.endpoints[name], name, "commd", router=True, listen=listen, connect=connect) as bus,
-            open_mailroom(bus, FixedDirectory(self.mission.mailboxes), self.mission.mail, self._folder) as mail_service,
+            open_mail_service(
+                bus, FixedDirectory(self.mission.mailboxes), self.mission.mail, self._folder
+            ) as mail_service,
         ):
             await bus.claim(name)
             clock = Clock()

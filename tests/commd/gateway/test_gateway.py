@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import socket
 from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,12 @@ async def nodes(listen: str) -> AsyncIterator[Field]:
         await other.close()
 
 
+def opened(field: Field) -> AbstractAsyncContextManager[Gateway]:
+    mission = field.mission()
+    assert mission.gateway is not None
+    return open_gateway(mission, mission.gateway)
+
+
 def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) -> None:
     """Run `body(field)` while the gateway is open, bounded in wall seconds."""
 
@@ -71,7 +78,7 @@ def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) 
         async with (
             asyncio.timeout(240),
             nodes(f"127.0.0.1:{port}") as field,
-            open_gateway(field.mission(), "local") as field.gateway,
+            opened(field) as field.gateway,
             field.gateway.serving(field.post),
         ):
             await body(field)
@@ -374,18 +381,10 @@ def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
     in_the_field(free_port(), body)
 
 
-def test_the_gateway_is_one_boards_alone(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        async with open_gateway(field.mission(), "other") as gateway:
-            assert not gateway.nodes
-
-    in_the_field(free_port(), body)
-
-
 def test_an_address_that_is_not_to_be_had_is_said_at_its_place_in_the_mission(free_port: Callable[[], int]) -> None:
     async def body(field: Field) -> None:
         with pytest.raises(Findings) as raised:
-            async with open_gateway(field.mission(), "local"):
+            async with opened(field):
                 pass
         why = f"gateway.listen: cannot listen at {field.listen}: "
         assert str(raised.value).startswith(f"mixed.yaml:5:11: error: {why}")

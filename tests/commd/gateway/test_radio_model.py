@@ -91,8 +91,8 @@ def mission(text: str = MISSION) -> Mission:
 @contextlib.asynccontextmanager
 async def on_air(connect: Connect, declared: Mission) -> AsyncIterator[tuple[RadioAir, Bus]]:
     """The air of a board, and a session that stands for the bridges."""
-    async with open_air(await connect("pi1", "commd"), declared, "pi1") as air:
-        assert air is not None
+    assert declared.radio is not None
+    async with open_air(await connect("pi1", "commd"), declared, declared.radio, "pi1") as air:
         yield air, await connect("uav2", "bridged")
 
 

@@ -13,39 +13,56 @@ import pytest
 from commd.client.receive_mail import ProgramInbox
 from commd.mail import queries
 from commd.mail.age_clock import MailClock
-from commd.mail.delivery import MAX_CODE, MAX_TEXT, OF_ONE, RETRY_FIRST, DeliveryQueues, NotTaken
-from commd.mail.message import QueuedMessage, letter
-from commd.mail.store import open_store
+from commd.mail.delivery import MAX_CODE, MAX_TEXT, OF_ONE, RETRY_FIRST, DeliveryQueues
+from commd.mail.message import StoredMessage, stored
+from commd.mail.store import Store, open_store
+from commd.mail.transport import NotTaken
 from schemas.wire.records import Receipt, Refusal
 from tests.commd.offices import message
 from tests.support.buses import until
 
-Carry = Callable[[str, Sequence[QueuedMessage]], Awaitable[Receipt | NotTaken]]
+Carry = Callable[[str, Sequence[StoredMessage]], Awaitable[Receipt | NotTaken]]
+
+
+class FakePeers:
+    """Sends by `carry`; a line's peer and group is the last letter of its name."""
+
+    def __init__(self, carry: Carry) -> None:
+        self.carry = carry
+
+    def of(self, line: str) -> str:
+        return line[-1]
+
+    group_of = of
+
+
+class Refused(dict[int, Refusal]):
+    """Stands in for `DeadLetters`: collects what was given up."""
+
+    def __init__(self, store: Store, tally: queries.Tally) -> None:
+        self._store, self._tally = store, tally
+
+    async def give_up(self, reasons: dict[int, Refusal], senders: set[str]) -> list[str]:
+        self.update(reasons)
+        await self._store.write(lambda db: queries.remove(db, self._tally, list(reasons)))
+        return []
 
 
 @asynccontextmanager
 async def lanes_of(
     folder: Path, lines: Sequence[str], carry: Carry, each: int = 1
 ) -> AsyncIterator[tuple[DeliveryQueues, queries.Tally, dict[int, Refusal]]]:
-    """Lines with so many messages each; a line belongs to the peer, and hangs with the group, that its name ends on."""
-    tally, refused = queries.Tally(), dict[int, Refusal]()
-
-    async def give_up(reasons: dict[int, Refusal], senders: set[str]) -> list[str]:
-        refused.update(reasons)
-        await store.write(lambda db: queries.remove(db, tally, list(reasons)))
-        return []
-
-    def group(line: str) -> str:
-        return line[-1]
-
+    """Deliver lines with `each` messages."""
+    tally = queries.Tally()
     async with open_store(folder / "x.mail", "normal", tally.count) as store:
         letters = [
-            letter(message(number, line.partition(">")[0], line.rpartition(">")[2]), line, None)
+            stored(message(number, line.partition(">")[0], line.rpartition(">")[2]), line, None)
             for line in lines
             for number in range(1, each + 1)
         ]
         await store.write(lambda db: queries.put(db, tally, letters, 0.0, None))
-        delivery_queues = DeliveryQueues(store, tally, MailClock(), carry, give_up, group, group)
+        refused = Refused(store, tally)
+        delivery_queues = DeliveryQueues(store, tally, MailClock(), FakePeers(carry), refused)  # type: ignore[arg-type]
         delivery_queues.begin()
         task = asyncio.create_task(delivery_queues.run())
         try:
@@ -58,7 +75,7 @@ async def lanes_of(
 def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_away(tmp_path: Path) -> None:
     tries: Counter[str] = Counter()
 
-    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         tries[line] += 1
         if line.endswith("z"):
             return NotTaken("z is away", certain=True, away=True)
@@ -76,15 +93,15 @@ def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what
     pauses: dict[int, list[float]] = {1: [], 2: []}
 
     async def body() -> None:
-        async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
-            pauses[len(batch)].append(delivery_queues._delivery_queues[line].pause)
+        async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
+            pauses[len(batch)].append(delivery_queues._lines[line].pause)
             return Receipt(later=dict.fromkeys(range(len(batch)), ProgramInbox.NOT_DONE))
 
         async with lanes_of(tmp_path, ["b"], carry) as (delivery_queues, tally, _):
             await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")
-            more = [letter(message(2, "a", "b"), "b", None)]
+            more = [stored(message(2, "a", "b"), "b", None)]
             await delivery_queues._store.write(lambda db: queries.put(db, tally, more, 0.0, None))
-            delivery_queues.more("b")
+            delivery_queues.added("b")
             await until(lambda: len(pauses[2]) >= 3, "what is new is offered with it")
         assert pauses[2][:3] == [pauses[1][-1] * 2, RETRY_FIRST * 2, RETRY_FIRST * 4]
 
@@ -95,14 +112,14 @@ def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_o
     tries: Counter[str] = Counter()
     there = asyncio.Event()
 
-    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         tries[line] += 1
         return Receipt(taken=len(batch)) if there.is_set() else NotTaken("z is away", certain=True, away=True)
 
     async def body() -> None:
         async with lanes_of(tmp_path, ["a>z", "c>z"], carry) as (delivery_queues, tally, _):
             await until(lambda: tries["a>z"] > 0 < tries["c>z"], "both know that it is away")
-            first = next(iter(delivery_queues._away["z"].delivery_queues))
+            first = next(iter(delivery_queues._away["z"].queues))
             empty = [place for place, line in ((1, "a>z"), (2, "c>z")) if line == first]
             await delivery_queues._store.write(lambda db: queries.remove(db, tally, empty))
             there.set()  # without a token that would tell
@@ -115,7 +132,7 @@ def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp
     hanging: set[str] = set()
     got: list[str] = []
 
-    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         if line.endswith("h"):
             hanging.add(line)
             await asyncio.Event().wait()
@@ -134,7 +151,7 @@ def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp
 def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_path: Path) -> None:
     got: list[str] = []
 
-    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         await asyncio.sleep(0)
         got.append(line)
         return Receipt(taken=len(batch))
@@ -151,7 +168,7 @@ def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_pa
 def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_path: Path) -> None:
     taken: list[int] = []
 
-    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         numbers = [one.number for one in batch]
         if 2 in numbers:
             return NotTaken("Mail: nested too deeply", certain=False, unreadable=True)
@@ -168,7 +185,7 @@ def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_
 
 
 def test_a_refusal_of_any_length_is_kept_cut(tmp_path: Path) -> None:
-    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         return Receipt(taken=0, refused={0: Refusal(code="c" * 1000, text="t" * 1_000_000)})
 
     async def body() -> None:
@@ -185,7 +202,7 @@ def test_a_refusal_of_any_length_is_kept_cut(tmp_path: Path) -> None:
 def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path: Path, wrong: Receipt) -> None:
     answers = [wrong]
 
-    async def carry(line: str, batch: Sequence[QueuedMessage]) -> Receipt | NotTaken:
+    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         return answers.pop() if answers else Receipt(taken=len(batch))
 
     async def body() -> None:

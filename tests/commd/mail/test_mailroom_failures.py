@@ -1,4 +1,4 @@
-"""Mail that cannot arrive: it is refused at once, waits, or is given up with a dead letter and a notice."""
+"""Mail that cannot arrive: it is refused at once, waits, or is given up with a dead stored and a notice."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from commd.bus.bus import Bus, Query, open_bus
 from commd.mail import queries
-from commd.mail.message import LARGEST, letter
+from commd.mail.message import LARGEST, stored
 from commd.mail.schema import migrate
 from schemas.mission.model import MailRules
 from schemas.wire import keys
@@ -390,14 +390,16 @@ def test_the_age_of_what_waits_goes_on_over_a_restart(endpoint: str, tmp_path: P
 def test_dead_letters_are_kept_up_to_a_bound_the_newest_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(queries, "DEAD", 3)
     db, tally = memory()
-    letters = [letter(message(number), "a>b", None) for number in range(1, 6)]
+    letters = [stored(message(number), "a>b", None) for number in range(1, 6)]
     assert queries.put(db, tally, letters, 0.0, None) == [queries.TAKEN] * 5
-    noticed = queries.bury(db, tally, dict.fromkeys(range(1, 6), Refusal(code="unknown")), {"a": "a"}, 0.0)
+    noticed = queries.move_to_dead_letters(
+        db, tally, dict.fromkeys(range(1, 6), Refusal(code="unknown")), {"a": "a"}, 0.0
+    )
     assert noticed == ["a"]
     assert db.execute("SELECT count(*), min(place) FROM dead").fetchone() == (3, 3)
     assert (tally.dead, dict(tally.lines)) == (3, {"a": 5})
     monkeypatch.setattr(queries, "DEAD_BYTES", 200)
-    queries.bury(db, tally, {6: Refusal(code="unknown")}, {}, 0.0)
+    queries.move_to_dead_letters(db, tally, {6: Refusal(code="unknown")}, {}, 0.0)
     assert tally.dead_bytes <= 200
     counted = queries.Tally()
     counted.count(db)
@@ -411,7 +413,7 @@ def test_the_last_numbers_of_a_few_numberings_of_a_pair_are_kept_and_always_this
     db, tally = memory()
 
     def put(*messages: Message) -> list[str]:
-        return queries.put(db, tally, [letter(one, "b", None) for one in messages], 0.0, None)
+        return queries.put(db, tally, [stored(one, "b", None) for one in messages], 0.0, None)
 
     by_hand = Message(id="1", sender="a", performative="tell", receiver="b", content=1)
     assert put(by_hand) == [queries.TAKEN]
@@ -429,7 +431,7 @@ def test_a_batch_that_is_rolled_back_leaves_no_trace_in_what_is_counted() -> Non
     db, tally = memory()
     before = deepcopy(vars(tally))
     db.execute("BEGIN")
-    queries.put(db, tally, [letter(message(1, ttl=5.0), "b", 5.0)], 0.0, None)
+    queries.put(db, tally, [stored(message(1, ttl=5.0), "b", 5.0)], 0.0, None)
     assert (tally.messages, tally.expiring) == ({"b": 1}, 1)
     db.execute("ROLLBACK")
     tally.count(db)

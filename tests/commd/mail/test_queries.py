@@ -9,7 +9,7 @@ import pytest
 
 from commd.mail import queries
 from commd.mail.inspection import list_mailboxes
-from commd.mail.message import DEEPEST, letter, undelivered
+from commd.mail.message import DEEPEST, stored, undelivered
 from commd.mail.schema import migrate
 from commd.mail.sqlite_file import connect
 from schemas.wire.codec import codec
@@ -34,7 +34,7 @@ def nested(depth: int) -> Term:
 
 def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes_again() -> None:
     db, tally = memory()
-    batch = [letter(message(1, life=f"life{number}"), "b", None) for number in range(queries.BATCH)]
+    batch = [stored(message(1, life=f"life{number}"), "b", None) for number in range(queries.BATCH)]
     assert queries.put(db, tally, batch, 0.0, None) == [queries.TAKEN] * queries.BATCH
     assert queries.put(db, tally, batch, 0.0, None) == [queries.AGAIN] * queries.BATCH
 
@@ -42,36 +42,36 @@ def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes
 def test_what_goes_back_to_a_board_that_has_sent_it_goes_with_new_numbers_in_its_order() -> None:
     """Board pi1 has sent 1 to 8 to pi2, where b lived; b moves to pi1, and what it has not fetched there goes back."""
     (first, tally1), (second, tally2) = memory(), memory()
-    sent = [letter(message(number), "a>b", None) for number in range(1, 9)]
+    sent = [stored(message(number), "a>b", None) for number in range(1, 9)]
     queries.put(first, tally1, sent, 0.0, None)
     queries.remove(first, tally1, list(range(1, 9)))
-    queries.put(second, tally2, [letter(message(number), "b", None) for number in range(5, 9)], 0.0, None)
+    queries.put(second, tally2, [stored(message(number), "b", None) for number in range(5, 9)], 0.0, None)
     queries.move(second, tally2, "b", home=False)
     found, _ = queries.front(second, "a>b", 0)
     back = [one.carried(0.0) for one in found]
     assert [(one.header.boot, one.header.seq) for one in back] == [(tally2.numbering, n) for n in range(1, 5)]
-    mail = codec(Mail).decode(codec(Mail).encode(Mail(messages=tuple(one.read() for one in found))))
-    kept = [letter(one, "b", None) for one in mail.messages]
+    mail = codec(Mail).decode(codec(Mail).encode(Mail(messages=tuple(one.read(0.0) for one in found))))
+    kept = [stored(one, "b", None) for one in mail.messages]
     assert queries.put(first, tally1, kept, 0.0, None) == [queries.TAKEN] * 4
     assert queries.put(first, tally1, kept, 0.0, None) == [queries.AGAIN] * 4
-    assert [one.read().content for one in queries.front(first, "b", 0)[0]] == [5, 6, 7, 8]
+    assert [one.read(0.0).content for one in queries.front(first, "b", 0)[0]] == [5, 6, 7, 8]
 
 
 @pytest.mark.parametrize("header", [{"number": 2**63}, {"number": 2**53 + 1}, {"number": 1, "life": "x" * 65}])
 def test_a_number_that_no_file_takes_is_refused_message_by_message(header: dict[str, int | str]) -> None:
     with pytest.raises(ValueError, match="its number is above"):
-        letter(message(**header), "b", None)  # type: ignore[arg-type]
+        stored(message(**header), "b", None)  # type: ignore[arg-type]
 
 
 def test_the_deepest_content_that_is_taken_can_be_wrapped_listed_and_sent_on() -> None:
     db, tally = memory()
     with pytest.raises(ValueError, match="nested too deeply"):
-        letter(message(1, content=nested(DEEPEST + 1)), "a>b", None)
-    deepest = letter(message(1, content=nested(DEEPEST)), "a>b", None)
+        stored(message(1, content=nested(DEEPEST + 1)), "a>b", None)
+    deepest = stored(message(1, content=nested(DEEPEST)), "a>b", None)
     queries.put(db, tally, [deepest], 0.0, None)
-    assert queries.bury(db, tally, {1: Refusal(code="expired")}, {"a": "a"}, 0.0) == ["a"]
+    assert queries.move_to_dead_letters(db, tally, {1: Refusal(code="expired")}, {"a": "a"}, 0.0) == ["a"]
     (notice,), _ = queries.front(db, "a", 0)
-    assert isinstance(notice.read().content, Structure)
+    assert isinstance(notice.read(0.0).content, Structure)
     told = codec(Mailboxes).decode(codec(Mailboxes).encode(list_mailboxes(db, 0.0, lambda _: "")))
     assert isinstance(told.dead[0].message.content, (list, tuple)), "it is shown as it was"
 

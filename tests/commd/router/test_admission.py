@@ -18,6 +18,7 @@ from commd.bus.errors import BusClosed
 from commd.bus.session import owner_of, session_config, session_id
 from commd.router import admission as module
 from commd.router.admission import ALLOWANCE, FORGED, Admission, open_admission
+from commd.router.relay import counted_as
 from schemas.mission.model import read_mission
 from tests.support.buses import until
 from tests.support.fleet_keys import FleetKeys
@@ -296,4 +297,4 @@ def test_ids_say_whose_they_are(fleet_keys: FleetKeys) -> None:
     ],
 )
 def test_an_address_counts_and_of_ipv6_its_network(peer: tuple[str, int] | None, counts_as: str) -> None:
-    assert module._counted_as(peer) == counts_as
+    assert counted_as(peer) == counts_as

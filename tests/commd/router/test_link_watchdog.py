@@ -101,7 +101,7 @@ def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: pytest
 
     async def body() -> None:
         async with boards() as fleet:
-            fleet.a.serve("served", Receipt, lambda query: query.reply(Receipt()), at_once=True)
+            fleet.a.serve("served", Receipt, lambda query: query.reply(Receipt()))
             for count in range(1, 4):
                 await fleet.become_deaf()
                 assert await ask(fleet.b, "served", None, Receipt) == []

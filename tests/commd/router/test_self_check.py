@@ -30,7 +30,7 @@ async def pair(stack: AsyncExitStack, folder: Path) -> tuple[Bus, Bus]:
 
     one = await stack.enter_async_context(router("pi1", listen=[link]))
     two = await stack.enter_async_context(router("pi2", connect=[link]))
-    two._stamp = lambda: time.time_ns() + int(AHEAD * 1e9)
+    two.stamp = lambda: time.time_ns() + int(AHEAD * 1e9)
     for bus, name in ((one, "pi1"), (two, "pi2")):
         SelfCheck(bus, name, ["pi1", "pi2"], folder)
     await served(one, keys.checkup(FLEET, "pi2"))

@@ -1,0 +1,412 @@
+"""Query and serve records on a Zenoh session: the lower half of `commd.bus.bus.Bus`.
+
+A query may never end after its route broke, so each ends with its router here, and at its timeout at the latest.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import aclosing, contextmanager
+from functools import partial
+from typing import Any, Generic, TypeVar
+
+import zenoh
+
+from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
+from commd.bus.loop_dispatch import BACKLOG, LAST_WORD, LoopDispatch
+from commd.bus.raw import refuse_busy
+from commd.bus.session import Declaration, KeyCache
+from commd.common.tasks import Tasks
+from schemas.wire import keys
+from schemas.wire.codec import MAX_BYTES, BadRecord, OtherVersion, Wire, codec
+from schemas.wire.records import VERSION, Note, Record
+
+log = logging.getLogger("bus")
+R = TypeVar("R", bound=Record)
+
+QUERIES = 256
+"""Queries that may be served at the same time."""
+OBSERVER_QUERIES = 64
+"""Queries of observers, such as for minds, that may be served at the same time, besides all others."""
+REPLY_THREADS = 2
+"""Threads that send replies which may have to wait for their receiver."""
+ZENOH_TIMEOUT = b"Timeout"
+"""The payload of Zenoh's own error reply to a query that was not answered in time."""
+ROUTER_LOST = "the router was lost before all had answered"
+"""The error of the last reply to a query whose router was lost."""
+STRANGER_FOR = 60.0
+"""Wall seconds after its last record for which a daemon of another major version is noted."""
+MOST_STRANGERS = 20
+
+
+class Reply(Generic[R]):
+    """One reply to a query: a record on its key, or an error."""
+
+    __slots__ = ("code", "error", "key", "other_version", "record", "timed_out")
+
+    def __init__(
+        self,
+        key: str,
+        record: R | None,
+        error: str = "",
+        other_version: str = "",
+        *,
+        code: str = "",
+        timed_out: bool = False,
+    ) -> None:
+        self.key, self.record, self.error = key, record, error
+        self.code = code
+        """The error's code, if the replying program sends one; `error` is for people."""
+        self.other_version = other_version
+        """The major version of the replying program's records, if it is not ours."""
+        self.timed_out = timed_out
+        """Whether it stands for a reply that did not arrive in time."""
+
+
+class Query(Generic[R]):
+    """A query that this session serves. `record` is its payload; None without one, or with a bad one (see `error`)."""
+
+    def __init__(
+        self, session: QuerySession, query: zenoh.Query, record: R | None, error: str = "", code: str = ""
+    ) -> None:
+        """`code`: of `BadRecord`, for a bad payload."""
+        self._session, self._query, self._code = session, query, code
+        self.key = str(query.key_expr)
+        self.record, self.error = record, error
+        self.on_thread = False
+        """Whether a thread has sent a reply, and must also send the end of all replies."""
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """The selector's parameters, `a=b;c=d` behind its `?`; one without `=` has an empty value."""
+        text = str(self._query.parameters)
+        pairs = (part.partition("=") for part in text.split(";") if part)
+        return {name: value for name, _, value in pairs}
+
+    @property
+    def concrete(self) -> bool:
+        """Whether the key has no wildcard: only then may the query have an effect."""
+        return "*" not in self.key
+
+    def reply(self, record: Record, key: str | None = None) -> None:
+        """Send one reply on `key` (the query's own by default). Raises BadRecord if it cannot be encoded."""
+        made, wire = codec(type(record)), self._session.wire
+        try:
+            self._query.reply(key or self.key, made.encode(record, wire), encoding=made.encoding(wire))
+        except zenoh.ZError as error:
+            self._lost(error)
+
+    async def answer(self, record: Record, key: str | None = None) -> None:
+        """Send one reply as `reply` does, on a thread, where Zenoh waits while the route to the asker is full.
+
+        For large records and for observers: an asker that does not read delays only its own replies.
+        """
+        self.on_thread = True
+        await self._session.on_thread(partial(self.reply, record, key))
+
+    def reply_error(self, text: str) -> None:
+        """Send an error text for people; its Encoding carries the code of a bad payload."""
+        encoding = zenoh.Encoding.TEXT_PLAIN
+        try:
+            self._query.reply_err(text.encode(), encoding=encoding.with_schema(self._code) if self._code else encoding)
+        except zenoh.ZError as error:
+            self._lost(error)
+
+    def _lost(self, error: zenoh.ZError) -> None:
+        self._session.counters["replies_lost"] += 1
+        log.debug("reply_lost key=%s why=%s", self.key, error)
+
+
+class QuerySession:
+    """Asks and serves records on a Zenoh session."""
+
+    def __init__(self, session: zenoh.Session, wire: Wire, daemon: str) -> None:
+        self.wire, self.daemon = wire, daemon
+        self.counters: Counter[str] = Counter()
+        """dropped, bad_input, unknown_fields, unsendable, replies_lost, puts_lost, queries_unended: totals."""
+        self.declared: Counter[tuple[str, str]] = Counter()
+        """Present declarations: kind as in Zenoh's admin space, and key."""
+        self.declarations_changed = asyncio.Event()
+        """Set with each change of `declared`."""
+        self._session = session
+        self._loop = asyncio.get_running_loop()
+        self.strangers = Strangers(self._loop.time)
+        """Daemons of another major version."""
+        self._known = KeyCache(session)
+        self._dispatch = LoopDispatch(self._loop, self.counters)
+        self._tasks = Tasks("serving a query")
+        self._observer_tasks = Tasks("answering an observer")
+        self._threads = ThreadPoolExecutor(REPLY_THREADS, "answering")
+        self._checked_keys: set[str] = set()
+        """Keys whose first record was searched for fields that this version does not know."""
+        self._asked: set[asyncio.Queue[zenoh.Reply | str | float | None]] = set()
+        """Of the queries that wait for replies."""
+
+    def serve(
+        self,
+        key: str,
+        record: type[R],
+        handler: Callable[[Query[R]], Awaitable[None] | None],
+        *,
+        at_most: int = MAX_BYTES,
+        urgent: bool = False,
+        observers: bool = False,
+    ) -> Callable[[], None]:
+        """Call `handler(query)` on the event loop for each query, in order of arrival. Returns what ends the serving.
+
+        The query ends when the handler returns; what a coroutine function returns runs as a task, and the query ends
+        with it. A payload of more than `at_most` bytes is refused unread. `urgent` queries have room of their own
+        besides all others; queries of `observers` have `OBSERVER_QUERIES`, and take no room from others.
+        """
+        tasks = self._observer_tasks if observers else self._tasks
+        room = OBSERVER_QUERIES if observers else 2 * QUERIES if urgent else QUERIES
+
+        def deliver(query: zenoh.Query) -> None:
+            size = 0 if query.payload is None else len(query.payload)
+            if size > at_most:
+                self._refuse(query, "bad_input", f"{record.__name__}: {size} bytes, expected at most {at_most}")
+                return
+            if len(tasks) >= room:
+                self._refuse(query, "dropped", "busy: too many queries at once")
+                return
+            ours, rest = self._read_query(query, record), None
+            try:
+                with self._errors_replied(ours):
+                    rest = handler(ours)
+            except Exception as error:  # as of a task that fails
+                self._loop.call_exception_handler({"message": "serving a query", "exception": error})
+            if rest is None:
+                query.drop()  # type: ignore[no-untyped-call]
+            else:
+                tasks.spawn(self._serve(query, ours, rest))
+
+        queryable = self._session.declare_queryable(key, self._dispatch.callback(deliver, refuse_busy))
+        return Declaration(queryable, self._declare("queryable", key)).close
+
+    async def _serve(self, query: zenoh.Query, ours: Query[Any], rest: Awaitable[None]) -> None:
+        with query:
+            with self._errors_replied(ours):
+                await rest
+            if ours.on_thread:
+                await self.on_thread(query.drop)
+
+    async def on_thread(self, work: Callable[[], object]) -> None:
+        """Run something that may block in Zenoh on one of `REPLY_THREADS`."""
+        await self._loop.run_in_executor(self._threads, work)
+
+    def _refuse(self, query: zenoh.Query, counter: str, why: str) -> None:
+        self.counters[counter] += 1
+        with query:
+            Query[Any](self, query, None).reply_error(why)
+
+    def _read_query(self, query: zenoh.Query, record: type[R]) -> Query[R]:
+        if query.payload is None or not len(query.payload):
+            return Query(self, query, None)
+        try:
+            found = self._decode(record, str(query.key_expr), query.payload.to_bytes(), str(query.encoding or ""))
+        except BadRecord as bad:
+            return Query(self, query, None, str(bad), bad.code)
+        return Query(self, query, found)
+
+    @contextmanager
+    def _errors_replied(self, ours: Query[Any]) -> Iterator[None]:
+        """Reply a record that cannot be encoded, and a defect, as an error; a defect is raised."""
+        try:
+            yield
+        except BadRecord as bad:
+            ours.reply_error(str(bad))
+        except Exception as error:
+            ours.reply_error(f"defect in {self.daemon}: {type(error).__name__}: {error}")
+            raise
+
+    async def ask_one(self, key: str, ask: Record | None, answer: type[R], timeout: float) -> R:
+        """Query `key` and return the first record of a reply, within `timeout` wall seconds.
+
+        Raises QueryTimeout if there was no reply, QueryFailed if there were only errors, BusClosed if the query could
+        not be sent, BadRecord if `ask` cannot be encoded.
+        """
+        failed: QueryFailed = QueryTimeout(key, timeout, nobody=True)
+        async with aclosing(self.query(key, ask, answer, timeout)) as replies:
+            async for reply in replies:
+                if reply.record is not None:
+                    return reply.record
+                error = QueryFailed(reply.key, reply.error, reply.other_version, code=reply.code)
+                failed = QueryTimeout(key, timeout) if reply.timed_out else error
+        raise failed
+
+    async def ask_all(
+        self, key: str, answer: type[R], timeout: float, handler: Callable[[str, R], object], *, limit: int = BACKLOG
+    ) -> dict[str, str]:
+        """Query all that serve `key`, without a payload, and call `handler(key, record)` for each record on arrival.
+
+        Lasts at most `timeout` wall seconds; at most `limit` replies wait, further ones are dropped and counted.
+        Returns the errors of replies without a record, by their keys. Raises BusClosed if the query could not be sent.
+        """
+        errors: dict[str, str] = {}
+        async with aclosing(self.query(key, None, answer, timeout, limit=limit)) as replies:
+            async for reply in replies:
+                if reply.record is not None:
+                    handler(reply.key, reply.record)
+                else:
+                    errors[reply.key] = reply.error
+        return errors
+
+    async def query(
+        self,
+        key: str,
+        ask: Record | None,
+        answer: type[R],
+        timeout: float,
+        *,
+        limit: int = BACKLOG,
+        ready: Callable[[], Awaitable[bool]] | None = None,
+    ) -> AsyncGenerator[Reply[R], None]:
+        """Query all that serve `key` and yield each reply on arrival. No reply at all: nobody serves it.
+
+        For a stream of replies; `ask_one` and `ask_all` are for the rest. Close it (`aclosing`) if it is not exhausted.
+        The key may have parameters, `key?a=b;c=d`.
+        Ends when all have answered, when the router is lost or back (the last reply says so: Zenoh may never end such a
+        query), or after `timeout` wall seconds; the caller must notice a missing final reply. At most `limit` replies
+        wait; further ones are dropped and counted. `ready` is awaited when all is prepared, before `timeout` begins;
+        if it returns False, nothing is asked.
+        """
+        replies: asyncio.Queue[zenoh.Reply | str | float | None] = asyncio.Queue()
+        token = zenoh.CancellationToken()
+
+        def arrived(reply: zenoh.Reply | None) -> None:
+            if reply is not None and replies.qsize() >= limit:
+                self.counters["dropped"] += 1
+            else:
+                replies.put_nowait(reply)
+
+        options: dict[str, Any] = {}
+        if ask is not None:
+            made = codec(type(ask))
+            options = {"payload": made.encode(ask, self.wire), "encoding": made.encoding(self.wire)}
+        bare = key.partition("?")[0]
+        selector = key if bare != key else self._known.of(key)
+        handler = self._dispatch.replies(arrived)
+        if ready is not None and not await ready():
+            return
+        try:
+            self._session.get(
+                selector,
+                handler,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                target=zenoh.QueryTarget.ALL,
+                timeout=timeout,
+                cancellation_token=token,
+                **options,
+            )
+        except zenoh.ZError as error:
+            raise BusClosed(f"cannot ask {key}: {error}") from None
+        late = self._loop.call_later(timeout + LAST_WORD, replies.put_nowait, float(timeout))
+        self._asked.add(replies)
+        try:
+            while (reply := await replies.get()) is not None:
+                match reply:
+                    case float():
+                        self.counters["queries_unended"] += 1
+                        yield _timed_out(bare, timeout)
+                        return
+                    case str():
+                        yield Reply(bare, None, reply)
+                        return
+                yield self._read_reply(bare, reply, answer, timeout)
+        finally:
+            self._asked.discard(replies)
+            late.cancel()
+            self._loop.call_soon(token.cancel)  # the caller does not wait for it
+
+    def _read_reply(self, key: str, reply: zenoh.Reply, answer: type[R], timeout: float) -> Reply[R]:
+        if reply.ok is None:
+            error = reply.err.payload.to_bytes() if reply.err else ZENOH_TIMEOUT
+            if error == ZENOH_TIMEOUT:
+                return _timed_out(key, timeout)
+            code = str(reply.err.encoding).partition(";")[2] if reply.err else ""
+            return Reply(key, None, error.decode(errors="replace"), code=code)
+        sample = reply.ok
+        name = str(sample.key_expr)
+        try:
+            return Reply(name, self._decode(answer, name, sample.payload.to_bytes(), str(sample.encoding)))
+        except OtherVersion as other:
+            return Reply(name, None, str(other), other.said or "?")
+        except BadRecord as bad:
+            return Reply(name, None, str(bad))
+
+    def _declare(self, kind: str, key: str) -> Callable[[], None]:
+        """Note a declaration. Returns what notes its end."""
+        self.declared[kind, key] += 1
+        self.declarations_changed.set()
+        return partial(self._withdrawn, kind, key)
+
+    def _withdrawn(self, kind: str, key: str) -> None:
+        self.declared[kind, key] -= 1
+        if not self.declared[kind, key]:
+            del self.declared[kind, key]
+        self.declarations_changed.set()
+
+    def _decode(self, record: type[R], key: str, payload: bytes, encoding: str) -> R:
+        """Return a record that arrived. Raises BadRecord, which is counted and logged here."""
+        made = codec(record)
+        encoding = "" if encoding == "zenoh/bytes" else encoding
+        try:
+            found = made.decode(payload, encoding)
+            if key not in self._checked_keys and len(self._checked_keys) < BACKLOG:
+                self._checked_keys.add(key)
+                if unknown := made.unknown_fields(payload, encoding):
+                    self.counters["unknown_fields"] += len(unknown)
+                    log.warning("unknown_fields key=%s ignored=%s: a newer sender?", key, ",".join(unknown))
+            return found
+        except BadRecord as bad:
+            self.counters["bad_input"] += 1
+            if isinstance(bad, OtherVersion):
+                self.strangers.heard(key, bad.said)
+            elif self.counters["bad_input"] <= 10 or self.counters["bad_input"] % 1000 == 0:
+                log.warning("bad_input key=%s count=%d %s", key, self.counters["bad_input"], bad)
+            raise
+
+
+class Strangers:
+    """Daemons of another major version of the records: logged once, noted while they are heard."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
+        self._heard: dict[str, tuple[str, float]] = {}
+
+    def heard(self, key: str, version: str) -> None:
+        """Note a record of another version."""
+        parsed = keys.parse(key)
+        who = "/".join((parsed[1], *parsed[2][:1])) if parsed is not None else key
+        self._forget()
+        if who not in self._heard:
+            if len(self._heard) >= MOST_STRANGERS:
+                return
+            log.error("other_version %s", _stranger_text(who, version))
+        self._heard[who] = (version, self._now())
+
+    def notes(self) -> tuple[Note, ...]:
+        """Return a note for each sender heard in the last `STRANGER_FOR` seconds."""
+        self._forget()
+        return tuple(
+            Note("other_version", _stranger_text(who, version), who) for who, (version, _) in self._heard.items()
+        )
+
+    def _forget(self) -> None:
+        since = self._now() - STRANGER_FOR
+        self._heard = {who: met for who, met in self._heard.items() if met[1] >= since}
+
+
+def _stranger_text(who: str, version: str) -> str:
+    return (
+        f"{who}: records of version {version or '?'}, this daemon speaks version {VERSION}: they are ignored; "
+        "install matching releases of Argosy (docs/guides/operations.md)"
+    )
+
+
+def _timed_out(key: str, timeout: float) -> Reply[Any]:
+    return Reply(key, None, f"no answer within {timeout:g} s", timed_out=True)

@@ -1,0 +1,233 @@
+"""Connections of other machines, passed on to a listener of the router on loopback (`commd.router.admission` judges
+them).
+
+A connection is passed on, unread, when its TLS ClientHello is complete.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import os
+import re
+import socket
+import time
+from dataclasses import dataclass
+from ipaddress import IPv6Address, IPv6Network
+from typing import TYPE_CHECKING
+
+from commd.bus.errors import BusClosed
+from commd.bus.router_endpoints import LOOK_UP_PATIENCE
+from schemas.files.units import host_and_port
+
+if TYPE_CHECKING:
+    from commd.router.admission import Admission, Allowance
+
+WAITING = 262_144
+"""Bytes of a session that may wait here; then the router's own queue fills, and drops."""
+BACKLOG = 4096
+"""Connections that the kernel keeps until they are accepted; its own bound is `net.core.somaxconn`."""
+_RECORD, _HANDSHAKE, _CLIENT_HELLO, _LONGEST = 5, 22, 1, 16_384
+"""TLS (RFC 8446, 5.1): bytes of a record's header, its type, the message in it, and the most bytes of a record."""
+_TLS = re.compile(r"tls/(.+)")
+log = logging.getLogger("admission")
+
+
+@dataclass
+class Listener:
+    """A listener of the router on loopback."""
+
+    host: str
+    port: int
+    under_way: int = 0
+    """Handshakes."""
+    failed_at: float = 0.0
+    """When one failed last, monotonic seconds: the listener pauses after that."""
+
+
+class End(asyncio.Protocol):
+    """One end of a connection: the other machine's, or the router's."""
+
+    transport: asyncio.Transport
+    other: End | None = None
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self.took_at = 0.0
+        """When it last took something, or had nothing to take, monotonic seconds."""
+        self.left = 0
+        """Bytes that waited for it then."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+        transport.set_write_buffer_limits(WAITING)
+        self._connection.made(self)
+
+    def data_received(self, data: bytes) -> None:
+        if self.other is not None:
+            self.other.transport.write(data)
+        else:
+            self._connection.heard(data)
+
+    def pause_writing(self) -> None:
+        if self.other is not None:
+            self.other.transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        if self.other is not None:
+            self.other.transport.resume_reading()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self._connection.lost()
+
+
+class Connection:
+    """A connection of another machine, and its continuation to the router."""
+
+    def __init__(self, admission: Admission) -> None:
+        self._admission = admission
+        self.outside, self.inside = End(self), End(self)
+        self.address = ""
+        self.since = time.monotonic()
+        self.hello = b""
+        self.port = 0
+        """Our port of the connection to the router, which identifies the link; 0 = not passed on."""
+        self.listener: Listener | None = None
+        """Where its handshake is under way."""
+        self.allowance: Allowance | None = None
+        """That paid for the handshake."""
+        self.name: str | None = None
+        """The name in its certificate; None = the router has no session of it (yet)."""
+        self.ended = False
+
+    def made(self, end: End) -> None:
+        if end is self.outside:
+            self.address = counted_as(end.transport.get_extra_info("peername"))
+            self._admission.came(self)
+
+    def heard(self, data: bytes) -> None:
+        """Collect the ClientHello."""
+        self.hello += data
+        head = self.hello[: _RECORD + 1]
+        if head[:1] != bytes((_HANDSHAKE,)) or (len(head) > _RECORD and head[_RECORD] != _CLIENT_HELLO):
+            return self._admission.refuse(self, "it speaks no TLS")
+        length = int.from_bytes(head[3:5], "big") if len(head) >= _RECORD else 0
+        if length > _LONGEST:
+            return self._admission.refuse(self, "it speaks no TLS")
+        if len(head) > _RECORD and len(self.hello) >= _RECORD + length:
+            self.outside.transport.pause_reading()
+            self._admission.said_hello(self)
+        return None
+
+    async def pass_on(self, listener: Listener) -> None:
+        """Connect to the router, and pass on bytes in both directions."""
+        loop = asyncio.get_running_loop()
+        try:
+            await loop.create_connection(lambda: self.inside, listener.host, listener.port)
+        except OSError as error:
+            log.warning("the router does not listen at %s:%d: %s", listener.host, listener.port, error.strerror)
+            self.end()
+            return
+        if self.ended:
+            self.inside.transport.abort()
+            return
+        self.port = self.inside.transport.get_extra_info("sockname")[1]
+        self._admission.passed_on(self)
+        self.inside.other, self.outside.other = self.outside, self.inside
+        self.inside.transport.write(self.hello)
+        self.hello = b""
+        self.outside.transport.resume_reading()
+
+    def lost(self) -> None:
+        """Close the other end too, after it took what waits for it."""
+        if not self.ended:
+            self.end()
+
+    def end(self, last: bytes = b"") -> None:
+        """Close both ends; the other machine may still take what waits for it, and `last`."""
+        self.ended, self.since = True, time.monotonic()
+        if last:
+            self.outside.transport.write(last)
+        for end in (self.outside, self.inside):
+            if hasattr(end, "transport"):
+                end.transport.close()
+        self._admission.ended(self)
+
+    def cut(self) -> None:
+        """Abort both ends."""
+        if not self.ended:
+            self.end()
+        for end in (self.outside, self.inside):
+            if hasattr(end, "transport"):
+                end.transport.abort()
+
+    @property
+    def gone(self) -> bool:
+        """Whether it has ended and nothing waits to be sent."""
+        transport = self.outside.transport
+        return self.ended and transport.is_closing() and not transport.get_write_buffer_size()
+
+    def stalls_for(self, now: float) -> float:
+        """Return the seconds for which the other machine has taken nothing although something waits for it."""
+        end = self.outside
+        left = end.transport.get_write_buffer_size()
+        if not left or left != end.left:
+            end.left, end.took_at = left, now
+        return now - end.took_at
+
+
+def counted_as(peer: tuple[str, int] | None) -> str:
+    """Return the address that a connection counts for; of IPv6 the network, as one machine has a whole /64."""
+    if peer is None:  # it is closed already
+        return "?"
+    if ":" not in peer[0]:
+        return peer[0]
+    address = IPv6Address(peer[0].partition("%")[0])
+    mapped = address.ipv4_mapped
+    return str(mapped) if mapped is not None else str(IPv6Network((int(address), 64), strict=False))
+
+
+def free_listener() -> Listener:
+    """Return a free address on loopback, anywhere in 127/8, so that no other program uses it by accident."""
+    while True:
+        host = "127.{}.{}.{}".format(*(1 + byte % 254 for byte in os.urandom(3)))
+        with socket.socket() as probe:
+            probe.bind((host, 0))
+            return Listener(host, probe.getsockname()[1])
+
+
+async def bound_socket(endpoint: str) -> socket.socket | None:
+    """Return `_bound` of an endpoint; None, too, if the name service does not answer."""
+    try:
+        return await asyncio.wait_for(asyncio.to_thread(_bound, endpoint), LOOK_UP_PATIENCE)
+    except TimeoutError:
+        return None
+
+
+def _bound(endpoint: str) -> socket.socket | None:
+    """Return a socket bound to an endpoint; None if this machine does not have the address, or not yet.
+
+    Raises BusClosed if another program listens there.
+    """
+    found = _TLS.fullmatch(endpoint)
+    assert found is not None
+    host, port = host_and_port(found[1])
+    made: socket.socket | None = None
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_STREAM)[0]
+        made = socket.socket(family, kind)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(address)
+        made.listen(BACKLOG)
+        made.setblocking(False)
+    except socket.gaierror:
+        return None
+    except OSError as error:
+        if made is not None:
+            made.close()
+        if error.errno == errno.EADDRNOTAVAIL:
+            return None
+        raise BusClosed(f"cannot listen at {endpoint}: {error.strerror}: is another router running there?") from None
+    return made
