@@ -1,7 +1,8 @@
-"""What the agents of a board offer and want, who joined them at run time, and what is known of the other boards.
+"""The agents of a board, their services and subscriptions, those that joined at run time, and the other boards'
+records.
 
-Pure: requests and what boards say go in; the next state and the notices that it calls for come out, so that a caller
-can write both to disk before either counts.
+Pure: requests and records go in; the next state and its notices come out, so that the caller can write both to disk
+first.
 """
 
 from __future__ import annotations
@@ -20,62 +21,61 @@ from schemas.wire.records import BoardServices, Note
 log = logging.getLogger("directory")
 
 MOST_JOINED = 10_000
-"""Agents made at run time that one board takes."""
+"""Agents that may join one board at run time."""
 MOST_SERVICES = 1_000
-"""Services that one agent offers."""
+"""Services of one agent."""
 LONGEST_SERVICE = 1_000
 """Characters of the name of a service."""
 MOST_NAMES = 2 * MOST_JOINED
-"""Agents of another board that are known here: those that joined it, and the mission's."""
+"""Agents of another board: those that joined it, and the mission's."""
 Notice: TypeAlias = tuple[str, str, str]
-"""A subscriber, and the agent and service that it is to be told of."""
+"""A subscriber, and the agent and service of its notice."""
 
 
 class Own(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a board keeps of its own agents; it is on disk as this."""
+    """A board's own agents, as on disk."""
 
     version: int = 0
-    """Counts the changes that other boards see."""
+    """Number of changes that other boards see."""
     joined: tuple[str, ...] = ()
-    """The agents that the mission does not name."""
+    """Agents that are not in the mission."""
     staying: tuple[str, ...] = ()
-    """Those of them that keep their mailbox while they are away."""
+    """Those that keep their mailbox while they are away."""
     offers: dict[str, tuple[str, ...]] = {}
-    """The services of each agent that offers any, in the order in which they were registered."""
+    """Services by agent, in the order of registration."""
     wants: dict[str, tuple[str, ...]] = {}
-    """The subscribers of each service that has any."""
+    """Subscribers by service."""
 
 
 class Problem(ValueError):
-    """Why a request is not fulfilled, in words."""
+    """A request that is refused; the text says why."""
 
 
 @dataclass(frozen=True)
 class Services:
-    """The agents of a fleet and their services, as one board knows them."""
+    """The agents of a fleet and their services, as known by one board."""
 
     board: str
     mission: Mapping[str, str]
-    """Who the mission names as a receiver of mail, and the board of each."""
+    """Board of each receiver of mail in the mission."""
     boards: tuple[str, ...]
-    """In the order of the mission, in which agents are listed as well."""
+    """In the order of the mission, in which agents are listed too."""
     reserved: frozenset[str] = frozenset()
-    """Further names that are taken: robots and boards."""
+    """Other names in use: robots and boards."""
     prefix: str = ""
-    """What names made at run time begin with: where access is controlled, others may not be spoken for."""
+    """Prefix of names made at run time: where access is controlled, a board may not speak for other names."""
     own: Own = field(default_factory=Own)
     others: Mapping[str, BoardServices] = field(default_factory=dict)
-    """What each other board has said last."""
-
-    # --- who is where ---
+    """The last record of each other board."""
 
     def agents(self) -> dict[str, tuple[str, ...]]:
-        """The agents of this board and what they offer."""
+        """Return the agents of this board and their services."""
         of_mission = [name for name, board in self.mission.items() if board == self.board]
         return {name: self.own.offers.get(name, ()) for name in (*of_mission, *self.own.joined)}
 
     def joined(self) -> Iterator[tuple[str, str]]:
-        """Those that the mission does not name, and their boards; of a name that two boards have, ours comes first."""
+        """Yield the agents that are not in the mission, and their boards; a name on two boards comes twice, ours
+        first."""
         for name in self.own.joined:
             yield name, self.board
         for board in self.boards:
@@ -85,14 +85,14 @@ class Services:
                         yield name, board
 
     def homes(self) -> dict[str, str]:
-        """Everybody who can be sent to, there or away, and the board that keeps their mail; the mission's first."""
+        """Return all receivers of mail, present or away, with the boards of their mailboxes; the mission's first."""
         homes = dict(self.mission)
         for name, board in self.joined():
             homes.setdefault(name, board)
         return homes
 
     def doubled(self) -> list[Note]:
-        """Return the agents that have joined two boards: they did while the boards could not see one another."""
+        """Return notes of agents that joined two boards, while these had no link."""
         first: dict[str, str] = {}
         found = []
         for name, board in self.joined():
@@ -102,19 +102,17 @@ class Services:
         return found
 
     def providers(self, service: str) -> tuple[str, ...]:
-        """The agents of the fleet that offer a service."""
+        """Return the agents of the fleet that offer a service."""
         found = []
         for board in self.boards:
             offers = self.agents() if board == self.board else self._offers_of(self.others.get(board))
             found += [name for name, services in offers.items() if service in services]
         return tuple(dict.fromkeys(found))
 
-    # --- requests of the agents here ---
-
     def join(self, agent: str, stays: bool = False) -> Services:
-        """An agent that the mission does not name begins here; again after a restart is no problem.
+        """Add an agent that is not in the mission; again after a restart is allowed. Raises Problem.
 
-        Raises Problem. One that `stays` is known until it leaves, however long it is away.
+        An agent that `stays` is known until it leaves, however long it is away.
         """
         try:
             check_name(agent)
@@ -136,7 +134,7 @@ class Services:
         return self._changed(joined=(*self.own.joined, agent), staying=staying)
 
     def leave(self, agent: str) -> Services:
-        """An agent has ended for good, or begins anew: it offers and wants nothing any more."""
+        """Remove all services and subscriptions of an agent that has ended for good, or starts over."""
         offers = {name: services for name, services in self.own.offers.items() if name != agent}
         wants = {name: left for name, who in self.own.wants.items() if (left := _without(who, agent))}
         joined, staying = _without(self.own.joined, agent), _without(self.own.staying, agent)
@@ -145,7 +143,7 @@ class Services:
         return self._changed(offers=offers, wants=wants, joined=joined, staying=staying)
 
     def register(self, agent: str, service: str) -> tuple[Services, list[Notice]]:
-        """An agent offers a service; the subscribers here are told once."""
+        """Add a service of an agent, with notices to its subscribers here."""
         self._check(agent, service)
         offered = self.own.offers.get(agent, ())
         if service in offered:
@@ -156,7 +154,7 @@ class Services:
         return self._changed(offers={**self.own.offers, agent: (*offered, service)}), notices
 
     def deregister(self, agent: str, service: str) -> Services:
-        """An agent offers a service no longer; nobody is told."""
+        """Remove a service of an agent, without notices."""
         self._check(agent, service)
         offered = self.own.offers.get(agent, ())
         if service not in offered:
@@ -165,7 +163,7 @@ class Services:
         return self._changed(offers={name: services for name, services in offers.items() if services})
 
     def subscribe(self, agent: str, service: str) -> tuple[Services, list[Notice]]:
-        """An agent is to be told of those who offer a service: of those there now, and of each one to come."""
+        """Subscribe an agent to the providers of a service: to the present ones, and to later ones."""
         self._check(agent, service)
         notices = [(agent, provider, service) for provider in self.providers(service)]
         known = self.own.wants.get(service, ())
@@ -174,15 +172,14 @@ class Services:
         wants = {**self.own.wants, service: (*known, agent)}
         return self._with(wants=wants), notices
 
-    # --- what other boards say ---
-
     def news(self, said: BoardServices) -> bool:
-        """Whether a board says something newer than what is known of it: another life of its daemon, or a change."""
+        """Whether a record of a board is newer than the known one: from another process, or a change."""
         known = self.others.get(said.board)
         return known is None or said.header.boot != known.header.boot or said.version > known.version
 
     def heard(self, said: BoardServices) -> tuple[Services, list[Notice], list[str]]:
-        """Take what another board says: with the notices for subscribers here, and who is gone for good."""
+        """Apply a record of another board. Returns also the notices to subscribers here, and the agents that have
+        left."""
         after = replace(self, others={**self.others, said.board: said})
         before = self._offers_of(self.others.get(said.board))
         notices = [
@@ -196,7 +193,7 @@ class Services:
         return after, notices, [agent for agent in before if agent not in homes]
 
     def _offers_of(self, said: BoardServices | None) -> dict[str, tuple[str, ...]]:
-        """What a board says of the agents that are its own: those of the mission belong where the mission says."""
+        """Return the services of a board's own agents: the mission has the boards of its agents."""
         if said is None:
             return {}
         return {name: what for name, what in said.agents.items() if self.mission.get(name, said.board) == said.board}
@@ -209,7 +206,7 @@ class Services:
             raise Problem(f"expected the name of a service, of at most {LONGEST_SERVICE} characters")
 
     def _changed(self, **changes: object) -> Services:
-        """Change what other boards see."""
+        """Make a change that other boards see."""
         return self._with(version=self.own.version + 1, **changes)
 
     def _with(self, **changes: object) -> Services:
@@ -217,13 +214,12 @@ class Services:
 
 
 def checked(said: BoardServices, may_name: Callable[[str], bool] = lambda _: True) -> BoardServices:
-    """Take from what another board says what can be meant: names that a key can hold and that this board `may_name`,
-    and no more than a board has."""
+    """Return a record of another board without invalid names, names that it may not speak for, and excess entries."""
     good = {name: _services(what) for name, what in said.agents.items() if _is_name(name) and may_name(name)}
     agents = dict(islice(good.items(), MOST_NAMES))
     if agents == said.agents:
         return said
-    log.warning("board=%s what it says is taken in part: %d of %d agents", said.board, len(agents), len(said.agents))
+    log.warning("board=%s its record is accepted in part: %d of %d agents", said.board, len(agents), len(said.agents))
     return msgspec.structs.replace(said, agents=agents)
 
 

@@ -1,7 +1,7 @@
-"""The directory of a board: serves `{board}/services`, follows what the other boards say, and keeps both on disk.
+"""The directory of a board: serves `{board}/services`, follows the other boards' records, and keeps both on disk.
 
-A name that was known once stays known while its board is away. An agent that joined at run time is forgotten when it
-leaves, or, unless it said that it stays, when it has been gone for `FORGOTTEN_AFTER` while this board was up.
+A known name stays known while its board is away. An agent that joined at run time is forgotten when it leaves, or,
+unless it stays, when it was absent for `FORGOTTEN_AFTER` while this board was up.
 """
 
 from __future__ import annotations
@@ -35,41 +35,40 @@ from schemas.wire.records import BoardServices, Health, Message, Note, ServiceRe
 from schemas.wire.terms import Atom, Structure, Term
 
 ASK_EVERY = 30.0
-"""Wall seconds between two looks at what the other boards know: a change that was put may have been lost."""
+"""Wall seconds between two queries of the other boards: a published change may have been lost."""
 ASK_TIMEOUT = 5.0
 ASK_AGAIN = 0.1
-"""Wall seconds until a board that did not answer is asked again, doubling."""
+"""Wall seconds until a board that did not answer is asked again, doubled each time."""
 LOOK_EVERY = 1.0
 AROUND_EVERY = 1.0
-"""Wall seconds between two times that all boards are asked for somebody whom nobody here knows, and what it takes at
-most."""
+"""Wall seconds between two queries of all boards for an unknown name, and the timeout of one."""
 PUT_EVERY = 0.1
-"""Wall seconds between two puts at least."""
+"""Least wall seconds between two puts."""
 READ_AGAIN = 0.5
-"""Wall seconds until the file is read again when it could not be read, doubling up to `READ_EVERY`."""
+"""Wall seconds until an unreadable file is read again, doubled up to `READ_EVERY`."""
 READ_EVERY = 5.0
 MOST_SAID = 1024 * 1024
-"""Bytes of what a board says of itself: other boards refuse what is much larger, and would know nothing of it."""
+"""Bytes of a board's record: other boards refuse a much larger one."""
 MOST_TASKS = 1_000
-"""What other boards say may wait so often for the disk; the excess is dropped, counted and asked for again."""
+"""Records of other boards that may wait for the disk; further ones are dropped, counted and asked for again."""
 SENDER = "df"
 T = TypeVar("T")
 log = logging.getLogger("directory")
 
 
 class Directory:
-    """What a board knows of the agents of its fleet. Make it with `open_directory`."""
+    """The directory of one board. Make it with `open_directory`."""
 
     def __init__(
         self, bus: Bus, board: str, mission: Mission, mail_service: MailService, clock: Clock, secured: bool = False
     ) -> None:
-        """`secured`: routers control who asks on which key, so that only that says for whom a request is."""
+        """`secured`: routers control who queries which key, so the key alone identifies the asker."""
         boards = tuple(mission.boards) or (THIS_MACHINE,)
         reserved = frozenset((*mission.robots, *boards))
         prefix = made_on(board) if secured else ""
         self.services = Services(board, mission.mailboxes, boards, reserved, prefix)
         self.counters: Counter[str] = Counter()
-        """`notices` and `notices_refused`, `board_changes`, `left`: agents that were gone for good."""
+        """`notices`, `notices_refused`, `board_changes`, `left`: agents that were forgotten."""
         self._bus, self._board, self._store, self._mail_service, self._clock = (
             bus,
             board,
@@ -82,35 +81,33 @@ class Directory:
         self._homes = self.services.homes()
         self._one_at_a_time = asyncio.Lock()
         self._alive: dict[str, set[str]] = {}
-        """The tokens of the agents that joined here."""
+        """Tokens of the agents that joined here."""
         self._absent: dict[str, float] = {}
-        """Those that joined here and are not there: since when."""
+        """Absent agents that joined here: since when, on the process clock."""
         self._boards: dict[str, set[str]] = {}
-        """The tokens of the commd of each board, this one too."""
+        """Boots of the commd of each board, this one too."""
         self._put_at = -PUT_EVERY
         self._putting: asyncio.TimerHandle | None = None
         self._around: asyncio.Task[None] | None = None
         self._around_at = -AROUND_EVERY
         self.work: list[asyncio.Task[None]] = []
-        """What goes on for ever."""
+        """Tasks that must not end."""
         self._tasks = Tasks("directory of services")
         self._said_doubles: set[str] = set()
         self._unread = ""
-        """Why what is on disk is not known yet, in words."""
+        """Why the directory on disk is not read yet, for people."""
         self._noticed = 0
 
-    # --- for the mailroom ---
-
     def board_of(self, name: str) -> str | None:
-        """The board that keeps the mail of an agent, or None for one that nobody knows."""
+        """Return the board of an agent's mailbox; None for an unknown name."""
         return self._homes.get(name)
 
     def names(self) -> Collection[str]:
-        """Everybody who can be sent to, there or away."""
+        """Return all receivers of mail, present or away."""
         return self._homes.keys()
 
     async def ask_around(self) -> None:
-        """Hear what the other boards know now: an agent may hear of who joined there before this board does."""
+        """Query the other boards: an agent may know a new name before this board does."""
         if self._around is None or (self._around.done() and self._clock.wall() >= self._around_at + AROUND_EVERY):
             boards = [board for board, boots in self._boards.items() if boots and board != self._board]
             self._around, self._around_at = self._tasks.spawn(self._ask_all(boards)), self._clock.wall()
@@ -120,7 +117,7 @@ class Directory:
         await asyncio.gather(*map(self._asked, boards))
 
     def notes(self) -> tuple[Note, ...]:
-        """Return what is wrong now."""
+        """Return the present warnings."""
         notes = [Note("directory_unread", self._unread)] if self._unread else []
         if len(self._boards.get(self._board, ())) > 1:
             notes.append(Note("board_twice", f"another commd serves board `{self._board}` as well"))
@@ -128,18 +125,17 @@ class Directory:
         return (*notes, self._witness.note) if self._witness.note is not None else tuple(notes)
 
     def health(self) -> Health:
-        """Return what is counted and what is wrong, for the daemon's health."""
+        """Return counters and warnings for the daemon's health."""
         counters = {f"directory_{name}": float(count) for name, count in sorted(self.counters.items())}
         counters["boards_there"] = float(sum(map(bool, self._boards.values())))
         counters["names_known"] = float(len(self._homes))
         return Health(counters=counters, notes=self.notes())
 
-    # --- its life ---
-
     async def load(self) -> bool:
-        """Read what is on disk, host those that joined in a former life, and be the directory of the mail.
+        """Read the directory from disk, serve the mail of those that joined before, and become the directory of the
+        mail.
 
-        Returns False if it cannot be read now. It never begins empty then: the next change would overwrite it.
+        Returns False if the disk fails. It does not start empty then: the next change would overwrite it.
         """
         try:
             own, others = await self._store.read(lambda db: (schema.kept(db, _OWN), schema.kept(db, _BOARDS)))
@@ -157,8 +153,8 @@ class Directory:
             known = {
                 name: self._checked(_BOARD.decode(said)) for name, said in others.items() if name in services.boards
             }
-        except (msgspec.DecodeError, BadRecord) as bad:  # of another version: what is not known is asked for anew
-            log.error("directory_unreadable why=%s: it begins empty", bad)
+        except (msgspec.DecodeError, BadRecord) as bad:  # of another version: it is asked for again
+            log.error("directory_unreadable why=%s: it starts empty", bad)
             known = {}
         self._now_is(replace(services, others=known))
         self._mail_service.directory, self._mail_service.ask_around = self, self.ask_around
@@ -168,7 +164,7 @@ class Directory:
         return True
 
     async def read_and_follow(self, read: bool) -> None:
-        """Read the file until it can be read, if it is not yet, then `follow`."""
+        """Retry to read the file if needed, then `follow`."""
         pause = READ_AGAIN
         while not read:
             await asyncio.sleep(pause)
@@ -176,7 +172,7 @@ class Directory:
         await self.follow()
 
     async def follow(self) -> None:
-        """Serve, and follow the agents and the other boards, for ever."""
+        """Serve, and watch the agents and the other boards, for ever."""
         fleet = self._bus.fleet
         self._bus.serve(keys.services(fleet, self._board), ServiceRequest, self._answer)
         self._bus.serve(keys.service_requests(fleet, self._board, "*"), ServiceRequest, self._answer)
@@ -191,7 +187,7 @@ class Directory:
                 self._ask_soon(board)
 
     async def forget_who_is_gone(self) -> None:
-        """Let those leave that joined here and are gone for good, for ever."""
+        """Remove agents that joined here and were absent for `FORGOTTEN_AFTER`, for ever."""
         while True:
             await asyncio.sleep(LOOK_EVERY)
             now = self._clock.wall()
@@ -201,11 +197,9 @@ class Directory:
                 try:
                     await self._fulfil(ServiceRequest(agent=name, do="leave"))
                 except StoreFailed:
-                    continue  # tried again at the next look
+                    continue  # retried at the next check
                 self.counters["left"] += 1
-                log.warning("agent=%s has been gone for %g s: it is forgotten", name, FORGOTTEN_AFTER)
-
-    # --- what agents ask ---
+                log.warning("agent=%s was absent for %g s: it is forgotten", name, FORGOTTEN_AFTER)
 
     async def _answer(self, query: Query[ServiceRequest]) -> None:
         if query.error or (query.record is not None and not query.concrete):
@@ -230,7 +224,7 @@ class Directory:
             query.reply(self._said(problem=f"commd of board {self._board} cannot keep it: {failed}"))
 
     async def _fulfil(self, request: ServiceRequest) -> BoardServices:
-        """Do what an agent asks. Raises Problem, and StoreFailed when it could not be written."""
+        """Fulfil an agent's request. Raises Problem, and StoreFailed if it could not be written."""
         async with self._one_at_a_time:
             before, agent, service = self.services, request.agent, request.service
             after, notices = before, list[Notice]()
@@ -248,8 +242,8 @@ class Directory:
             if request.do in ("join", "register") and after is not before:
                 size = len(_BOARD.encode(BoardServices(board=self._board, agents=after.agents())))
                 if size > MOST_SAID:
-                    what = f"{request.do} {agent}: what board {self._board} says of its agents would be of {size} bytes"
-                    raise Problem(f"{what}, and {MOST_SAID} are the most")
+                    what = f"{request.do} {agent}: the record of board {self._board} would have {size} bytes"
+                    raise Problem(f"{what}, the limit is {MOST_SAID}")
             if after is not before or notices:
                 own = msgspec.json.encode(after.own)
                 await self._write(notices, lambda db: schema.keep(db, _OWN, self._board, own))
@@ -262,13 +256,13 @@ class Directory:
                 self._put()
             for name in set(before.own.joined) - set(after.own.joined):
                 self._absent.pop(name, None)
-                with suppress(StoreFailed):  # it has left: the mailroom gives up later what waits for nobody
+                with suppress(StoreFailed):  # the mail service gives up its mail later
                     await self._mail_service.unhost(name)
             found = after.providers(service) if request.do in ("search", "subscribe") else ()
             return self._said(found=found)
 
     async def _write(self, notices: list[Notice], change: Callable[[Connection], None]) -> None:
-        """Write a change together with the notices that it calls for. Raises StoreFailed: then neither is."""
+        """Write a change together with its notices. Raises StoreFailed: then neither is written."""
         if not notices:
             await self._store.write(change)
             return
@@ -286,7 +280,7 @@ class Directory:
         return Message(id=number, sender=SENDER, performative="tell", receiver=subscriber, content=content)
 
     def _said(self, *, found: tuple[str, ...] = (), problem: str = "") -> BoardServices:
-        """What this board says of itself."""
+        """Return this board's record."""
         header = self._bus.header("services")
         services = self.services
         return BoardServices(
@@ -302,7 +296,7 @@ class Directory:
         )
 
     def _put(self) -> None:
-        """Tell everybody what is known here now, at once or a moment after the last time."""
+        """Publish this board's record, now or `PUT_EVERY` after the last time."""
         pause = self._put_at + PUT_EVERY - self._clock.wall()
         if pause <= 0:
             self._putting, self._put_at = None, self._clock.wall()
@@ -321,8 +315,6 @@ class Directory:
                 self._said_doubles.add(double.text)
                 log.error("%s", double.text)
 
-    # --- the other boards ---
-
     def _told(self, key: str, said: BoardServices) -> None:
         parsed = keys.parse(key)
         if parsed is not None and parsed[1] == said.board and self._concerns_us(said):
@@ -332,14 +324,14 @@ class Directory:
         return said.board in self.services.boards and said.board != self._board
 
     def _checked(self, said: BoardServices) -> BoardServices:
-        """Take what a board may say: where access is controlled, nothing of names that only another may speak for."""
+        """Return the valid part of a board's record; where access is controlled, without names of other boards."""
         if not self._secured:
             return checked(said)
         own = made_on(said.board)
         return checked(said, lambda name: name in self.services.mission or name.startswith(own))
 
     async def _hear(self, said: BoardServices) -> None:
-        """Take what another board says of itself, on disk first."""
+        """Apply another board's record, after it was written to disk."""
         async with self._one_at_a_time:
             await self._compare_mail(said)
             if not self.services.news(said):
@@ -351,21 +343,21 @@ class Directory:
             try:
                 await self._write(notices, lambda db: schema.keep(db, _BOARDS, said.board, kept))
             except StoreFailed as failed:
-                log.error("board=%s what it says is not kept, it is asked again: %s", said.board, failed)
+                log.error("board=%s its record is not stored, it is asked for again: %s", said.board, failed)
                 return
             self.counters["board_changes"] += 1
             self._now_is(after)
             if before is None or before.agents != said.agents:
                 log.info("board=%s agents=%d", said.board, len(said.agents))
             for name in gone:
-                with suppress(StoreFailed):  # the mailroom gives up later what waits for nobody
+                with suppress(StoreFailed):  # the mail service gives up its mail later
                     await self._mail_service.gone(name)
 
     async def _compare_mail(self, said: BoardServices) -> None:
-        """Judge our mail file by what another board has seen of it, and remember what is seen of theirs."""
+        """Compare our mail file with what another board has seen of it, and remember theirs."""
         self._witness.judge(said)
         if (seen := self._witness.news(said)) is not None:
-            with suppress(StoreFailed):  # it is said again
+            with suppress(StoreFailed):  # it comes again
                 await self._store.write(lambda db: self._witness.keep(db, said.board, seen))
                 self._witness.seen = {**self._witness.seen, said.board: seen}
 
@@ -388,14 +380,14 @@ class Directory:
             self._spawn(self._ask(board))
 
     async def _ask(self, board: str) -> None:
-        """Ask a board for what it knows of itself: its token may be here before what it serves."""
+        """Query a board for its record: its token may arrive before its queryable."""
         pause = ASK_AGAIN
         while not await self._asked(board) and self._boards.get(board) and pause < ASK_EVERY:
             await asyncio.sleep(pause)
             pause *= 2
 
     async def _asked(self, board: str) -> bool:
-        """Ask once. Returns whether there was an answer."""
+        """Query once. Returns whether it answered."""
         known: dict[str, BoardServices] = {}
         try:
             key = keys.services(self._bus.fleet, board)
@@ -407,7 +399,7 @@ class Directory:
         return board in known
 
     def _agent_token(self, key: str, alive: bool) -> None:
-        """An agent came or went; only those count that joined here."""
+        """Note that an agent appeared or ended; only those that joined here count."""
         if (parsed := keys.parse(key)) is None:
             return
         name, tokens = parsed[1], self._alive.setdefault(parsed[1], set())
@@ -429,7 +421,7 @@ class Directory:
         self._tasks.spawn(work)
 
     async def close(self) -> None:
-        """End what is under way."""
+        """End all tasks."""
         if self._putting is not None:
             self._putting.cancel()
         await self._tasks.end()
@@ -439,13 +431,13 @@ class Directory:
 async def open_directory(
     bus: Bus, board: str, mission: Mission, mail_service: MailService, clock: Clock, secured: bool = False
 ) -> AsyncIterator[Directory]:
-    """Read the directory of a board, or go on trying while its disk does not let it; keep it up to date until the end.
+    """Read the directory of a board, retrying while its disk fails, and keep it up to date until the end.
 
-    Whoever opens it watches `work`: when one of these tasks ends, the board follows nobody any more.
+    The caller must watch `work`: when one of these tasks ends, the directory is not kept up to date.
     """
     directory = Directory(bus, board, mission, mail_service, clock, secured)
     read = await directory.load()
-    if not read:  # a file that has just been set aside as corrupt is a new one at the second look
+    if not read:  # a file that was just set aside as corrupt is a new one at the second attempt
         await asyncio.sleep(READ_AGAIN)
         read = await directory.load()
     following, forgetting = directory.read_and_follow(read), directory.forget_who_is_gone()
@@ -460,7 +452,7 @@ async def open_directory(
 
 
 def named(name: str) -> Term:
-    """A name as an agent's program writes it: an atom where it can be one, else a string."""
+    """Return a name as an agent's program writes it: an atom if possible, else a string."""
     try:
         return msgspec.convert({"kind": "atom", "name": name}, Atom)
     except msgspec.ValidationError:
@@ -468,5 +460,5 @@ def named(name: str) -> Term:
 
 
 _OWN, _BOARDS = "services", "board"
-"""Kinds of facts: what this board keeps of its own agents, and what others said last."""
+"""Kinds of facts: this board's own agents, and the last records of others."""
 _BOARD = codec(BoardServices)

@@ -1,7 +1,7 @@
 """The gateway to Comm nodes of the paper (section 4.4): UDP datagrams `<id,sender,itlforce,receiver,data>`, both ways.
 
-UDP promises nothing, and old nodes acknowledge nothing: what was sent counts as delivered. What a node sends is taken
-into the mail as soon as it is on disk. Datagrams are untrusted: each is counted and told, none ends anything.
+UDP guarantees nothing and old nodes acknowledge nothing, so a sent message counts as delivered. A node's message is
+accepted when it is on disk. Datagrams are untrusted: bad ones are counted and logged.
 """
 
 from __future__ import annotations
@@ -29,45 +29,45 @@ from schemas.wire.records import Health, Message, Receipt, Refusal
 log = logging.getLogger("gateway")
 
 MAX_DATAGRAM = 1024
-"""Bytes that an old Comm node reads of a datagram; the rest it would cut off."""
+"""Bytes that an old Comm node reads of a datagram; it would cut off the rest."""
 MAX_HEARD = 4096
-"""Bytes of a datagram that are looked at; nodes that keep to what their peers read send no longer ones."""
+"""Bytes of the largest datagram that is read; nodes that follow the protocol send no larger ones."""
 EVERYBODY = "null"
 """The receiver of a broadcast: Jason writes none as this."""
 QUEUE = 1000
-"""Datagrams that may wait to be taken into the mail; further ones are dropped and counted."""
+"""Datagrams that may wait for the disk; further ones are dropped and counted."""
 BATCH = 64
 PACE = 0.002
 """Seconds between two datagrams to one node: old nodes read one at a time and lose what does not fit their buffer."""
 DISK_RETRY = 1.0
-"""Seconds between two attempts while the disk takes nothing."""
+"""Seconds between two attempts while the disk fails."""
 SEEK_EVERY = 10.0
-"""Seconds between two looks for a node whose host has no address yet."""
+"""Seconds between two lookups of a node whose host has no address yet."""
 TOLD_SOURCES = 1000
 LONGEST_LOGGED = 200
-"""Characters of what a stranger sent that are logged."""
+"""Characters of a logged reason."""
 
 
 class Gateway(asyncio.DatagramProtocol):
-    """Speaks to the nodes of the mission, or to none. Make it with `open_gateway`."""
+    """Exchanges mail with the nodes of the mission. Make it with `open_gateway`."""
 
     def __init__(self, nodes: Mapping[str, str], now: Callable[[], float] = time.monotonic) -> None:
         self.nodes = {name: Node(name, address) for name, address in nodes.items()}
         self.work: list[asyncio.Task[None]] = []
-        """What goes on for ever, while it serves: whoever opens it watches it."""
+        """Tasks that must not end while it serves."""
         self.counters: Counter[str] = Counter()
         """gateway_in, gateway_out, gateway_malformed, gateway_strangers, gateway_repeated, gateway_dropped,
         gateway_refused, gateway_unsendable, gateway_errors: datagrams so far."""
         self._now = now
         self._hosts: dict[str, Allowance] = {}
-        """The hosts that are heard."""
+        """Allowances of the hosts of nodes."""
         self._waiting: asyncio.Queue[Message] = asyncio.Queue(QUEUE)
         self._strangers: set[str] = set()
         self._transport: asyncio.DatagramTransport | None = None
         self._family = socket.AF_UNSPEC
 
     async def open(self, listen: str) -> None:
-        """Look for the nodes' hosts and begin to listen. Raises OSError when the address is not to be had."""
+        """Look up the nodes' hosts and listen. Raises OSError if the address is not available."""
         host, port = host_and_port(listen)
         loop = asyncio.get_running_loop()
         ours = await loop.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_DGRAM)
@@ -79,7 +79,7 @@ class Gateway(asyncio.DatagramProtocol):
 
     @asynccontextmanager
     async def serving(self, mail_service: MailService) -> AsyncIterator[None]:
-        """Carry mail between the nodes and `mail_service` while the block runs."""
+        """Exchange mail between the nodes and `mail_service` until the end."""
         detach = [mail_service.attach(name, self.deliver) for name in self.nodes]
         running = self.work = [asyncio.create_task(self._take(mail_service)), asyncio.create_task(self._seek())]
         try:
@@ -92,23 +92,23 @@ class Gateway(asyncio.DatagramProtocol):
                 end()
 
     def health(self) -> Health:
-        """Return what became of the datagrams, for the daemon's health."""
+        """Return the counts of datagrams for the daemon's health."""
         counters = {name: float(count) for name, count in sorted(self.counters.items())}
         dropped, bad = self.counters["gateway_dropped"], self.counters["gateway_malformed"]
         return Health(counters=counters, drops=dropped, bad_input=bad)
 
     def close(self) -> None:
-        """Speak and hear no more."""
+        """Close the socket."""
         if self._transport is not None:
             self._transport.close()
 
     def error_received(self, exc: Exception) -> None:
-        """The system could not send an earlier datagram."""
+        """Count a datagram that the system could not send."""
         self.counters["gateway_errors"] += 1
         log.debug("not_sent why=%s", exc)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int] | tuple[str, int, int, int]) -> None:
-        """Queue what a node says."""
+        """Queue a node's datagram."""
         self.counters["gateway_in"] += 1
         host, now = addr[0], self._now()
         allowance = self._hosts.get(host)
@@ -127,7 +127,7 @@ class Gateway(asyncio.DatagramProtocol):
             return
         node = self.nodes.get(message.sender)
         if node is None or node.at is None or node.at[0] != host:
-            why = "it is no node of the mission" if node is None else f"its node is at {node.address}"
+            why = "no node of the mission" if node is None else f"its node is at {node.address}"
             self._refuse(f"{message.sender} {host}", f"sender={message.sender} from {host}: {why}")
         elif self._waiting.full():
             self._count("dropped", f"sender={node.name}: {QUEUE} datagrams wait")
@@ -137,13 +137,13 @@ class Gateway(asyncio.DatagramProtocol):
             self._waiting.put_nowait(message)
 
     async def _seek(self) -> None:
-        """Look for nodes that are not found yet, for ever."""
+        """Look up nodes that are not found yet, for ever."""
         while True:
             await asyncio.sleep(SEEK_EVERY)
             await self._find_nodes()
 
     async def _take(self, mail_service: MailService) -> None:
-        """Take what the nodes said into the mail, for ever."""
+        """Hand the nodes' messages to the mail service, for ever."""
         while True:
             said = [await self._waiting.get()]
             while len(said) < BATCH and not self._waiting.empty():
@@ -155,20 +155,20 @@ class Gateway(asyncio.DatagramProtocol):
                 self._tell_undelivered(batch[place], reason)
 
     async def _hand_over(self, batch: list[Message], mail_service: MailService) -> Receipt:
-        """Give a batch to the mail, again and again while its disk takes nothing: what comes meanwhile waits."""
+        """Hand a batch to the mail service, and retry while the disk fails."""
         while True:
             try:
                 return await mail_service.take(batch)
             except StoreFailed as failed:
                 log.debug("not_taken messages=%d why=%s", len(batch), failed)
-            except Exception as error:  # one batch's defect must not end what all others live by
+            except Exception as error:  # a defect in one batch must not stop the others
                 log.exception("defect in argosy: %d messages of nodes are lost", len(batch))
                 defect = Refusal(code="defect", text=f"{type(error).__name__}: {error}")
                 return Receipt(refused=dict.fromkeys(range(len(batch)), defect))
             await asyncio.sleep(DISK_RETRY)
 
     async def deliver(self, batch: tuple[Message, ...]) -> Receipt | None:
-        """Send a batch to the node of its receiver; what has left counts as taken. None while its host is not found."""
+        """Send a batch to the node of its receiver; sent messages count as taken. None while its host is not found."""
         node = self.nodes[batch[0].receiver]
         if node.at is None or self._transport is None or self._transport.is_closing():
             return None
@@ -196,14 +196,14 @@ class Gateway(asyncio.DatagramProtocol):
         return why
 
     def _tell_undelivered(self, message: Message, reason: Refusal) -> None:
-        """Tell a node, as agents are told, that its message will not arrive."""
+        """Send a node the notice that its message is not delivered."""
         node = self.nodes[message.sender]
         log.warning("mail_refused id=%s sender=%s receiver=%s why=%s", message.id, node.name, message.receiver, reason)
         if node.at is not None and self._transport is not None:
             self._send(node, undelivered(message, reason))
 
     def _refuse(self, source: str, why: str) -> None:
-        """Count what does not come from a node of the mission, and tell once of each source."""
+        """Count a datagram that is not from a node of the mission, and log each source once."""
         self.counters["gateway_strangers"] += 1
         if source not in self._strangers and len(self._strangers) < TOLD_SOURCES:
             self._strangers.add(source)
@@ -216,7 +216,7 @@ class Gateway(asyncio.DatagramProtocol):
             log.warning("%s count=%d %s", what, self.counters[counter], why[:LONGEST_LOGGED])
 
     async def _find_nodes(self) -> None:
-        """Look for the hosts of those nodes whose host is not found yet, in the family of our own address."""
+        """Look up the hosts of nodes that are not found yet, in the family of our own address."""
         for node in self.nodes.values():
             if node.at is None:
                 host, port = host_and_port(node.address)
@@ -236,7 +236,7 @@ class Gateway(asyncio.DatagramProtocol):
 
 
 def _addressed(message: Message, names: Iterable[str]) -> list[Message]:
-    """A message, or the copies of a broadcast: for everybody but its sender."""
+    """Return the message, or the copies of a broadcast for everybody but its sender."""
     if message.receiver != EVERYBODY:
         return [message]
     return [replace(message, receiver=name) for name in names if name != message.sender]

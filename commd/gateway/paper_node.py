@@ -55,21 +55,21 @@ def read_message(text: str) -> Message:
 
 
 RATE, BURST = 200.0, 400.0
-"""Datagrams a second of one node, and at once; further ones are dropped unread and counted."""
+"""Datagrams of one node: per second, and at once; further ones are dropped unread and counted."""
 REPEATED_WITHIN = 60.0
-"""Seconds within which an equal datagram is a repetition; not longer, for Jason counts its ids anew with each start."""
+"""Seconds within which an equal datagram is a repetition; not longer, as Jason's ids restart with each process."""
 REMEMBERED = 10_000
 
 
 class Allowance:
-    """How much a host may say: so many datagrams a second for each node that it has, and at once."""
+    """A token bucket of datagrams from one host, by the number of its nodes."""
 
     def __init__(self) -> None:
         self.nodes = 1
         self._left, self._since = BURST, 0.0
 
     def take(self, now: float) -> bool:
-        """Whether another datagram is within it."""
+        """Take one datagram from it. Returns whether it was left."""
         self._left = min(BURST * self.nodes, self._left + (now - self._since) * RATE * self.nodes)
         self._since = now
         if self._left < 1:
@@ -86,11 +86,11 @@ class Node:
         self.at: tuple[str, int] | None = None
         """IP address and port, once its host is found."""
         self.missed = False
-        """It has been said that its host is not found."""
+        """Whether it was logged that its host is not found."""
         self._heard: OrderedDict[bytes, float] = OrderedDict()
 
     def repeats(self, payload: bytes, now: float) -> bool:
-        """Whether it has sent this very datagram, id and all, a short time ago."""
+        """Whether it sent the same datagram, with its id, within `REPEATED_WITHIN`."""
         heard, digest = self._heard, hashlib.blake2b(payload, digest_size=16).digest()
         while heard and (len(heard) > REMEMBERED or now - next(iter(heard.values())) > REPEATED_WITHIN):
             heard.popitem(last=False)

@@ -1,8 +1,8 @@
 """A model of the radio between robots: who hears whom, what is lost, and how long it takes (mission field `radio`).
 
-It stands below the retries of mail: what it loses is sent again, as over a real radio. The model is pure: positions,
-sizes and seconds go in, fates come out, and equal seeds lose equal transmissions of each pair in whatever order the
-pairs speak. `RadioAir` binds it to a `commd`: it hears where the simulated robots are and lets time pass.
+It is below the retries of mail: lost batches are sent again, as over a real radio. The model is pure: positions, sizes
+and seconds go in, fates come out, and equal seeds lose equal transmissions of each pair, whatever other pairs do.
+`RadioAir` connects it to a `commd`: it subscribes to the positions of the simulated robots and lets time pass.
 """
 
 from __future__ import annotations
@@ -28,50 +28,48 @@ from schemas.wire.terms import to_float
 log = logging.getLogger("radio")
 
 POSITION = "global_pos"
-"""The percept that tells where a robot is: degrees of latitude and longitude."""
+"""The percept of a robot's position: degrees of latitude and longitude."""
 ASK_EVERY = 5.0
-"""Wall seconds between two questions where all robots are: a percept put may be lost, and one that stands still is not
-told again."""
-
-"""Latitude and longitude in degrees."""
+"""Wall seconds between two queries of all positions: a percept may be lost, and an unchanged one is not published
+again."""
 
 
 @dataclass(frozen=True)
 class Fate:
-    """What becomes of a transmission."""
+    """The fate of a transmission."""
 
     arrives: float
-    """When it is over, in the seconds of whoever asked."""
+    """When it ends, in seconds of the caller's clock."""
     lost: bool
-    """By chance; whether the two hear each other is asked when it is over."""
+    """By chance; the range is checked when it ends."""
 
 
 class RadioModel:
-    """One radio per robot; a line of its own for each direction of a pair."""
+    """One radio per robot; a channel for each direction of a pair."""
 
     def __init__(self, radio: Radio, salt: str = "") -> None:
-        """`salt` tells apart models with one seed that stand for different ends."""
+        """`salt` distinguishes models with one seed at different boards."""
         self._radio, self._salt = radio, salt
         self._positions: dict[str, Position] = {}
         self._chances: dict[tuple[str, str], random.Random] = {}
         self._free_at: dict[tuple[str, str], float] = {}
 
     def place(self, robot: str, position: Position) -> None:
-        """A robot is there now."""
+        """Set the position of a robot."""
         self._positions[robot] = position
 
     def distance(self, one: str, other: str) -> float | None:
-        """Metres over ground between two robots; None while it is not known where both are."""
+        """Return the metres over ground between two robots; None while a position is unknown."""
         here, there = self._positions.get(one), self._positions.get(other)
         return None if here is None or there is None else geo.distance(here, there)
 
     def in_range(self, one: str, other: str) -> bool:
-        """Whether two robots hear each other; those of which it is not known where they are do."""
+        """Whether two robots are within range; True while a position is unknown."""
         distance = self.distance(one, other)
         return self._radio.range is None or distance is None or distance <= self._radio.range
 
     def send(self, now: float, sender: str, receiver: str, size: int) -> Fate:
-        """Put `size` bytes on the air at `now`, after what is on this line already."""
+        """Send `size` bytes at `now`, after earlier transmissions on this channel."""
         line = (sender, receiver)
         chance = self._chances.get(line)
         if chance is None:
@@ -83,15 +81,15 @@ class RadioModel:
 
 
 class RadioAir:
-    """The air of one board's `commd`: agents speak by the radio of their robots.
+    """The radio of one board's `commd`: agents use the radio of their robots.
 
-    An agent without a robot is a station that everybody hears: it has no range, but loss, delay and bandwidth. Agents
-    of one robot need no radio.
+    An agent without a robot is a station without limit of range, but with loss, delay and bandwidth. Agents of one
+    robot need no radio.
     """
 
     def __init__(self, bus: Bus, mission: Mission, radio: Radio, board: str) -> None:
         self.work: list[asyncio.Task[None]] = []
-        """What goes on for ever: whoever opens it watches it."""
+        """Tasks that must not end."""
         self.counters: Counter[str] = Counter()
         """radio_sent, radio_lost, radio_out_of_range: transmissions so far."""
         self._bus, self._robots = bus, robots_of(mission)
@@ -104,7 +102,7 @@ class RadioAir:
         log.warning("mail between boards is degraded on purpose, as the mission declares: %s", described(radio))
 
     async def run(self) -> None:
-        """Ask where the robots are now and then, for ever."""
+        """Query the positions of the robots, for ever."""
         while True:
             try:
                 await self._bus.ask_all(self._where, Perception, ASK_EVERY, self._heard)
@@ -113,14 +111,14 @@ class RadioAir:
             await asyncio.sleep(ASK_EVERY)
 
     def health(self) -> Health:
-        """Return what became of the transmissions, for the daemon's health."""
+        """Return the counts of transmissions for the daemon's health."""
         return Health(
             counters={name: float(count) for name, count in sorted(self.counters.items())},
             notes=(Note("radio_degraded", f"mail between boards is degraded as declared: {described(self._radio)}"),),
         )
 
     async def carries(self, sender: str, receiver: str, size: int) -> bool:
-        """Let one transmission take its time. Returns whether it arrived."""
+        """Wait for one transmission. Returns whether it arrived."""
         here, there = self._robots.get(sender, sender), self._robots.get(receiver, receiver)
         if here == there:
             return True
@@ -138,7 +136,7 @@ class RadioAir:
         parsed = keys.parse(key)
         robot = self._robots.get(parsed[1]) if parsed is not None else None
         if robot is None or perception.update == "remove":
-            return  # a robot whose bridge is gone stands where it was
+            return  # a robot without a bridge keeps its position
         position = [to_float(term) for term in perception.parameters[:2]]
         match position:
             case [float(latitude), float(longitude)] if math.isfinite(latitude) and math.isfinite(longitude):
@@ -158,12 +156,12 @@ async def open_air(bus: Bus, mission: Mission, radio: Radio, board: str) -> Asyn
 
 
 def robots_of(mission: Mission) -> Mapping[str, str]:
-    """The robot of each agent and client that has one."""
+    """Return the robot of each agent and client that has one."""
     return {agent: robot for robot in mission.robots for agent in mission.agents_of(robot)}
 
 
 def described(radio: Radio) -> str:
-    """What is wrong with the air, in words."""
+    """Return the limits of the radio, for people."""
     parts = [f"range {radio.range}"] if radio.range is not None else []
     parts += [f"loss {radio.loss:g}"] if radio.loss else []
     parts += [f"delay {radio.delay}"] if radio.delay else []

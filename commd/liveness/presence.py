@@ -1,7 +1,9 @@
-"""Whether agents are alive, as far as their liveliness tokens tell (design section 9).
+"""Judge who is alive, by liveliness tokens (`Presence`) and health records (`Silence`). Pure: events and wall seconds
+go in.
 
-A token that is missing proves a death only through a live router: when a router restarts, the tokens of its board go
-and come back, and when the own one does, all go. Pure: token and router events and wall seconds go in.
+A missing token proves a death only through a live router: when a router restarts, the tokens of its board end and come
+back, and when our own does, all end. A token alone proves no life: Zenoh's threads hold it while the event loop hangs
+in a function that does not return. The health record that the loop puts once a second does.
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ from schemas.liveness import AGENT_GRACE, BUS_GRACE, FIRST_HEALTH, ROUTER_GRACE,
 
 
 class Presence:
-    """The tokens of some agents (None: of all that come). Who never came cannot be lost, unless it is expected.
+    """The tokens of some agents (None: of all). An agent that never appeared cannot be lost, unless it is expected.
 
-    An agent that is lost stays so until a token of it comes. `board_of` says on which board an agent lives: one that
-    goes together with its board's `commd` may only have lost its router, or the link to us.
+    A lost agent stays so until its token appears. `board_of` returns an agent's board: an agent that disappears
+    together with its board's `commd` may only have lost its router, or the link to us.
     """
 
     def __init__(
@@ -30,24 +32,24 @@ class Presence:
         self._agents = None if agents is None else frozenset(agents)
         self._board_of = board_of
         self._tokens: dict[str, set[str]] = {}
-        """Those that are there now; none is empty."""
+        """Present tokens by agent; none is empty."""
         self._absent_since: dict[str, float] = {}
         self._expected: dict[str, float] = {}
-        """Of those that are absent since the start: until when they may come."""
+        """Of agents that are absent since the start: until when they may appear."""
         self._lost: dict[str, str] = {}
         self._boards: dict[str, set[str]] = {}
         self._board_since: dict[str, float] = {}
-        """When the `commd` of a board came or went last, if it ever went."""
+        """When the `commd` of a board last appeared or ended, if it ever ended."""
         self._router_since = -math.inf
         self._router_up = True
 
     def expect(self, agent: str, wall: float) -> None:
-        """An agent was there in a former life of ours: it is absent until it comes, and may be lost."""
+        """Expect an agent that was present before this process started: it counts as absent, and may be lost."""
         if self._watches(agent):
             self._absent_since[agent], self._expected[agent] = wall, wall + ROUTER_GRACE
 
     def token(self, agent: str, boot: str, alive: bool, wall: float) -> None:
-        """A token of an agent came or went."""
+        """Note that a token of an agent appeared or ended."""
         if not self._watches(agent):
             return
         tokens = self._tokens.get(agent)
@@ -62,7 +64,7 @@ class Presence:
                 self._absent_since[agent] = wall
 
     def board(self, board: str, boot: str, alive: bool, wall: float) -> None:
-        """The token of a board's `commd` came or went."""
+        """Note that the token of a board's `commd` appeared or ended."""
         boots = self._boards.setdefault(board, set())
         there = bool(boots)
         if alive:
@@ -73,39 +75,40 @@ class Presence:
             self._board_since[board] = wall
 
     def router(self, up: bool, wall: float) -> None:
-        """The connection to our own router came or went."""
+        """Note that the connection to our own router was made or lost."""
         if up != self._router_up:
             self._router_up, self._router_since = up, wall
             if up:
                 self._lost = {agent: why for agent, why in self._lost.items() if agent not in self._tokens}
 
     def forget(self, agent: str) -> None:
-        """An agent that is absent has ended for good: it is not lost either."""
+        """Forget an absent agent that has ended for good."""
         if agent not in self._tokens:
             for known in (self._absent_since, self._expected, self._lost):
                 known.pop(agent, None)
 
     def lost(self, wall: float) -> dict[str, str]:
-        """The agents that were there and are no more, each with the reason in words."""
+        """Return the lost agents, each with the reason for people."""
         if not self._router_up and wall >= self._router_since + BUS_GRACE:
             for agent in sorted(self.known() - set(self._lost)):
                 self._lost[agent] = f"no router for {wall - self._router_since:.0f} s"
         for agent in self._absent_since:
             if agent not in self._lost and wall >= self._lost_at(agent):
                 late = agent in self._expected
-                self._lost[agent] = "it has not come back since the bridge did" if late else "its token is gone"
+                self._lost[agent] = "it has not come back since the bridge restarted" if late else "no liveliness token"
         return dict(self._lost)
 
     @property
     def due(self) -> float:
-        """When the next agent is lost, in wall seconds, if nothing happens until then; infinite if none is."""
+        """The time at which the next agent is lost, in wall seconds, if nothing happens until then; infinite if
+        none."""
         waiting = [self._lost_at(agent) for agent in self._absent_since if agent not in self._lost]
         if not self._router_up and len(self._lost) < len(self.known()):
             waiting.append(self._router_since + BUS_GRACE)
         return min(waiting, default=math.inf)
 
     def _lost_at(self, agent: str) -> float:
-        """When an absent agent is lost, as things are now."""
+        """Return when an absent agent is lost, as things are now."""
         if not self._router_up:
             return self._router_since + BUS_GRACE
         since = self._absent_since[agent]
@@ -122,19 +125,19 @@ class Presence:
 
     @property
     def complete(self) -> bool:
-        """Whether somebody came, nobody is missing and the router is there: only an event can change what holds."""
+        """Whether an agent is present, none is missing and the router is up: only an event can change the judgement."""
         return self._router_up and not self._absent_since and bool(self._tokens)
 
     def there(self) -> set[str]:
-        """The agents that are there."""
+        """Return the present agents."""
         return set(self._tokens)
 
     def seems_there(self, agent: str) -> bool:
-        """Whether an agent is there, or was when one looked last and is not lost yet."""
+        """Whether an agent is present, or absent and not lost yet."""
         return agent not in self._lost and (agent in self._tokens or agent in self._absent_since)
 
     def known(self) -> set[str]:
-        """The agents that are there, or were."""
+        """Return the agents that are present or absent."""
         return self._tokens.keys() | self._absent_since.keys()
 
     def _watches(self, agent: str) -> bool:
@@ -142,27 +145,28 @@ class Presence:
 
 
 STALL = 1.5
-"""Wall seconds between two looks of ours after which it may be us who have not listened."""
+"""Wall seconds between two checks after which this process itself may have been stopped."""
 CATCH_UP = 2.0
-"""Wall seconds that others then have at least: their words wait to be heard."""
+"""Wall seconds that others then have at least: their records wait to be read."""
 
 
 class Silence:
-    """Tells which daemons say nothing. Who has no token is not found silent, but one that was stays so without it."""
+    """Finds daemons that are silent: alive by their token, without health records. A silent one stays so without its
+    token."""
 
     def __init__(self, patience: float = SILENT_AFTER) -> None:
-        """`patience`: wall seconds that a daemon may be silent between two words."""
+        """`patience`: wall seconds between two health records at most."""
         self.patience = patience
         self._until: dict[tuple[str, str], float] = {}
-        """By name and boot: when it is to have spoken at the latest."""
+        """By name and boot: when the next health record is due."""
         self._spoke: dict[str, str] = {}
-        """The boot under which each has spoken last."""
+        """The boot of the last health record of each."""
         self._hung: dict[str, str] = {}
-        """Those that say nothing, with their boot; they do so until they speak, or another life of them comes."""
+        """Silent daemons with their boots, until a health record, or a new process with that name."""
         self._looked = float("inf")
 
     def token(self, name: str, boot: str, alive: bool, wall: float) -> None:
-        """The token of a daemon came or went."""
+        """Note that the token of a daemon appeared or ended."""
         if not alive:
             self._until.pop((name, boot), None)
             return
@@ -172,23 +176,23 @@ class Silence:
             self._hung.pop(name, None)
 
     def word(self, name: str, boot: str, wall: float) -> None:
-        """A daemon has put its health."""
+        """Note a health record."""
         if (name, boot) in self._until:
             self._until[name, boot], self._spoke[name] = wall + self.patience, boot
             self._hung.pop(name, None)
 
     def excuse(self, wall: float, seconds: float) -> None:
-        """We may have missed words: nobody falls silent for some time."""
+        """Extend all due times: this process may have missed records."""
         for life, until in self._until.items():
             self._until[life] = max(until, wall + seconds)
 
     def silent(self, wall: float) -> list[str]:
-        """Return who says nothing. To be asked about twice a second: after a longer pause it was we who slept."""
+        """Return the silent daemons. To be called about twice a second: a longer pause is this process's own."""
         if wall - self._looked > STALL:
             self.excuse(wall, CATCH_UP)
         self._looked = wall
         latest: dict[str, tuple[float, str]] = {}
-        for (name, boot), until in self._until.items():  # of two lives that overlap the new one speaks
+        for (name, boot), until in self._until.items():  # of two processes that overlap the new one counts
             latest[name] = max((until, boot), latest.get(name, (until, boot)))
         self._hung |= {name: boot for name, (until, boot) in latest.items() if wall >= until}
         return list(self._hung)

@@ -1,7 +1,6 @@
-"""The configuration of a board's router in a fleet whose boards trust each other no further than the mission says.
+"""The configuration of a board's router in a secured fleet, for `commd serve --config` or a `zenohd`.
 
-A file of it is what `commd serve --config` opens its router with; a `zenohd` understands it too. Between machines only
-mutual TLS, on the board only its socket, and access control lists on both that deny what
+Other machines connect by mutual TLS, daemons of the board by its socket; access control denies both what
 `schemas.mission.access_rules` does not grant (docs/guides/security.md).
 """
 
@@ -37,19 +36,19 @@ MESSAGES = {
 """Zenoh's messages by the right to send them."""
 EVERY = [message for messages in MESSAGES.values() for message in messages]
 LARGEST_MESSAGE = 2 * MAX_BYTES
-"""Bytes; the link of whoever sends a larger one is closed."""
+"""Bytes; a link that sends a larger one is closed."""
 MOST_LINKS = 800
-"""Machines and daemons that are linked to a router at once, some 50 kB each, and a file, or three for a machine
-(`commd.router.admission`). Zenoh counts both together, and can keep no room for either."""
+"""Links of machines and daemons to one router: about 50 kB each, and a file descriptor, or three for a machine
+(`commd.router.admission`). Zenoh counts both together."""
 HERE = "on this board"
-"""Subject of whoever connects by the board's socket: its file permissions are their password."""
+"""Subject of daemons that connect by the board's socket, whose file permissions admit them."""
 
 
 def router_settings(mission: Mission, board: str, *, socket: str, keys: Path | None) -> dict[str, Any]:
     """Return the settings of the router of `board`: its daemons connect at the path `socket`, other machines by TLS.
 
-    `keys` is the folder of the board's keys; without one no other machine is reached. Raises Findings for a mission
-    whose boards cannot be told apart, and for a manifest that cannot be read.
+    `keys` is the folder of the board's keys; without it no other machine is linked. Raises Findings for a mission with
+    ambiguous names, and for a manifest that cannot be read.
     """
     access_rules.check(mission)
     if board not in mission.board_names:
@@ -67,7 +66,7 @@ def router_settings(mission: Mission, board: str, *, socket: str, keys: Path | N
         "mode": "router",
         "metadata": {"name": f"commd/{board}"},
         "scouting": NO_SCOUTING,
-        # The address of a network that is not up yet must not keep the board's own daemons waiting.
+        # The board's own daemons must not wait for the address of a network that is not up yet.
         "listen": listening_late(endpoint, listen),
         "connect": dialling(connect),
         "transport": {
@@ -90,9 +89,9 @@ def router_settings(mission: Mission, board: str, *, socket: str, keys: Path | N
 
 
 def access_control(mission: Mission, board: str) -> dict[str, Any]:
-    """Return Zenoh's `access_control` for the router of a board: what is not allowed is denied.
+    """Return Zenoh's `access_control` for the router of a board, which denies what is not allowed.
 
-    Each link is judged by who is at its other end, not by where a message began: no board may relay another's.
+    A link is judged by its other end, not by the origin of a message: no board may relay for another.
     """
     rules = [_out("out", [f"{ROOT}/**"]), _out("out on this board", ["**", "@/**"])]
     subjects: list[dict[str, Any]] = [{"id": HERE, "link_protocols": ["unixsock-stream"]}]
@@ -104,7 +103,7 @@ def access_control(mission: Mission, board: str) -> dict[str, Any]:
         policies.append({"rules": [*(rule["id"] for rule in own), *further], "subjects": [subject]})
 
     def hide(sight: Sight) -> list[str]:
-        """Return the name of the rule that tells nothing beyond what somebody sees, if anything is beyond."""
+        """Return the name of the rule that hides what is beyond a sight, if anything is."""
         key_exprs, name = access_rules.hidden(sight), f"beyond {sight}"
         if key_exprs and all(rule["id"] != name for rule in rules):
             rules.append(_out(name, key_exprs) | {"permission": "deny", "messages": ["put", "delete", "reply"]})
@@ -150,17 +149,17 @@ class RouterFile:
 
     config: zenoh.Config
     listen: tuple[str, ...]
-    """The endpoints at which it listens, its own board's daemons' first."""
+    """The endpoints at which it listens; the first is for the board's own daemons."""
     secured: bool
-    """Access is controlled, and denied unless allowed."""
+    """Whether access is denied unless allowed."""
     tls: Tls | None
-    """By which it reaches other machines."""
+    """Keys for links to other machines."""
     most_links: int
-    """Machines and daemons that it takes at once."""
+    """Links at most."""
 
 
 def read(file: Path) -> RouterFile:
-    """Read a router's configuration. Raises Findings that say what is wrong with it."""
+    """Read a router's configuration. Raises Findings."""
     try:
         config = zenoh.Config.from_json5(file.read_text(encoding="utf-8"))
         names = ("mode", "listen/endpoints", "access_control", "transport/link/tls", "transport/unicast/max_sessions")
@@ -192,20 +191,20 @@ def read(file: Path) -> RouterFile:
 
 
 def listen_at(config: zenoh.Config, endpoint: str, others: Sequence[str]) -> None:
-    """Change where a router listens: at its board's endpoint, which it must have, and at others."""
+    """Set where a router listens: at its board's `endpoint`, which must succeed, and at others."""
     for key, value in listening_late(endpoint, others).items():
         config.insert_json5(f"listen/{key}", json.dumps(value))
 
 
 def _in(subject: str, rights: Rights) -> Iterator[dict[str, Any]]:
-    """The rules for what comes from a link, one for each right that is there."""
+    """Yield the rules for messages from a link, one for each right."""
     for right, messages in MESSAGES.items():
         if key_exprs := list(getattr(rights, right)):
             yield _rule(f"{subject}: {right}", messages, ["ingress"], key_exprs)
 
 
 def _out(name: str, key_exprs: Sequence[str]) -> dict[str, Any]:
-    """A rule for what goes to a link: nobody is told what he could not have asked for."""
+    """Return a rule for messages to a link."""
     return _rule(name, EVERY, ["egress"], key_exprs)
 
 
@@ -220,7 +219,7 @@ def _rule(name: str, messages: Sequence[str], flows: Sequence[str], key_exprs: S
 
 
 def _endpoints(endpoints: Any) -> tuple[str, ...]:
-    """Endpoints of `listen` or `connect`, which may be a list or one by mode, without what is said to each."""
+    """Return the endpoints of `listen` or `connect`, a list or a dict by mode, without their options."""
     if isinstance(endpoints, dict):
         endpoints = endpoints.get("router", [])
     return tuple(str(one).partition("#")[0] for one in endpoints or ())

@@ -1,6 +1,5 @@
-"""Which boards this board's router should be linked to by TLS and is not, and why: Zenoh retries without a word.
-
-And until when they let this board in, by its own certificate; and whether the router has room for more.
+"""Monitor the TLS links to other boards: which are missing and why (Zenoh retries silently), when this board's own
+certificate ends, and whether the router has room for more links.
 """
 
 from __future__ import annotations
@@ -22,22 +21,21 @@ from schemas.mission.model import Mission
 from schemas.wire.records import Health, Note
 
 LOOK = 5.0
-"""Wall seconds between two looks; a link that is missing at two of them is asked about."""
+"""Wall seconds between two checks; a link that is missing twice is diagnosed."""
 READ_AGAIN, READ_SOON = 600.0, 30.0
-"""Wall seconds after which the own certificate is looked at again, and when something was wrong with it: it takes a
-handshake."""
+"""Wall seconds until the own certificate is read again, and after a problem with it: reading takes a handshake."""
 NEARLY = 0.8
-"""Share of the links that a router takes, from which on it is told."""
+"""Share of the router's links from which on there is a warning."""
 log = logging.getLogger("links")
 
 
 class Links:
-    """Watches over the links to the boards that have an address."""
+    """Monitors the links to the boards that have an address."""
 
     def __init__(
         self, bus: Bus, mission: Mission, board: str, tls: Tls, *, look: float = LOOK, most: int | None = None
     ) -> None:
-        """`most`: the links that the router takes, if that is known."""
+        """`most`: the router's limit of links, if known."""
         self._bus, self._tls, self._look, self._most = bus, tls, look, most
         others = {other: endpoint_of(mission, other, "tls") for other in mission.boards if other != board}
         self._others = {other: endpoint for other, endpoint in others.items() if endpoint}
@@ -50,7 +48,8 @@ class Links:
         self._defect = ""
 
     def health(self) -> Health:
-        """Tell which links are missing, that the certificate ends or the room does, and how often one was refused."""
+        """Return notes of missing links, an ending certificate and a full router, and the counts of links and
+        refusals."""
         notes = list(self._ending)
         if self._full:
             notes.append(Note("links_full", self._full, value=self._links))
@@ -60,12 +59,12 @@ class Links:
         return Health(notes=tuple(notes), counters={"links": float(self._links), **tls_rejections.counters})
 
     async def watch(self) -> None:
-        """Look, ask and tell, for ever."""
+        """Check and diagnose, for ever."""
         while True:
             try:
                 await self._look_round()
                 self._defect = ""
-            except Exception as error:  # it is to look again, and what it knew before is to be doubted
+            except Exception as error:  # the next check may succeed; until then health shows the defect
                 what = f"defect in argosy: the watch over the links: {type(error).__name__}: {error}"
                 if what != self._defect:
                     log.exception("%s", what)
@@ -86,7 +85,7 @@ class Links:
         await asyncio.gather(*(self._ask(board) for board in asked))
 
     def _look_at_dates(self) -> None:
-        """Note what is to be said of our certificate; in the log once, and once more when it is good no longer."""
+        """Check our certificate; each state is logged once."""
         text, over = dates(self._tls, time.time())
         if text and (over, bool(text)) != self._said:
             if over:
@@ -98,7 +97,7 @@ class Links:
         self._read_again = time.monotonic() + (READ_SOON if text else READ_AGAIN)
 
     def _count(self, linked: Counter[str]) -> None:
-        """Note when the router has little room left, and who takes it: whoever comes then is refused without a word."""
+        """Note when few links are left, and who has most of them: Zenoh refuses further ones silently."""
         self._links = linked.total()
         if self._most is None or self._links < NEARLY * self._most:
             self._full = ""
@@ -117,7 +116,7 @@ class Links:
             log.info("linked board=%s", board)
 
     async def _ask(self, board: str) -> None:
-        why = await why_not(self._others[board], self._tls) or "it can be reached, and is not linked yet"
+        why = await why_not(self._others[board], self._tls) or "it is reachable, and not linked yet"
         if why != self._why.get(board):
             log.warning("no link board=%s endpoint=%s why=%s", board, self._others[board], why)
         self._why[board] = why
@@ -125,8 +124,7 @@ class Links:
 
 
 def dates(tls: Tls, now: float) -> tuple[str, bool]:
-    """Return in words that the certificate ends soon, or that the keys are good no more, and whether it is the latter;
-    nothing if all is well."""
+    """Return a text if the certificate ends soon or the keys are invalid, and whether they are invalid."""
     try:
         identity = identity_of(tls, now)
     except Findings as findings:
@@ -138,7 +136,7 @@ def dates(tls: Tls, now: float) -> tuple[str, bool]:
 
 @asynccontextmanager
 async def open_links(bus: Bus, mission: Mission, board: str, tls: Tls, most: int | None) -> AsyncIterator[Links]:
-    """Watch over the links of a board until the end; `most` as in `Links`."""
+    """Monitor the links of a board until the end; `most` as in `Links`."""
     links = Links(bus, mission, board, tls, most=most)
     watching = asyncio.create_task(links.watch())
     try:

@@ -1,15 +1,14 @@
-"""Renew links to other boards' routers over which nothing is known of what those boards serve.
+"""Renew links to other boards' routers that are up but carry no declarations.
 
 Zenoh's routers (1.10.2) declare what they serve when they compute the routing trees, at most once in 100 ms, and only
 to neighbours that the last computation did not have. A link that is lost and made again between two computations is not
-new to this router, but the other one has dropped all its declarations: it stays linked, and never hears of them again.
-This happens to a board that stood still for longer than its lease, because its links end and begin all together when it
-goes on (source: Zenoh's `hat/router`, `compute_trees`; reproduced in the tests).
+new to this router, but the other one has dropped all declarations, and never gets them again. This happens to a board
+that stood still for longer than its lease, as all its links then end and begin together (source: Zenoh's `hat/router`,
+`compute_trees`; reproduced in the tests).
 
-The symptom is a board that is linked and whose `commd` has no liveliness token here. This watchdog closes such a link.
-Zenoh dials again, and as nothing else changes at that moment, both routers declare everything. Zenoh's own threads hold
-the token, so a slow board has it. Only routers whose id names a board are judged: links of older versions and foreign
-routers stay.
+The symptom is a linked board whose `commd` has no liveliness token here. The watchdog closes such a link. Zenoh dials
+again, and as nothing else changes at that moment, both routers declare everything. A slow board has its token, which
+Zenoh's own threads hold. Only routers whose id shows a board are judged: older versions and foreign routers are not.
 """
 
 from __future__ import annotations
@@ -32,28 +31,28 @@ from schemas.wire import keys
 from schemas.wire.records import Health, Note
 
 LOOK = 1.0
-"""Wall seconds between two looks."""
+"""Wall seconds between two checks."""
 PATIENCE, PATIENCE_MOST = 4.0, 300.0
-"""Wall seconds for which a linked board may show no token, longer than a `commd` takes to claim its name; doubled with
-each renewal in vain, up to the second figure."""
+"""Wall seconds for which a linked board may have no token, longer than a `commd` takes to claim its name; doubled with
+each renewal without effect, up to the second figure."""
 REMEMBERED = 600.0
-"""Wall seconds for which health tells of a renewed link."""
+"""Wall seconds for which health has a note of a renewed link."""
 RENEWED = "link_renewed"
 """Code of the note about it."""
 log = logging.getLogger("links")
 
 
 class LinkWatchdog:
-    """Watches over the links of a board's router to those of other boards."""
+    """Watches the links of a board's router to those of other boards."""
 
     def __init__(self, bus: Bus, boards: Collection[str]) -> None:
         """`boards` are the other boards of the mission. Make it when the router has claimed its own name."""
         self._bus, self._boards = bus, boards
         self._tokens: dict[str, set[str]] = {}
-        """The tokens of the `commd` of each board that are here."""
+        """Present tokens of the `commd` of each board."""
         self._deaf_since: dict[str, float] = {}
         self._patience: dict[str, float] = {}
-        """By board, once a renewal was in vain."""
+        """By board, after a renewal without effect."""
         self._renewed: dict[str, float] = {}
         """When the link to a board was renewed last."""
         self.counters: Counter[str] = Counter()
@@ -61,7 +60,7 @@ class LinkWatchdog:
         self.running = asyncio.create_task(self._run())
 
     def look(self, now: float) -> None:
-        """Renew the links to boards that have been linked and unheard for too long; `now` in monotonic seconds."""
+        """Renew the links to boards that were linked without a token for too long; `now` in monotonic seconds."""
         ends: dict[str, list[tuple[str, str]]] = {}
         for zid, ours, theirs in self._bus.link_ends():
             if ours.startswith(("tcp/", "tls/")) and (board := owner_of(zid, self._boards)):
@@ -77,18 +76,18 @@ class LinkWatchdog:
             self._patience[board] = min(2 * patience, PATIENCE_MOST)
             del self._deaf_since[board]
             if sum(_close_connection(*pair) for pair in ends[board]):
-                text = "event=%s board=%s after=%.0fs: it was linked, but nothing was known of what it serves"
+                text = "event=%s board=%s after=%.0fs: it was linked, but its declarations were missing"
                 log.warning(text, RENEWED, board, now - since)
                 self.counters["links_renewed"] += 1
                 self._renewed[board] = now
 
     def health(self) -> Health:
-        """Tell which links were renewed of late."""
+        """Return notes of the links renewed within `REMEMBERED`, and counts."""
         now = time.monotonic()
         notes = tuple(
             Note(
                 RENEWED,
-                f"the link to {board} was made again: it was up, but nothing that {board} serves was known here",
+                f"the link to {board} was renewed: it was up, but the declarations of {board} were missing here",
                 board,
             )
             for board, at in sorted(self._renewed.items())
@@ -109,7 +108,7 @@ class LinkWatchdog:
 
 @asynccontextmanager
 async def open_link_watchdog(bus: Bus, boards: Collection[str]) -> AsyncIterator[LinkWatchdog]:
-    """Watch over the links of a board's router until the end; arguments as in `LinkWatchdog`."""
+    """Watch the links of a board's router until the end; arguments as in `LinkWatchdog`."""
     watchdog = LinkWatchdog(bus, boards)
     try:
         yield watchdog
@@ -118,18 +117,18 @@ async def open_link_watchdog(bus: Bus, boards: Collection[str]) -> AsyncIterator
 
 
 def _close_connection(ours: str, theirs: str) -> bool:
-    """Shut down the TCP connection of this process between two endpoints of Zenoh's; False = there is none.
+    """Shut down this process's TCP connection between two endpoints of Zenoh's; False = there is none.
 
-    Zenoh has no call that closes a link. It sees the connection end, as if the other side had ended it.
+    Zenoh has no call that closes a link. It sees the connection end, as if the other side had closed it.
     """
     try:
         wanted = _address(ours), _address(theirs)
-    except ValueError:  # it names no address
+    except ValueError:  # not an IP address
         return False
     for name in os.listdir("/proc/self/fd"):
         number = -1
         try:
-            number = os.dup(int(name))  # so that it stays the same connection until it is shut down
+            number = os.dup(int(name))  # so that the number refers to the same connection until it is shut down
             with socket.socket(fileno=number) as found:
                 number = -1
                 if found.family not in (socket.AF_INET, socket.AF_INET6):
@@ -137,7 +136,7 @@ def _close_connection(ours: str, theirs: str) -> bool:
                 if (_ends_at(found.getsockname()), _ends_at(found.getpeername())) == wanted:
                     found.shutdown(socket.SHUT_RDWR)
                     return True
-        except OSError:  # no descriptor any more, no socket, or not connected
+        except OSError:  # closed, no socket, or not connected
             if number >= 0:
                 os.close(number)
     return False
@@ -149,6 +148,6 @@ def _address(endpoint: str) -> tuple[IPv4Address | IPv6Address, int]:
 
 
 def _ends_at(name: Any) -> tuple[IPv4Address | IPv6Address, int]:
-    """Return the address and port in the name of a socket of IP."""
+    """Return the address and port in the name of an IP socket."""
     address = ip_address(str(name[0]).partition("%")[0])
     return getattr(address, "ipv4_mapped", None) or address, int(name[1])

@@ -1,4 +1,4 @@
-"""What a board tells `argosy doctor`: its clock, the room on its disk, and how it reaches the other boards."""
+"""Measure a board for `argosy doctor`: its clock, the room on its disk, and its links to the other boards."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from schemas.wire import keys
 from schemas.wire.records import BoardReport, Checkup, LinkReport
 
 ROUND_TRIPS = 5
-"""Tried with each board; the fastest tells the clock best."""
+"""Round trips to each board; the fastest gives the best estimate of the clock."""
 PATIENCE = 1.5
 """Wall seconds for a round trip."""
 FILLER = 16_384
-"""Bytes that are sent to see how fast a link is."""
+"""Bytes that are sent to measure the rate of a link."""
 FILLER_PATIENCE = 4.0
-"""Wall seconds that they may take: what needs longer carries less than 4 kB/s."""
+"""Wall seconds for them, which a link below 4 kB/s exceeds."""
 LINKS_WITHIN = 10.0
-"""Wall seconds for the links to all boards; what is not measured by then is told to be so."""
+"""Wall seconds for all links; the rest is reported as not measured."""
 MEASURED_FOR = 3.0
-"""Wall seconds for which links that were measured are told again: who asks often must not load them."""
+"""Wall seconds for which a measurement is repeated from memory, so that frequent queries do not load the links."""
 DISK_PATIENCE = 2.0
-"""Wall seconds that the disk has to say how much room it has."""
+"""Wall seconds for the disk to report its free space."""
 AT_MOST = 65_536
-"""Bytes of a question that are read."""
+"""Bytes of the largest query."""
 
 
 class SelfCheck:
     """Answers `{board}/checkup`."""
 
     def __init__(self, bus: Bus, board: str, others: Sequence[str], folder: Path) -> None:
-        """`others` are the boards to which links are measured, `folder` is where state is kept."""
+        """`others`: boards whose links are measured; `folder`: of the state."""
         self._bus, self._board, self._folder = bus, board, folder
         self._others = [other for other in others if other != board]
         self._measuring = asyncio.Lock()
@@ -71,7 +71,7 @@ class SelfCheck:
 
 
 async def measure_all(bus: Bus, boards: Sequence[str], within: float = LINKS_WITHIN) -> tuple[LinkReport, ...]:
-    """Measure the links to some boards one after the other: at the same time they would disturb each other."""
+    """Measure the links to boards one after the other, as they would disturb each other, in `within` wall seconds."""
     loop = asyncio.get_running_loop()
     until = loop.time() + within
     found: list[LinkReport] = []
@@ -85,7 +85,7 @@ async def measure_all(bus: Bus, boards: Sequence[str], within: float = LINKS_WIT
 
 
 async def measure(bus: Bus, board: str) -> LinkReport:
-    """Measure round trips to a board, by how much its clock is ahead, and how fast the link is."""
+    """Measure round trips to a board, how far its clock is ahead, and the rate of the link."""
     trips: list[tuple[float, float]] = []
     problem = ""
     for _ in range(ROUND_TRIPS):
@@ -101,7 +101,7 @@ async def measure(bus: Bus, board: str) -> LinkReport:
     rate = None
     try:
         with_filler, _ = await _round_trip(bus, board, "x" * FILLER, FILLER_PATIENCE)
-        if with_filler > 1.5 * fastest + 0.002:  # else the difference is noise, and the link is fast
+        if with_filler > 1.5 * fastest + 0.002:  # else the difference is noise
             rate = FILLER / (with_filler - fastest)
     except BusError as error:
         problem = f"{FILLER} bytes: {error}"
@@ -118,7 +118,7 @@ async def measure(bus: Bus, board: str) -> LinkReport:
 
 
 async def _round_trip(bus: Bus, board: str, filler: str, timeout: float) -> tuple[float, float]:
-    """Return how many wall seconds an answer took, and by how many its clock is ahead. Raises BusError."""
+    """Return the wall seconds of a round trip, and by how many the other clock is ahead. Raises BusError."""
     loop = asyncio.get_running_loop()
     began, sent = loop.time(), bus.stamp()
     report = await bus.ask_one(keys.checkup(bus.fleet, board), Checkup(filler=filler), BoardReport, timeout)
@@ -127,7 +127,7 @@ async def _round_trip(bus: Bus, board: str, filler: str, timeout: float) -> tupl
 
 
 async def room(folder: Path) -> tuple[int | None, int | None]:
-    """Return the bytes that are free for this process where a folder is, and all of them; None: not known."""
+    """Return the free bytes of a folder's file system for this process, and all bytes; None = unknown."""
     try:
         found = await asyncio.wait_for(asyncio.to_thread(os.statvfs, folder), DISK_PATIENCE)
     except (OSError, TimeoutError):

@@ -1,6 +1,5 @@
-"""Machines that this board's router refuses: Zenoh tells its own log alone, on standard output, and counts nothing.
-
-What it says there of handshakes is read, told in our log and counted for health. It does not say who it was.
+"""Report machines that this board's router refuses. Zenoh only logs failed handshakes, on standard output; these lines
+are read, logged and counted for health. They do not say who it was.
 """
 
 from __future__ import annotations
@@ -32,22 +31,22 @@ WORDS = (
     ("corrupt message", "it speaks no TLS"),
     ("eof", "it hung up"),
 )
-"""What stands in Zenoh's words, and what it means; the first that fits."""
+"""Parts of Zenoh's messages and their meaning; the first match counts."""
 TELL = 60.0
-"""Wall seconds between two lines about the same reason: who is refused dials again and again."""
+"""Wall seconds between two lines about the same reason: a refused machine keeps dialling."""
 LONGEST = 200
-"""Characters of words that are not known here."""
+"""Characters of a message that is not in `WORDS`."""
 REASONS = 100
-"""Reasons that are told apart: words that are not known here are Zenoh's, about what somebody sent."""
+"""Different reasons at most: unknown messages depend on what was sent."""
 log = logging.getLogger("refusals")
 counters: Counter[str] = Counter()
-"""What was refused in this process."""
+"""Refusals in this process."""
 _told: dict[tuple[str, str], float] = {}
 _untold: Counter[tuple[str, str]] = Counter()
 
 
 def tell(why: str, address: str = "") -> None:
-    """Count a machine that was refused, and tell of it in the log unless the same was told lately."""
+    """Count a refusal, and log it unless the same reason was logged within `TELL`."""
     counters[COUNTED] += 1
     reason = why, address
     if len(_told) >= REASONS and reason not in _told and why not in dict(WORDS).values():
@@ -60,9 +59,9 @@ def tell(why: str, address: str = "") -> None:
 
 
 def hear_refusals() -> None:
-    """Read what Zenoh says of handshakes, from now on. Not if RUST_LOG is set.
+    """Read Zenoh's messages about handshakes from now on, unless RUST_LOG is set.
 
-    Descriptor 1 is Zenoh's then; what agents print goes where it went, by `output.stdout` and by Python's `print`.
+    Descriptor 1 is Zenoh's then; `output.stdout` and Python's `print` still write to the former standard output.
     """
     if "RUST_LOG" in os.environ:
         return
@@ -84,5 +83,5 @@ def _read(descriptor: int) -> None:
 
 
 def in_words(said: str) -> str:
-    """Return what Zenoh says of a handshake as people would; words of others are shortened."""
+    """Return the meaning of Zenoh's message; an unknown one is shortened."""
     return next((words for part, words in WORDS if part in said), said[:LONGEST])

@@ -38,5 +38,5 @@ def test_an_agent_that_is_back_at_once_joins_its_flight_and_one_that_is_late_get
         bridge.until(lambda text: "agent uav is lost: hold" in text, "the copter is held")
         with running(*field.agents("uav")) as third:
             printed(third, "uav", "back 2")
-            assert printed(third, "uav", "interrupted") == "interrupted failed, agent uav is lost: its token is gone"
+            assert printed(third, "uav", "interrupted") == "interrupted failed, agent uav is lost: no liveliness token"
             printed(third, "uav", "arrived")

@@ -174,7 +174,8 @@ def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it(endpo
 
 
 @pytest.mark.parametrize(
-    ("state", "reason"), [("succeeded", ""), ("failed", "agent a is lost: its token is gone"), ("timed_out", "late")]
+    ("state", "reason"),
+    [("succeeded", ""), ("failed", "agent a is lost: no liveliness token"), ("timed_out", "late")],
 )
 def test_what_an_action_came_to_meanwhile_is_told_before_anything_else_goes_on(
     endpoint: str, tmp_path: Path, state: State, reason: str

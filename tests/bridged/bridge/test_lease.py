@@ -133,7 +133,7 @@ def test_who_has_the_robot_outlives_the_bridge(sky: Sky, tmp_path: Path) -> None
 
 def test_a_lost_holders_robot_is_brought_to_safety_first_and_then_anybodys(sky: Sky) -> None:
     async def body() -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("hold", 5.0), Step("rtl")))
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 5.0), Step("rtl")))
         for _ in range(100):
             sky.step()
             await asyncio.sleep(0)

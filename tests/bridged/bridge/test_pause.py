@@ -303,7 +303,7 @@ def test_a_dropped_action_is_cancelled_and_not_begun_again(sky: Sky) -> None:
 def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
         await pause(sky)
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 20)
         assert mode_of(sky) == "BRAKE"
         assert ("safety_deferred", "") in identities(sky.bridge.health().notes)
@@ -318,7 +318,7 @@ def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky) -> None:
 
 def test_a_sequence_for_a_lost_agent_begins_again_when_the_pause_is_over(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("hold", 10.0), Step("rtl")))
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 10.0), Step("rtl")))
         await passing(sky, 3)
         await pause(sky)
         await passing(sky, 30)

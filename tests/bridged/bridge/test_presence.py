@@ -77,7 +77,7 @@ def test_an_order_that_is_called_off_does_not_go_on_against_the_agent_that_is_ba
         orders = SafetyOrders(sky.bridge.action_server, sky.bridge.driver, sky.clock)
         deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
         sky.hears_us = lambda message: not deaf(message)
-        orders.agent_lost("uav", "its token is gone", [Step("rtl")])
+        orders.agent_lost("uav", "no liveliness token", [Step("rtl")])
         await asyncio.sleep(0)
         sky.wait(0.5)
         assert sky.commands(dialect.MAV_CMD_DO_SET_MODE)

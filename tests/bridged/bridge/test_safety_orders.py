@@ -67,7 +67,7 @@ def test_a_vehicle_that_the_pilot_has_is_left_to_the_pilot_when_the_agent_is_los
         take_over(sky)
         await passing(sky, 3)
         sent = len(sky.commands(dialect.MAV_CMD_DO_SET_MODE))
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 20)
         assert mode_of(sky) == "LOITER"
         assert len(sky.commands(dialect.MAV_CMD_DO_SET_MODE)) == sent
@@ -78,7 +78,7 @@ def test_a_vehicle_that_the_pilot_has_is_left_to_the_pilot_when_the_agent_is_los
 
 def test_a_pilot_who_takes_over_while_the_vehicle_holds_for_a_lost_agent_keeps_it(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 3)
         assert mode_of(sky) == "BRAKE"
         take_over(sky)
@@ -92,7 +92,7 @@ def test_a_pilot_who_takes_over_while_the_vehicle_cannot_be_heard_keeps_it(sky: 
     async def body(sky: Sky) -> None:
         sky.we_hear = lambda message: False
         await passing(sky, 8)
-        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("rtl"),))
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
         await passing(sky, 2)
         take_over(sky)
         sky.we_hear = lambda message: True
@@ -115,7 +115,7 @@ def test_an_agents_own_way_home_is_no_takeover_when_it_shows_only_after_a_lost_l
 
 def test_a_lost_agents_vehicle_that_nobody_took_over_holds_and_returns(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 3)
         assert mode_of(sky) == "BRAKE"
         await passing(sky, 10)
@@ -127,7 +127,7 @@ def test_a_lost_agents_vehicle_that_nobody_took_over_holds_and_returns(sky: Sky)
 def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_bridge_has_begun(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
         orders = sky.bridge.orders
-        orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 3)
         orders.agent_back("uav")
         await passing(sky, 9)
@@ -143,7 +143,7 @@ def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_bridge
 def test_an_agent_that_is_back_has_the_robot_from_its_first_action_on(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
         orders = sky.bridge.orders
-        orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 3)
         orders.agent_back("uav")
         await passing(sky, 3)
@@ -166,7 +166,7 @@ def test_an_order_ends_before_the_action_that_takes_control_begins(sky: Sky) -> 
     async def body(sky: Sky) -> None:
         deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
         sky.hears_us = lambda message: not deaf(message)
-        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("rtl"),))
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
         await passing(sky, 0.5)
         sky.hears_us = lambda message: True
         assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"
@@ -235,11 +235,11 @@ async def until_mode(sky: Sky, mode: str) -> None:
 def test_a_lost_agent_is_answered_for_when_the_operator_releases_the_robot(sky: Sky, when: str) -> None:
     async def body(sky: Sky) -> None:
         if when != "under the hold":
-            sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+            sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
             await passing(sky, 3 if when == "before the hold" else 15)
         await ordered(sky, "hold")
         if when == "under the hold":
-            sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+            sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 20)
         assert mode_of(sky) == "BRAKE"
         assert {("safety_deferred", ""), ("operator_order", "hold")} <= set(identities(sky.bridge.health().notes))
@@ -381,7 +381,7 @@ def test_a_pause_from_before_the_machine_was_started_goes_on(tmp_path: Path, mon
 def test_an_agent_that_is_back_during_the_operators_hold_has_time_to_take_control_after_it(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
         await ordered(sky, "hold")
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 2)
         sky.bridge.orders.agent_back("uav")
         await passing(sky, 30)
@@ -401,7 +401,7 @@ def test_an_agent_that_is_back_during_the_operators_hold_has_time_to_take_contro
 
 def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 2)
         await ordered(sky, "land")
         while sky.vehicle.copter.armed:
@@ -417,7 +417,7 @@ def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky: Sky)
 
 def test_a_robot_in_the_air_whose_agent_is_lost_is_an_alarm_when_no_sequence_has_it(sky: Sky) -> None:
     async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("hold"),))
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold"),))
         await idling(sky, 9, lost=True)
         assert (mode_of(sky), alarms(sky)) == ("BRAKE", [])
         await idling(sky, 15, lost=True)
@@ -466,7 +466,7 @@ def test_a_lost_agents_way_home_or_down_is_not_replaced_by_a_hold(sky: Sky, acti
     sky.wait(3)
 
     async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         assert home[-1].state == "failed"
         modes = set()
         for _ in range(30):
@@ -483,7 +483,7 @@ def test_a_vehicle_that_turned_home_while_it_could_not_be_heard_is_not_held(sky:
         await passing(sky, 0.5)
         sky.we_hear = lambda message: False
         await passing(sky, 8)
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(sky, 2)
         sky.we_hear = lambda message: True
         modes = set()
@@ -609,7 +609,7 @@ def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
 
     async def body(sky: Sky) -> None:
         sky.hears_us = refuse
-        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("hold", 1.0), Step("rtl")))
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 1.0), Step("rtl")))
         await passing(sky, 10)
         assert mode_of(sky) == "LAND"
 
@@ -622,7 +622,7 @@ def test_a_vehicle_that_this_life_of_the_bridge_has_not_heard_when_its_agent_is_
 ) -> None:
     async def body(again: Sky) -> None:
         again.we_hear = lambda message: False
-        again.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        again.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         await passing(again, 3)
         assert "never_heard" in {note.code for note in again.bridge.health().notes}
         again.we_hear = lambda message: True
@@ -646,7 +646,7 @@ def test_a_vehicle_whose_driver_cannot_be_told_one_order_is_told_the_next(
     monkeypatch.setattr(MavlinkDriver, "order", broken)
 
     async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", (Step("rtl"),))
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
         while mode_of(sky) != "LAND":
             await passing(sky, 1)
         while sky.bridge.lease.closed:
@@ -665,7 +665,7 @@ def test_a_defect_while_a_lost_agent_is_answered_for_does_not_keep_the_robot_fro
     monkeypatch.setattr(sky.clock, "sleep", broken)
 
     async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "its token is gone", HOME_AT_LAST)
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
         assert sky.bridge.lease.closed
         while sky.bridge.lease.closed:
             await passing(sky, 1)

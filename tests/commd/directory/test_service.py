@@ -315,7 +315,7 @@ def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkeypatch:
         async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
             assert (await a.ask("register", "x" * 1_000)).problem == ""
             problem = (await a.ask("register", "y" * 1_000)).problem
-            assert problem.endswith("bytes, and 2000 are the most")
+            assert problem.endswith("bytes, the limit is 2000")
             assert pi1.services.providers("y" * 1_000) == ()
             assert (await a.ask("deregister", "x" * 1_000)).problem == ""
             assert (await a.ask("register", "y" * 1_000)).problem == ""

@@ -192,7 +192,7 @@ def test_only_nodes_of_the_mission_are_heard_and_each_stranger_is_told_once(
         told = [record.getMessage() for record in caplog.records if record.getMessage().startswith("refused")]
         assert told == [
             "refused datagrams from 127.0.0.2: no node of the mission is there",
-            "refused sender=spy from 127.0.0.1: it is no node of the mission",
+            "refused sender=spy from 127.0.0.1: no node of the mission",
         ]
 
     in_the_field(free_port(), body)

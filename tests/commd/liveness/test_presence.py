@@ -24,7 +24,7 @@ def test_an_agent_that_never_came_cannot_be_lost() -> None:
 def test_a_missing_token_counts_after_a_grace_through_a_live_router(presence: Presence) -> None:
     presence.token("uav", "b1", False, 20.0)
     assert presence.lost(20.0 + AGENT_GRACE / 2) == {}
-    assert presence.lost(20.0 + AGENT_GRACE) == {"uav": "its token is gone"}
+    assert presence.lost(20.0 + AGENT_GRACE) == {"uav": "no liveliness token"}
 
 
 def test_an_agent_that_is_restarted_within_the_grace_was_never_lost(presence: Presence) -> None:
@@ -45,7 +45,7 @@ def test_an_agent_that_had_the_robot_before_the_bridge_restarted_is_lost_if_it_d
     presence.expect("other", 20.0)
     assert not presence.complete
     assert presence.lost(20.0 + ROUTER_GRACE - 0.1) == {}, "on a busy board a daemon takes its time to reconnect"
-    assert presence.lost(20.0 + ROUTER_GRACE) == {"other": "it has not come back since the bridge did"}
+    assert presence.lost(20.0 + ROUTER_GRACE) == {"other": "it has not come back since the bridge restarted"}
 
 
 def test_an_agent_that_is_expected_and_comes_is_lost_like_any_other_when_it_goes(presence: Presence) -> None:
@@ -54,7 +54,7 @@ def test_an_agent_that_is_expected_and_comes_is_lost_like_any_other_when_it_goes
     assert presence.complete
     assert presence.lost(30.0) == {}
     presence.token("other", "b1", False, 30.0)
-    assert presence.lost(30.0 + AGENT_GRACE) == {"other": "its token is gone"}
+    assert presence.lost(30.0 + AGENT_GRACE) == {"other": "no liveliness token"}
 
 
 def test_a_router_that_restarts_takes_no_agent_with_it(presence: Presence) -> None:
@@ -72,7 +72,7 @@ def test_an_agent_that_does_not_come_back_with_the_router_is_lost(presence: Pres
     presence.token("uav", "b1", False, 20.0)
     presence.router(True, 23.0)
     assert presence.lost(23.0 + ROUTER_GRACE - 0.1) == {}, "on a busy board a daemon takes its time to reconnect"
-    assert presence.lost(23.0 + ROUTER_GRACE) == {"uav": "its token is gone"}
+    assert presence.lost(23.0 + ROUTER_GRACE) == {"uav": "no liveliness token"}
 
 
 def test_who_came_is_known_until_the_bridge_ends(presence: Presence) -> None:
@@ -118,7 +118,7 @@ def test_an_agent_that_goes_together_with_its_boards_commd_has_time_to_come_back
     fleet.board("pi2", "b1", False, 20.0 + before)
     fleet.token("uav", "b1", False, 20.0)
     assert fleet.lost(20.0 + ROUTER_GRACE - 0.1) == {}
-    assert fleet.lost(20.0 + ROUTER_GRACE) == {"uav": "its token is gone"}
+    assert fleet.lost(20.0 + ROUTER_GRACE) == {"uav": "no liveliness token"}
 
 
 def test_a_router_of_another_board_that_restarts_takes_no_agent_with_it(fleet: Presence) -> None:
@@ -134,20 +134,20 @@ def test_an_agent_that_does_not_come_back_with_its_boards_router_is_lost(fleet: 
     fleet.board("pi2", "b1", False, 20.0)
     fleet.token("uav", "b1", False, 20.0)
     fleet.board("pi2", "b2", True, 23.0)
-    assert fleet.lost(23.0 + ROUTER_GRACE) == {"uav": "its token is gone"}
+    assert fleet.lost(23.0 + ROUTER_GRACE) == {"uav": "no liveliness token"}
 
 
 def test_an_agent_that_dies_on_a_board_that_stays_is_lost_after_the_short_grace(fleet: Presence) -> None:
     fleet.board("pi2", "b1", False, 20.0)
     fleet.board("pi2", "b2", True, 21.0)
     fleet.token("uav", "b1", False, 40.0)
-    assert fleet.lost(40.0 + AGENT_GRACE) == {"uav": "its token is gone"}
+    assert fleet.lost(40.0 + AGENT_GRACE) == {"uav": "no liveliness token"}
 
 
 def test_another_boards_router_says_nothing_of_the_agents_here(fleet: Presence) -> None:
     fleet.board("pi2", "b1", False, 20.0)
     fleet.token("other", "b1", False, 20.0)
-    assert fleet.lost(20.0 + AGENT_GRACE) == {"other": "its token is gone"}
+    assert fleet.lost(20.0 + AGENT_GRACE) == {"other": "no liveliness token"}
 
 
 def test_who_is_lost_stays_lost_until_it_comes_whatever_the_routers_do(fleet: Presence) -> None:
