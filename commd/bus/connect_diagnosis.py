@@ -1,6 +1,6 @@
-"""Why nobody is reached at an endpoint, in words: of a failed connection Zenoh says only that it failed.
+"""Diagnose why an endpoint is not reached: Zenoh reports only that a connection failed.
 
-What is asked here is asked again, apart from Zenoh, by the standard library's sockets and TLS.
+The connection is tried again with the standard library's sockets and TLS.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from commd.bus.tls import Identity, Tls, day, identity_of, shown_by
 from schemas.files.findings import Findings
 
 PATIENCE = 2.0
-"""Wall seconds that each step of an attempt may take: reaching the machine, and the handshake."""
+"""Wall seconds for each step of an attempt: the connection, and the handshake."""
 VERDICT = 0.5
-"""Wall seconds in which the other side says that it does not accept our certificate; it says nothing if it does."""
+"""Wall seconds for the other side to reject our certificate; it sends nothing if it accepts it."""
 HANGS_UP = "it hangs up before it says who it is: overloaded, or a router without keys"
 _PLACE = re.compile(r"(tcp|tls)/(?:\[([^\]]+)\]|([^:/?#]+)):(\d+)")
 _UNIX = "unixsock-stream/"
 _attempts: dict[tuple[str, Tls | None], Future[str]] = {}
-"""Those that are under way."""
+"""Attempts under way."""
 _lock = Lock()
 _OUR_DATES = {"SSLV3_ALERT_CERTIFICATE_EXPIRED"}
 _TRY_LATER = "TLSV1_ALERT_INTERNAL_ERROR"
-"""What `commd.router.admission` says to whom it lets begin no handshake for now."""
+"""The alert of `commd.router.admission` for a connection that may not begin a handshake now."""
 _OUR_NAME = {
     "TLSV1_ALERT_UNKNOWN_CA",
     "SSLV3_ALERT_BAD_CERTIFICATE",
@@ -40,7 +40,7 @@ _OUR_NAME = {
 
 
 async def why_not(endpoint: str, tls: Tls | None) -> str:
-    """Return in words why no router is reached at an endpoint, or nothing if nothing speaks against it."""
+    """Return why no router is reached at an endpoint, for people; empty if the attempt succeeded."""
     try:
         return await asyncio.wait_for(asyncio.wrap_future(_asked(endpoint, tls)), 3 * PATIENCE)
     except TimeoutError:
@@ -48,16 +48,16 @@ async def why_not(endpoint: str, tls: Tls | None) -> str:
 
 
 def _asked(endpoint: str, tls: Tls | None) -> Future[str]:
-    """Begin an attempt in a thread of its own, or join the one that is under way.
+    """Start an attempt in a thread of its own, or join the one under way.
 
-    A name service may keep a thread for long, and nobody can end it: so there is one for each endpoint at most, and
-    it is none of those that the rest of the process waits for.
+    A name service may block a thread for long, and nothing can end it: so there is at most one for each endpoint, and
+    no thread of a shared pool.
     """
     with _lock:
         if (under_way := _attempts.get((endpoint, tls))) is not None:
             return under_way
         asked = _attempts[endpoint, tls] = Future[str]()
-        asked.set_running_or_notify_cancel()  # from now on whoever waits no longer leaves it to the others
+        asked.set_running_or_notify_cancel()  # a waiter that is cancelled does not cancel it for the others
 
     def try_it() -> None:
         try:
@@ -76,7 +76,7 @@ def _asked(endpoint: str, tls: Tls | None) -> Future[str]:
 
 
 def attempt(endpoint: str, tls: Tls | None) -> str:
-    """Reach for an endpoint, and tell what went wrong; blocks for as long as `PATIENCE` and the name service take."""
+    """Try to connect, and return what went wrong; blocks for `PATIENCE` and the name service."""
     if endpoint.startswith(_UNIX):
         return _attempt_socket(endpoint.removeprefix(_UNIX))
     found = _PLACE.match(endpoint)
@@ -133,7 +133,7 @@ def _attempt_tls(connection: socket.socket, host: str, tls: Tls) -> str:
     try:
         with shown_by(connection, tls) as (theirs, session):
             return _judged(theirs, host) or _verdict(session, ours)
-    except Findings as findings:  # the files were replaced this moment
+    except Findings as findings:  # the files were just replaced
         return f"our own keys: {findings}"
     except ssl.SSLCertVerificationError as error:
         text = "who is there has a certificate that our ca.pem does not believe: another fleet's, or a revoked one"
@@ -153,7 +153,7 @@ def _attempt_tls(connection: socket.socket, host: str, tls: Tls) -> str:
 
 
 def _judged(theirs: Identity, host: str) -> str:
-    """Say what is wrong with the certificate that the other side shows at `host`."""
+    """Return what is wrong with the other side's certificate at `host`; empty if nothing is."""
     now = time.time()
     if now >= theirs.ends:
         return f"its certificate, `{theirs.name}`, expired on {day(theirs.ends)}: `argosy keys renew` makes another"
@@ -168,7 +168,7 @@ def _judged(theirs: Identity, host: str) -> str:
 
 
 def _verdict(session: ssl.SSLSocket, ours: Identity) -> str:
-    """Wait for the other side's word on our certificate."""
+    """Return why the other side rejects our certificate; empty if it does not."""
     session.settimeout(VERDICT)
     try:
         session.recv(1)

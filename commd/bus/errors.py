@@ -2,7 +2,7 @@
 
 BusError
 ├── AlreadyRunning (RuntimeError)     another live instance has this daemon's name
-├── BusClosed (ConnectionError)       no router, or the session is closed: nothing was sent
+├── BusClosed (ConnectionError)       no router, or the session is closed
 │   └── AccessDenied                  the router denies what this daemon needs
 ├── OtherMajor (ConnectionError)      commd speaks another major version of the records
 └── QueryFailed                       a query has no usable reply

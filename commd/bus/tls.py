@@ -1,7 +1,7 @@
-"""A machine's keys: who it says it is to other machines, and whom it believes (docs/guides/security.md).
+"""A machine's keys: its identity for other machines, and whom it trusts (docs/guides/security.md).
 
-A folder of keys holds `ca.pem` (the certificates of those that this machine believes), `cert.pem` (its own) and
-`key.pem` (its secret). `argosy keys` makes it; here it is only read, by what the standard library has.
+A folder of keys has `ca.pem` (trusted certificates), `cert.pem` (its own) and `key.pem` (its secret). `argosy keys`
+makes it; here it is only read, with the standard library.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from schemas.mission.model import DEFAULT_PORT, Mission
 ROOT, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
 """The files in a folder of keys."""
 SOON = 30 * 86_400.0
-"""Seconds before its end from which on a certificate is to be made anew."""
+"""Seconds before its end from which on a certificate should be renewed."""
 _NO_CHECK_TIME = 0x200000
-"""OpenSSL's X509_V_FLAG_NO_CHECK_TIME: a certificate is looked at in its own right first, then its dates are."""
+"""OpenSSL's X509_V_FLAG_NO_CHECK_TIME: the dates of a certificate are checked separately."""
 
 
 @dataclass(frozen=True)
 class Tls:
-    """The files by which a machine proves who it is, and by which it knows the others."""
+    """The files of a machine's keys."""
 
     root: Path
     certificate: Path
     key: Path
 
     def settings(self) -> dict[str, Any]:
-        """Return Zenoh's `transport/link/tls`: both sides show certificates, names must match, no link outlives one."""
+        """Return Zenoh's `transport/link/tls`: mutual TLS, names must match, a link ends with its certificate."""
         return {
             "root_ca_certificate": str(self.root),
             "listen_certificate": str(self.certificate),
@@ -53,12 +53,12 @@ class Tls:
 
 @dataclass(frozen=True)
 class Identity:
-    """What a certificate says."""
+    """The identity in a certificate."""
 
     name: str
-    """Its common name: the board, operator or observer."""
+    """Common name: the board, operator or observer."""
     addresses: tuple[str, ...]
-    """Host names and IP addresses that it may be reached at."""
+    """Host names and IP addresses of the machine."""
     begins: float
     """Unix time."""
     ends: float
@@ -70,22 +70,19 @@ class Identity:
 
 
 def files_in(folder: Path) -> Tls:
-    """Return the files of a folder of keys, whether they are there or not: it may be another machine's."""
+    """Return the paths of a folder of keys, which may be on another machine."""
     return Tls(folder / ROOT, folder / CERTIFICATE, folder / KEY)
 
 
 def tls_in(folder: Path) -> Tls:
-    """Return the keys in a folder, after a look at all but their dates: a clock may be set later.
-
-    Raises Findings that say what is wrong and what to do.
-    """
+    """Return the keys in a folder, checked except for their dates: a clock may be set later. Raises Findings."""
     tls = files_in(folder)
     identity_in(tls)
     return tls
 
 
 def identity_of(tls: Tls, now: float) -> Identity:
-    """Return who the keys say this machine is. Raises Findings for keys that no other machine would accept."""
+    """Return the identity in the keys. Raises Findings for keys that no other machine would accept."""
     identity = identity_in(tls)
     if words := out_of_date(identity, now):
         raise _wrong(tls.certificate, words)
@@ -93,7 +90,7 @@ def identity_of(tls: Tls, now: float) -> Identity:
 
 
 def identity_in(tls: Tls) -> Identity:
-    """Return who the keys say this machine is, whatever their dates. Raises Findings for keys that are wrong."""
+    """Return the identity in the keys, whatever their dates. Raises Findings for invalid keys."""
     for file, what in ((tls.root, "whom to believe"), (tls.certificate, "the certificate"), (tls.key, "its key")):
         _readable(file, what)
     if stat.S_IMODE(tls.key.stat().st_mode) & 0o077:
@@ -102,7 +99,7 @@ def identity_in(tls: Tls) -> Identity:
 
 
 def out_of_date(identity: Identity, now: float) -> str:
-    """Return in words that a certificate is not valid yet, or no more; empty if it is valid."""
+    """Return a text if a certificate is not valid yet, or has expired; empty if it is valid."""
     if now < identity.begins:
         text = f"the certificate of `{identity.name}` is valid from {day(identity.begins)} on, and this machine's clock"
         return f"{text} says {day(now)}: set the clock"
@@ -113,9 +110,9 @@ def out_of_date(identity: Identity, now: float) -> str:
 
 
 def check_board(tls: Tls, mission: Mission, board: str) -> None:
-    """Raise Findings for keys by which the other boards would not know this one, or would not reach it.
+    """Raise Findings for keys of another board, or for another address.
 
-    Their dates are no reason: without other machines a board goes on, and a clock may be set later
+    Dates are not checked: a board also works without other machines, and a clock may be set later
     (`commd.router.link_monitor`).
     """
     identity = identity_in(tls)
@@ -129,12 +126,12 @@ def check_board(tls: Tls, mission: Mission, board: str) -> None:
 
 
 def day(at: float) -> str:
-    """Return a Unix time as people write it."""
+    """Return a Unix time as text, in UTC."""
     return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(at))
 
 
 def _shown(tls: Tls) -> Identity:
-    """Shake hands with ourselves in memory, and read the certificate that the dialling side shows the other."""
+    """Make a TLS handshake with ourselves in memory, and return the identity that the client shows."""
     server, client = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     server.verify_mode = ssl.CERT_REQUIRED
     server.verify_flags = ssl.VerifyFlags(_NO_CHECK_TIME | ssl.VERIFY_X509_PARTIAL_CHAIN)
@@ -164,9 +161,9 @@ def _shown(tls: Tls) -> Identity:
 
 @contextmanager
 def shown_by(connection: socket.socket, tls: Tls) -> Iterator[tuple[Identity, ssl.SSLSocket]]:
-    """Shake hands over a connection that we made, and yield what the other side shows, whatever its dates and names.
+    """Make a TLS handshake, and yield the other side's identity, whatever its dates and names, and the session.
 
-    Raises ssl.SSLCertVerificationError if it is nobody whom the keys believe, other OSErrors if it is no TLS.
+    Raises ssl.SSLCertVerificationError if the keys do not trust it, other OSErrors if it is not TLS.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
@@ -199,7 +196,7 @@ def _read(certificate: dict[str, Any]) -> Identity:
 
 
 def _same(host: str) -> str:
-    """Return a host as its other spellings are, too: IPv6 addresses have several, and names have no case."""
+    """Return the canonical spelling of a host name or IP address."""
     try:
         return ip_address(host).compressed
     except ValueError:
@@ -219,7 +216,7 @@ def _readable(file: Path, what: str) -> None:
 
 
 def _no_password() -> str:
-    raise ValueError("is locked by a password: a daemon has nobody to ask for it")
+    raise ValueError("is protected by a password: a daemon cannot ask for it")
 
 
 def _wrong(file: Path, text: str) -> Findings:

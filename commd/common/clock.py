@@ -1,4 +1,4 @@
-"""The one clock of a process (design section 8): mission time, which runs `speed` times as fast as the wall."""
+"""The clock of a process: mission time, which runs `speed` times as fast as wall time."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class Clock:
         self.epoch = time.time()
         """Unix time in seconds at which mission time was 0."""
         self.zone: tzinfo = timezone(timedelta(seconds=time.localtime().tm_gmtoff))
-        """Where `.time` and `.date` tell the time of."""
+        """The time zone of `.time` and `.date`."""
 
     def now(self) -> float:
         """Return mission seconds since the start; never goes back."""
         return (time.monotonic() - self._start) * self.speed
 
     def wall(self) -> float:
-        """Return wall seconds since the start: for acknowledgements, liveliness, retries and link loss."""
+        """Return wall seconds since the start; for acknowledgements, liveliness, retries and link loss."""
         return time.monotonic() - self._start
 
     def stamp(self) -> int:
@@ -31,9 +31,9 @@ class Clock:
         return time.time_ns()
 
     def to_wall(self, mission_seconds: float) -> float:
-        """Return how many wall seconds a span of mission seconds takes."""
+        """Return the wall seconds of a span of mission seconds."""
         return mission_seconds / self.speed
 
     async def sleep(self, mission_seconds: float) -> None:
-        """Sleep for a span of mission time."""
+        """Sleep for a span of mission seconds."""
         await asyncio.sleep(max(0.0, self.to_wall(mission_seconds)))

@@ -1,4 +1,4 @@
-"""Work beside the one that began it: a task that fails is told as a defect, and all end together."""
+"""Run background tasks: a failure is reported, and all end together."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from contextlib import suppress
 from typing import Any
 
 TELL_AGAIN = 5.0
-"""Wall seconds after which a task that was cancelled and goes on is cancelled again: `wait_for` of Python 3.11 forgets
-a cancel that comes with what it waits for."""
+"""Wall seconds after which a cancelled task that still runs is cancelled again: `wait_for` of Python 3.11 loses a
+cancel that coincides with what it waits for."""
 
 
 class Tasks:
-    """The tasks of one owner; `len` is how many are under way."""
+    """The tasks of one owner; `len` is the number of running ones."""
 
     def __init__(self, what: str) -> None:
-        """`what` they do, in words, for what is told of one that fails."""
+        """`what` they do, for the report of a failure."""
         self._what = what
         self._running: set[asyncio.Task[None]] = set()
 
@@ -24,7 +24,7 @@ class Tasks:
         return len(self._running)
 
     def spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-        """Begin a task."""
+        """Start a task."""
         task = asyncio.get_running_loop().create_task(work)
         self._running.add(task)
         task.add_done_callback(self._ended)
@@ -36,7 +36,7 @@ class Tasks:
             task.cancel()
 
     async def end(self) -> None:
-        """Cancel all of them and wait until they have ended; one that goes on has forgotten it, and is told again."""
+        """Cancel all of them, again if needed, and wait until they have ended."""
         while self._running:
             self.cancel()
             await asyncio.wait(list(self._running), timeout=TELL_AGAIN)
@@ -49,7 +49,7 @@ class Tasks:
 
 
 async def wait_at_most(event: asyncio.Event, seconds: float | None) -> None:
-    """Wait for an event, at most so many wall seconds (None: until it comes)."""
+    """Wait for an event, at most `seconds` (wall; None = for ever)."""
     with suppress(TimeoutError):
-        async with asyncio.timeout(seconds):  # wait_for of Python 3.11 forgets a cancel that comes with the event
+        async with asyncio.timeout(seconds):  # wait_for of Python 3.11 loses a cancel that coincides with the event
             await event.wait()

@@ -1,5 +1,6 @@
 """Mail between agents, stored on disk until the receiver has it.
 
-`service` takes messages, `store` keeps them (`schema`, `queries`, `sqlite_file`, `page_checksums`), `delivery` sends
-each mailbox's messages in order by `transport`; `dead_letters` are those given up; `inspection` shows what waits.
+`service` accepts messages, `store` writes them (`schema`, `queries`, `message`, `sqlite_file`, `page_checksums`),
+`delivery` sends each line in order by `transport`; `dead_letters` gives up; `age_clock` counts the age of mail;
+`inspection` lists what waits.
 """

@@ -1,7 +1,11 @@
-"""How old mail is, without trust in the wall clock: seconds during which this computer ran, counted across its boots.
+"""The age of mail, without trust in the wall clock; and whether a mail file went back in time.
 
-A board without battery-backed clock starts in 1970 and jumps when it finds the time. So a message's `ttl` is counted by
-the kernel's clock since boot, and what it showed last is written down now and then: after a boot it goes on from there.
+A board without battery-backed clock starts in 1970 and jumps when it gets the time. So a message's `ttl` is counted by
+the kernel's clock since boot, which is saved in the mail file and continues from there after a boot.
+
+A restored backup looks to its own board like the file that it was. So each board remembers how far the mail clocks of
+the others had come before the present processes of their daemons, and publishes it with its services. A board whose
+file is older than that has lost mail that it had taken.
 """
 
 from __future__ import annotations
@@ -20,12 +24,12 @@ from schemas.wire.records import BoardServices, MailSeen, Note
 
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 SAVE_EVERY = 10.0
-"""Seconds between two notes of the time, while mail waits that expires."""
+"""Seconds between two saves of the clock while mail waits that expires."""
 _SINCE_BOOT = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 
 class _Shown(msgspec.Struct, frozen=True):
-    """What the clock showed at a moment of one boot of the kernel."""
+    """A saved reading of the clock."""
 
     time: float
     since_boot: float
@@ -33,12 +37,12 @@ class _Shown(msgspec.Struct, frozen=True):
 
 
 def since_boot() -> float:
-    """Return the seconds since the kernel started; they go on while the computer sleeps."""
+    """Return the seconds since the kernel started, time in suspend included."""
     return time.clock_gettime(_SINCE_BOOT)
 
 
 def kernel_boot() -> str:
-    """Return which boot of the kernel this is."""
+    """Return the id of this boot of the kernel; empty if unknown."""
     try:
         return BOOT_ID.read_text().strip()
     except OSError:
@@ -51,23 +55,23 @@ class MailClock:
     def __init__(self, since_boot: Callable[[], float] = since_boot, boot: str | None = None) -> None:
         self._since_boot, self._boot = since_boot, kernel_boot() if boot is None else boot
         self._zero = since_boot()
-        """What the kernel's clock shows when this one shows 0."""
+        """Reading of the kernel's clock at 0 of this one."""
         self.found: float | None = None
-        """What the file showed that it went on from, 0 for a new one; none = no file is open yet."""
+        """Reading in the file at the start, 0 for a new file; None = no file was read yet."""
         self.saved = 0.0
-        """What the file shows now."""
+        """Reading that is on disk."""
 
     def now(self) -> float:
-        """Return the time by which mail is dated."""
+        """Return the time of the mail clock, in seconds."""
         return self._since_boot() - self._zero
 
     def load_once(self, db: Connection) -> None:
-        """Go on from what a file says, unless that was done before."""
+        """Continue from the reading in a file, unless that was done before."""
         if self.found is None:
             self.load(db)
 
     def load(self, db: Connection) -> None:
-        """Go on from what a file says. In another boot at least the time since it began has passed in between."""
+        """Continue from the reading in a file. In a new boot at least the time since its start has passed."""
         found = schema.kept(db, "clock").get("mail")
         self.found = 0.0
         if found is None:
@@ -78,7 +82,7 @@ class MailClock:
         self._zero = (shown.since_boot if same else 0.0) - shown.time
 
     def save(self, db: Connection) -> float:
-        """Write down what the clock shows now. Returns it, for `saved` once it is on disk."""
+        """Save the present reading. Returns it, for `saved` once it is on disk."""
         now = self._since_boot()
         schema.keep(db, "clock", "mail", msgspec.json.encode(_Shown(now - self._zero, now, self._boot)))
         return now - self._zero
@@ -93,17 +97,17 @@ log = logging.getLogger("mail")
 
 
 class RollbackWitness:
-    """What a board has seen of the mail files of others, and what they have seen of its own."""
+    """What a board has seen of the mail clocks of others, and they of its own."""
 
     def __init__(self, board: str, boot: str, clock: MailClock) -> None:
-        """`boot` names this life of the board's daemon, `clock` is that of its mail file."""
+        """`boot`: of the board's daemon; `clock`: of its mail file."""
         self.seen: Mapping[str, MailSeen] = {}
         self.note: Note | None = None
-        """That the own file went back in time."""
+        """The warning that the own file went back in time."""
         self._board, self._boot, self._clock = board, boot, clock
 
     def load(self, db: Connection) -> None:
-        """Read what is on disk; a record that cannot be read is left out."""
+        """Read what is on disk, without unreadable records."""
         found: dict[str, MailSeen] = {}
         for board, value in schema.kept(db, _KIND).items():
             try:
@@ -113,7 +117,7 @@ class RollbackWitness:
         self.seen = {**found, **self.seen}
 
     def news(self, said: BoardServices) -> MailSeen | None:
-        """Return what is now seen of the mail file of the board that says this; None if that is known."""
+        """Return what a board's record shows of its mail clock; None if that is known."""
         known = self.seen.get(said.board, MailSeen())
         if not said.mail_time:
             return None
@@ -122,11 +126,11 @@ class RollbackWitness:
         return replace(known, time=said.mail_time) if said.mail_time > known.time else None
 
     def keep(self, db: Connection, board: str, seen: MailSeen) -> None:
-        """Write down what is seen of a board's file."""
+        """Save what was seen of a board's mail clock."""
         schema.keep(db, _KIND, board, msgspec.json.encode(seen))
 
     def judge(self, said: BoardServices) -> None:
-        """Compare the own file with what another board has seen of it before this life, and tell once."""
+        """Compare the own file with what another board has seen of it before this process, and warn once."""
         seen = said.mail_seen.get(self._board)
         if seen is None or self._clock.found is None or self.note is not None:
             return
@@ -135,7 +139,7 @@ class RollbackWitness:
             return
         text = (
             f"the mail file of board {self._board} went back in time by {behind:.0f} s, as board {said.board} has seen "
-            "it: mail taken since then is lost here, what it holds goes out again"
+            "it: mail taken since then is lost here, its old mail is sent again"
         )
         log.error("event=%s board=%s by=%.0fs seen_by=%s: %s", WENT_BACK, self._board, behind, said.board, text)
         self.note = Note(WENT_BACK, text, value=behind)

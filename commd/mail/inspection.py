@@ -1,4 +1,5 @@
-"""What `{board}/mailboxes` tells: the queues with their ages, and the newest dead letters."""
+"""List the queues and the newest dead letters of a mail file: for `{board}/mailboxes`, or from the file without its
+daemon."""
 
 from __future__ import annotations
 
@@ -19,13 +20,13 @@ from schemas.wire.codec import BadRecord, codec
 from schemas.wire.records import DeadLetter, Mailboxes, Message, Queue, Refusal
 
 QUEUES = 1_000
-"""Queues that are listed, those with the most messages."""
+"""Listed queues, those with the most messages."""
 DEAD, DEAD_BYTES = 100, 256 * 1024
-"""Dead letters that are listed, the newest, and their bytes."""
+"""Listed dead letters, the newest, and their bytes."""
 
 
 def list_mailboxes(db: Connection, now: float, state: Callable[[str], str]) -> Mailboxes:
-    """Return the queues at `now` of the mail clock, with what `state(line)` says of each, and the dead letters."""
+    """Return the queues at `now` of the mail clock, with `state(line)` of each, and the dead letters."""
     rows = db.execute(
         """SELECT line, sender, receiver, count(*), sum(size), min(posted) FROM mail
            GROUP BY line, sender, receiver ORDER BY count(*) DESC, sender, receiver LIMIT ?""",
@@ -62,11 +63,12 @@ def _newest_dead(db: Connection) -> list[DeadLetter]:
 
 
 _DAMAGE = (sqlite3.Error, OSError, BadRecord, msgspec.MsgspecError, ValueError, TypeError)
-"""What reading a damaged file raises: its texts, and SQLite's own about it, may be no UTF-8, its values of any type."""
+"""What reading a damaged file raises: its texts and SQLite's messages may not be UTF-8, its values of any type."""
 
 
 def mailboxes_of_file(path: Path) -> Mailboxes:
-    """Return what waits in a mail file, also beside the daemon that writes it. Raises Findings in words."""
+    """Return what waits in a mail file, even while its daemon writes it; nothing is written or locked. Raises
+    Findings."""
     try:
         if not path.is_file():
             raise _unreadable(path, "there is no such file")
@@ -77,7 +79,7 @@ def mailboxes_of_file(path: Path) -> Mailboxes:
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    """Open it to read. Without a log beside it nobody writes, and not even a lock is taken."""
+    """Open a file read-only; without a log beside it nobody writes, and no lock is needed."""
     alone = not path.with_name(f"{path.name}-wal").exists()
     return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}", uri=True)
 
@@ -87,7 +89,7 @@ def _read(db: sqlite3.Connection, path: Path) -> Mailboxes:
     if version != len(MIGRATIONS):
         told = "no board's mail" if version == 0 else f"of version {version}, this is version {len(MIGRATIONS)}"
         raise _unreadable(path, f"it is {told}")
-    db.execute("BEGIN")  # one state of the file for all that is asked
+    db.execute("BEGIN")  # one state of the file for all queries
     clock = MailClock()
     clock.load(db)
     listed = list_mailboxes(db, clock.now(), lambda line: "")

@@ -1,9 +1,9 @@
-"""Tells whether a database file is as it was written: a checksum of each page, in a file beside it.
+"""Detect damage to a database file by a checksum of each page, in a file beside it.
 
-SQLite finds damage that breaks its structure, not a flipped bit in a row. The pages of a database in WAL mode change
-only when its log is carried over, so that is done here (`PageChecksums.carry_over`), and costs as much as what has
-changed. The log has checksums of its own, by which SQLite leaves out what follows a damaged frame: `log_damage` says
-so.
+SQLite detects damage to its structure, not a flipped bit in a row. The pages of a database in WAL mode change only when
+its log is moved into it, so that is done here (`PageChecksums.carry_over`), at a cost by the number of changed pages.
+The log has checksums of its own, by which SQLite silently ignores what follows a damaged frame: `log_damage` reports
+it.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from commd.process.state_dir import make_private_file
 
 ENDING: Final = ".sums"
 _HEAD: Final = struct.Struct("<4sBxxxII")
-"""Magic, whether the sums are of the file as it is, size of a page, checksum of the sums."""
+"""Magic, whether the sums are valid for the file, size of a page, checksum of the sums."""
 _MAGIC: Final = b"ASUM"
 _LOG_HEAD, _FRAME_HEAD = 32, 24
 _LITTLE: Final = 0x377F0682
-"""The magic number of a log whose checksums are of little-endian words; of big-endian ones it is one more."""
+"""The magic number of a log with checksums of little-endian words; with big-endian ones it is one more."""
 
 
 class PageChecksums:
@@ -33,16 +33,16 @@ class PageChecksums:
     def __init__(self, path: Path) -> None:
         self._path, self._beside = path, path.with_name(path.name + ENDING)
         self._file = -1
-        """Stays open as long as the database: to close it would give up the locks that SQLite has on that."""
+        """Stays open as long as the database: closing it would release SQLite's locks."""
         self._page = 0
         self._sums = array("I")
         self._known = False
-        """Whether the sums are those of the file."""
+        """Whether the sums are valid for the file."""
 
     def damage(self) -> str:
-        """Read the sums and the file; say what is wrong with it, nothing if it is as it was written or was not summed.
+        """Compare the file with its sums. Returns what is wrong; empty if it is intact or has no valid sums.
 
-        To be called before SQLite opens the file.
+        Call it before SQLite opens the file.
         """
         try:
             data = self._beside.read_bytes()
@@ -58,20 +58,20 @@ class PageChecksums:
         if magic != _MAGIC or known > 1 or len(body) % 4 or zlib.crc32(data[: _HEAD.size - 4] + body) != check:
             return f"{self._beside.name} is damaged"
         if not known:
-            return ""  # its process died, or the power failed, while the log was carried over
+            return ""  # its process died, or the power failed, while the log was moved
         self._page, self._sums = page, array("I", body)
         with self._path.open("rb") as file:
             for number, expected in enumerate(self._sums):
                 if zlib.crc32(file.read(page)) != expected:
-                    return f"page {number + 1} is not as it was written"
+                    return f"page {number + 1} was changed after it was written"
             if file.read(1):
-                return f"there is more than the {len(self._sums)} pages that were written"
+                return f"it has more than the {len(self._sums)} pages that were written"
         self._known = True
         return ""
 
     def begin(self) -> None:
-        """SQLite is about to open the file: its pages may change until `carry_over`. Raises OSError."""
-        self.close()  # it may be another file
+        """Mark the sums as invalid until `carry_over`: SQLite is about to open the file. Raises OSError."""
+        self.close()  # it may be a new file
         self._known = False
         if self._path.exists():
             self._write(False)
@@ -84,9 +84,9 @@ class PageChecksums:
             return False
 
     def carry_over(self, database: sqlite3.Connection) -> None:
-        """Carry the log over into the database, and sum up the pages that this changes. Raises sqlite3.Error, OSError.
+        """Move the log into the database, and sum the changed pages. Raises sqlite3.Error, OSError.
 
-        What reads from the log now puts it off until the next call.
+        While a reader uses the log, this is postponed to the next call.
         """
         changed = self._pages_in_log() if self._known else None
         if changed == set():
@@ -111,7 +111,7 @@ class PageChecksums:
         self._known = True
 
     def close(self) -> None:
-        """The database is closed: let go of its file."""
+        """Close the file; call it after the database is closed."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -144,9 +144,9 @@ class PageChecksums:
 
 
 def log_damage(path: Path) -> str:
-    """Say what is wrong with the log of a database: SQLite leaves out what stands there and behind it, and goes on.
+    """Return what is wrong with a database's log, from where on SQLite silently ignores it; empty if it is intact.
 
-    To be called before SQLite opens the file. A last frame that is not whole is none.
+    Call it before SQLite opens the file. An incomplete last frame is not damage.
     """
     try:
         data = Path(f"{path}-wal").read_bytes()
@@ -158,7 +158,7 @@ def log_damage(path: Path) -> str:
     order = "<" if magic == _LITTLE else ">"
     sums = _log_sum(order, data[:24], (0, 0))
     if magic & ~1 != _LITTLE or sums != struct.unpack_from(">2I", data, 24):
-        return "the head of its log is damaged: what was written last is lost"
+        return "the header of its log is damaged: the last writes are lost"
     size = _FRAME_HEAD + page
     for at in range(_LOG_HEAD, len(data) - size + 1, size):
         sums = _log_sum(order, data[at : at + 8], sums)

@@ -1,4 +1,4 @@
-"""The tables of a board's mail file, and how a file of an older version becomes one of this version."""
+"""The tables of a board's mail file, their migrations, and its table of facts."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from sqlite3 import Connection
 
 MIGRATIONS = (
     """
-    -- Messages that wait, in the order in which they are to go out. A `line` is emptied from its front: `b` holds what
-    -- agent b of this board is to get, `a>b` what goes from a to the board of b. Times are those of the mail clock.
+    -- Waiting messages in the order of delivery. A `line` is delivered from its front: `b` has the messages to agent b
+    -- of this board, `a>b` those from a to b on another board. Times are those of the mail clock.
     CREATE TABLE mail(
         place INTEGER PRIMARY KEY,
         line TEXT NOT NULL,
@@ -33,7 +33,7 @@ MIGRATIONS = (
         UNIQUE(sender, receiver, numbering)
     );
 
-    -- Messages that were given up, the newest last.
+    -- Dead letters, the newest last.
     CREATE TABLE dead(
         place INTEGER PRIMARY KEY,
         code TEXT NOT NULL,
@@ -47,15 +47,15 @@ MIGRATIONS = (
         WITHOUT ROWID;
     """,
 )
-"""One script for each version; `PRAGMA user_version` of a file says how many of them it has seen."""
+"""One script for each version; `PRAGMA user_version` of a file counts those that were run."""
 
 
 class TooNew(Exception):
-    """A file that a newer version of this program has written."""
+    """A file of a newer version of this program."""
 
 
 def migrate(db: Connection) -> None:
-    """Bring a file to this version, step by step, each as a whole or not at all. Raises TooNew."""
+    """Bring a file to this version, each step in a transaction. Raises TooNew."""
     (version,) = db.execute("PRAGMA user_version").fetchone()
     if version > len(MIGRATIONS):
         raise TooNew(f"it is of version {version}, this commd knows versions up to {len(MIGRATIONS)}")
@@ -64,15 +64,15 @@ def migrate(db: Connection) -> None:
 
 
 def keep(db: Connection, kind: str, name: str, value: bytes) -> None:
-    """Keep a fact, instead of the one of the same kind and name."""
+    """Store a fact, in place of the one with this kind and name."""
     db.execute("INSERT OR REPLACE INTO facts(kind, name, value) VALUES(?, ?, ?)", (kind, name, value))
 
 
 def drop(db: Connection, kind: str, name: str) -> None:
-    """Forget a fact; nothing happens if there is none."""
+    """Delete a fact, if there is one."""
     db.execute("DELETE FROM facts WHERE kind = ? AND name = ?", (kind, name))
 
 
 def kept(db: Connection, kind: str) -> dict[str, bytes]:
-    """Return the facts of a kind by their names, in the order of the names."""
+    """Return the facts of a kind by their names, sorted."""
     return dict(db.execute("SELECT name, value FROM facts WHERE kind = ? ORDER BY name", (kind,)))

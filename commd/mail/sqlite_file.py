@@ -1,4 +1,4 @@
-"""A mail file as a file: opened for one process, checked, set aside when it is damaged; and what its errors mean."""
+"""Open a mail file for one process, check it, set it aside if it is corrupt; classify SQLite's errors."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from schemas.files.findings import Finding, Findings
 log = logging.getLogger("store")
 
 CACHE_KIB = 256
-"""Pages that each of the two connections keeps in memory."""
+"""KiB of pages that each of the two connections caches."""
 LOG_BYTES = 4 * 1024 * 1024
-"""Bytes of the write-ahead log before it is carried over into the file."""
+"""Bytes of the write-ahead log before it is moved into the file."""
 WAL_BYTES = 8 * 1024 * 1024
-"""A longer write-ahead log is cut back when its content has moved into the file."""
+"""Bytes of the write-ahead log to which it is truncated."""
 CORRUPT = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
 DISK = CORRUPT | {
     sqlite3.SQLITE_FULL,
@@ -34,24 +34,24 @@ DISK = CORRUPT | {
     sqlite3.SQLITE_LOCKED,
     sqlite3.SQLITE_NOMEM,
 }
-"""What is wrong with the disk or the file; any other error is a defect of the transaction that met it."""
+"""Errors of the disk or the file; any other error is a defect of the transaction."""
 PASSING = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM}
-"""What passes without opening the file anew."""
+"""Errors that may pass without opening the file again."""
 
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Hold a mail file for this process. Raises Findings if another one has it."""
+    """Lock a mail file for this process. Raises Findings if another process has it."""
     try:
         make_private_folder(path.parent)
         lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError as error:
-        raise Findings([Finding(str(path), 0, 0, f"cannot keep mail in this file: {error}")]) from None
+        raise Findings([Finding(str(path), 0, 0, f"cannot store mail in this file: {error}")]) from None
     try:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            text = "another commd keeps its mail in this file: give each its own --state"
+            text = "another commd stores its mail in this file: give each its own --state"
             raise Findings([Finding(str(path), 0, 0, text)]) from None
         yield
     finally:
@@ -59,8 +59,8 @@ def alone(path: Path) -> Iterator[None]:
 
 
 def connect(path: Path, synchronous: str) -> sqlite3.Connection:
-    """Open the database. Raises sqlite3.Error for what cannot be read as one."""
-    with suppress(OSError):  # SQLite says what is wrong with it
+    """Open the database. Raises sqlite3.Error."""
+    with suppress(OSError):  # SQLite reports it
         make_private_file(path)
     db = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=1.0)
     try:
@@ -76,45 +76,45 @@ def connect(path: Path, synchronous: str) -> sqlite3.Connection:
 
 
 def check(db: sqlite3.Connection) -> None:
-    """Raise DatabaseError (corrupt) unless the whole file can be read and is in order."""
+    """Raise DatabaseError (corrupt) unless the whole file passes SQLite's check."""
     (found,) = db.execute("PRAGMA quick_check(1)").fetchone()
     if found != "ok":
         raise corrupt(found)
 
 
 def corrupt(why: str) -> sqlite3.DatabaseError:
-    """Return the error of a file that is damaged."""
+    """Return the error of a corrupt file."""
     error = sqlite3.DatabaseError(why)
     error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
     return error
 
 
 def set_aside(path: Path, why: str) -> Path:
-    """Rename a corrupt file and what belongs to it. Returns its new path."""
+    """Rename a corrupt file and the files beside it. Returns its new path."""
     number = 1
     while (aside := path.with_name(f"{path.name}.corrupt-{number}")).exists():
         number += 1
     for end in ("-wal", "-shm", ENDING, ""):
         with suppress(FileNotFoundError):
             path.with_name(path.name + end).rename(aside.with_name(aside.name + end))
-    log.error("mail_store_corrupt file=%s why=%s set_aside=%s: its mail is lost, a new file begins", path, why, aside)
+    log.error("mail_store_corrupt file=%s why=%s set_aside=%s: its mail is lost, a new file is made", path, why, aside)
     return aside
 
 
 def code_of(error: BaseException) -> int:
-    """Return SQLite's primary error code, 0 for what has none."""
-    if isinstance(error, UnicodeDecodeError):  # of SQLite's message, which quotes a damaged schema
+    """Return SQLite's primary error code; 0 if there is none."""
+    if isinstance(error, UnicodeDecodeError):  # of SQLite's message, which quotes a corrupt schema
         return sqlite3.SQLITE_CORRUPT
     return int(getattr(error, "sqlite_errorcode", None) or 0) & 0xFF
 
 
 def may_pass(path: Path, error: Exception) -> bool:
-    """Whether a file that cannot be opened now may be opened later: its disk is full or fails."""
+    """Whether a file that cannot be opened now may be opened later: its disk is full or failing."""
     if code_of(error) in DISK - {sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY}:
         return not path.is_dir() and os.access(path if path.exists() else path.parent, os.R_OK | os.W_OK)
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 def words_for(error: Exception) -> str:
-    """Say what is wrong with the disk or the file."""
+    """Return what is wrong with the disk or the file, for people."""
     return "the disk is full" if code_of(error) == sqlite3.SQLITE_FULL else str(error)

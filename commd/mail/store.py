@@ -1,7 +1,7 @@
-"""The file in which a board keeps its mail: SQLite with one thread that writes and one that reads.
+"""A board's mail file: SQLite with a writer thread and a reader thread.
 
-What several callers ask to be written at the same time shares one commit. The event loop never waits for the disk; a
-caller waits until what it asked for is on disk, or learns that it is not.
+Concurrent writes share one commit. The event loop never waits for the disk; a caller waits until its transaction is on
+disk, or gets an error.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ Transaction: TypeAlias = Callable[[sqlite3.Connection], T]
 log = logging.getLogger("store")
 
 QUEUE = 1_000
-"""Transactions that may wait for the writer; further ones fail at once."""
+"""Transactions that may wait for the writer; further ones fail."""
 GROUP = 256
-"""Transactions that share one commit at most."""
+"""Transactions of one commit at most."""
 OPEN_AGAIN = 1.0
-"""Wall seconds until a file that could not be opened at the start is tried again."""
+"""Wall seconds between two attempts to open a file."""
 PATIENCE = 30.0
 """Wall seconds that a caller waits for the disk."""
 
 
 class StoreFailed(OSError):
-    """What was asked for is not on disk: the disk is full or broken, or the store is closing. Nothing of it is kept."""
+    """A transaction is not on disk, and nothing of it is kept: the disk is full or broken, or the store is closing."""
 
 
 class Store:
@@ -61,11 +61,11 @@ class Store:
         self.counters: Counter[str] = Counter()
         """`commits`, and `db_errors`: commits that failed."""
         self.note = ""
-        """What is wrong with the file now, in words."""
+        """What is wrong with the file now, for people."""
         self.set_aside: list[str] = []
-        """Names of the corrupt files that were set aside, since the start."""
+        """Names of the corrupt files that were set aside since the start."""
         self.damaged: list[str] = []
-        """What is missing of the file that was found at the start, in words."""
+        """What the file had lost at the start, for people."""
         self._sums = PageChecksums(path)
         self._count = count
         self._loop = asyncio.get_running_loop()
@@ -73,21 +73,21 @@ class Store:
         self._ready = Condition()
         self._closing = False
         self._suspect = False
-        """The reader has met something corrupt: the writer must look."""
+        """Whether the reader found corruption, which the writer must check."""
         self._uncounted = True
         self._generation = 0
-        """Counts how often the file was opened: the reader follows."""
+        """Number of times the file was opened; the reader opens it again after a change."""
         self._reader = ThreadPoolExecutor(1, "mail-reader")
         self._reading: tuple[int, sqlite3.Connection] | None = None
         self._db: sqlite3.Connection | None = None
-        """The writer's; none while the file cannot be opened."""
+        """The writer's; None while the file cannot be opened."""
         self._writer = Thread(target=self._work, name="mail-writer", daemon=True)
 
     async def write(self, transaction: Transaction[T]) -> T:
         """Run `transaction(connection)` in the writer's thread and return its result when it is on disk.
 
-        Raises StoreFailed if it is not, and what the transaction itself raises; nothing of it is kept then, unless the
-        disk takes at last what it had begun to write when `PATIENCE` was over.
+        Raises StoreFailed, and what the transaction itself raises; nothing of it is kept then, except that a write
+        which the disk had begun when `PATIENCE` ended may still succeed.
         """
         future: asyncio.Future[T] = self._loop.create_future()
         with self._ready:
@@ -104,7 +104,7 @@ class Store:
             raise StoreFailed(f"the disk has not answered for {PATIENCE:g} s") from None
 
     async def read(self, question: Transaction[T]) -> T:
-        """Run `question(connection)` in the reader's thread: it sees what is on disk. Raises StoreFailed."""
+        """Run `question(connection)` in the reader's thread, on what is on disk. Raises StoreFailed."""
         if self._closing:
             raise StoreFailed("the mail file is closed")
         return await self._loop.run_in_executor(self._reader, self._read, question)
@@ -132,24 +132,24 @@ class Store:
             raise StoreFailed(words_for(error)) from None
 
     def _work(self) -> None:
-        """Write what waits, one commit after the other, until the store closes."""
+        """Write the waiting transactions, one commit after the other, until the store closes."""
         while True:
             with self._ready:
                 while not (self._waiting or self._closing or self._suspect):
                     if not self._ready.wait(OPEN_AGAIN if self._db is None else None) and self._db is None:
-                        break  # an empty group opens it
+                        break  # an empty group opens the file
                 if not self._waiting and self._closing:
                     break
                 group = [self._waiting.popleft() for _ in range(min(GROUP, len(self._waiting)))]
-                # What a caller was told to have failed, or waits for no longer, is not written after all.
+                # A transaction whose caller got an error, or has stopped waiting, is not written.
                 group = [one for one in group if not one[1].done()]
             outcomes = self._commit([transaction for transaction, _ in group])
-            with suppress(RuntimeError):  # the loop is closed: nobody waits any more
+            with suppress(RuntimeError):  # the loop is closed: nobody waits
                 self._loop.call_soon_threadsafe(_settle, [future for _, future in group], outcomes)
         self._close()
 
     def _commit(self, group: list[Transaction[Any]]) -> list[Any]:
-        """Run a group of transactions as one. Returns each one's result, or the exception instead of it."""
+        """Run a group of transactions as one. Returns the result, or the exception, of each."""
         try:
             db = self._db or self._open()
             if self._suspect:
@@ -164,7 +164,7 @@ class Store:
         except (sqlite3.Error, OSError, TooNew) as error:
             self._failed(error)
             return [StoreFailed(words_for(error))] * len(group)
-        except Exception as error:  # the thread must outlive it: without it nobody could write any more
+        except Exception as error:  # the writer thread must survive it
             log.exception("defect in argosy: writing %s", self.path)
             self._failed(error)
             return [StoreFailed(f"defect in argosy: {error}")] * len(group)
@@ -189,33 +189,33 @@ class Store:
         return outcome
 
     def _recount(self, db: sqlite3.Connection) -> None:
-        """Count anew what is kept in memory about the file, after something was rolled back."""
+        """Count the file's contents again after a rollback."""
         if self._uncounted and self._count is not None:
             self._count(db)
         self._uncounted = False
 
     def _failed(self, error: Exception) -> None:
-        """Forget what was not committed, tell once why, and open the file anew if it is not just full."""
+        """Roll back, log the reason once, and close the file if it must be opened again."""
         self.counters["db_errors"] += 1
         self._uncounted = True
         if not self.note:
-            log.error("mail_store_failing file=%s why=%s: no mail is taken until it is well again", self.path, error)
-        self.note = f"no mail is taken: {words_for(error)} ({self.path})"
+            log.error("mail_store_failing file=%s why=%s: no mail is accepted until this ends", self.path, error)
+        self.note = f"no mail is accepted: {words_for(error)} ({self.path})"
         try:
             if self._db is not None and self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-                self._carry_over(self._db)  # the log may hold some of it
+                self._carry_over(self._db)  # the log may hold a part of it
             if self._db is not None and code_of(error) in DISK - PASSING:
                 self._close()
                 if code_of(error) in CORRUPT:
-                    self._begin_anew(str(error))
+                    self._replace_corrupt(str(error))
             if self._db is not None:
                 self._recount(self._db)
         except (sqlite3.Error, OSError, TooNew) as another:
             log.error("mail_store_failing file=%s why=%s", self.path, another)
 
     def _open(self) -> sqlite3.Connection:
-        """Open the file, or a new one if it is corrupt. Raises what SQLite and the file system say, and TooNew."""
+        """Open the file, or a new one if it is corrupt. Raises sqlite3.Error, OSError and TooNew."""
         try:
             damage = self._sums.damage()
             if told_of_log := log_damage(self.path):
@@ -234,11 +234,11 @@ class Store:
         except (sqlite3.Error, UnicodeDecodeError) as error:
             if code_of(error) not in CORRUPT:
                 raise
-            return self._begin_anew(str(error))
+            return self._replace_corrupt(str(error))
         return self._opened(db)
 
-    def _begin_anew(self, why: str) -> sqlite3.Connection:
-        """Set the file aside and make a new one."""
+    def _replace_corrupt(self, why: str) -> sqlite3.Connection:
+        """Set the corrupt file aside and make a new one."""
         self.set_aside.append(set_aside(self.path, why).name)
         self._sums.begin()
         db = connect(self.path, self.synchronous)
@@ -254,7 +254,7 @@ class Store:
         return db
 
     def _carry_over(self, db: sqlite3.Connection) -> None:
-        """Carry the log over into the file; what cannot be done now is done later."""
+        """Move the log into the file; if that fails now, it is done later."""
         with suppress(sqlite3.Error, OSError):
             self._sums.carry_over(db)
 
@@ -267,9 +267,8 @@ class Store:
     async def open(self) -> None:
         """Open the file, check it and bring it to this version; a corrupt one is set aside.
 
-        With a disk that is full or failing the store begins without its file, and opens it when the disk allows: a
-        board without mail is still a router. Raises Findings for a file that can never be used: of a newer version, or
-        where nothing may be written.
+        With a full or failing disk the store starts without its file, and opens it later: a board without mail is still
+        a router. Raises Findings for a file that can never be used: of a newer version, or without write permission.
         """
         try:
             await asyncio.to_thread(self._open)
@@ -280,7 +279,7 @@ class Store:
         self._writer.start()
 
     async def close(self) -> None:
-        """Write what waits and close the file."""
+        """Write the waiting transactions and close the file."""
         with self._ready:
             self._closing = True
             self._ready.notify()
@@ -297,8 +296,8 @@ async def open_store(
 ) -> AsyncIterator[Store]:
     """Open a board's mail file for this process alone, and close it at the end.
 
-    `count(connection)` runs in the writer's thread before the first transaction, and again after any was rolled back:
-    what is kept in memory about the file is to be counted there.
+    `count(connection)` runs in the writer's thread before the first transaction and after each rollback, to count the
+    file's contents.
     """
     with alone(path):
         store = Store(path, synchronous, count)
@@ -311,7 +310,7 @@ async def open_store(
 
 def _settle(futures: list[asyncio.Future[Any]], outcomes: list[Any]) -> None:
     for future, outcome in zip(futures, outcomes, strict=True):
-        if future.done():  # its caller waits no longer
+        if future.done():  # its caller has stopped waiting
             continue
         if isinstance(outcome, Exception):
             future.set_exception(outcome)

@@ -1,4 +1,4 @@
-"""The runs of missions on this machine whose router others would look for: `argosy run` finds itself a free port."""
+"""Find the routers of missions that run on this machine: `argosy run` may choose a free port."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ import msgspec
 from schemas.files.findings import Finding, Findings
 
 START_PATIENCE = 90.0
-"""Wall seconds that a run waits for another one that starts and wants the same router."""
+"""Wall seconds that a run waits for another one that starts with the same router."""
 
 
 class LocalRun(msgspec.Struct, frozen=True):
-    """A run that is under way: its file is locked for as long as the process lives."""
+    """A present run; its file is locked while the process lives."""
 
     fleet: str
     router: str
     """Endpoint of the first board's router."""
     network: int
-    """Network namespace: loopback of another one is not ours."""
+    """Inode of the network namespace, which has a loopback of its own."""
 
 
 @contextmanager
 def announced(fleet: str, router: str) -> Iterator[None]:
-    """Let others on this machine find the router of a run; where no file can be written they have to name it."""
+    """Let others on this machine find the router of a run; if no file can be written, they must name it."""
     path = _folder() / f"{os.getpid()}.json"
     try:
         path.parent.mkdir(mode=0o700, exist_ok=True)
@@ -50,11 +50,10 @@ def announced(fleet: str, router: str) -> Iterator[None]:
 
 @contextmanager
 def starting(router: str, waits: Callable[[], None], patience: float = START_PATIENCE) -> Iterator[None]:
-    """Let the runs that want one router choose their ports, and bind them, one after the other.
+    """Let the runs with one router choose and bind their ports one after the other.
 
-    Between the look at a port and the bind another run could take it, and whatever connects there would join its
-    fleet. `waits` is called once if another run starts; after `patience` seconds, or where no file can be written,
-    the run goes on.
+    Otherwise another run could bind a port that was found free, and clients would join its fleet. `waits` is called
+    once if another run is starting; after `patience` wall seconds, or if no file can be written, the run continues.
     """
     path = _folder() / f"{re.sub(r'[^0-9A-Za-z]+', '_', router)[:100]}.starting"
     try:
@@ -76,7 +75,7 @@ def starting(router: str, waits: Callable[[], None], patience: float = START_PAT
 
 
 def local_runs(fleet: str = "") -> list[LocalRun]:
-    """Return the runs that are under way, of this fleet or of all."""
+    """Return the present runs, of this fleet or of all."""
     found = []
     for path in sorted(_folder().glob("*.json")):
         with suppress(OSError, msgspec.DecodeError), path.open("rb") as file:
@@ -86,7 +85,7 @@ def local_runs(fleet: str = "") -> list[LocalRun]:
 
 
 def router_of(fleet: str, otherwise: str) -> str:
-    """Return the router of the one run here of this fleet (empty: of any); `otherwise` if there is none.
+    """Return the router of the only run of this fleet (empty: of any); `otherwise` if there is none.
 
     Raises Findings if there are several.
     """
@@ -107,7 +106,7 @@ def _locks(file: int) -> bool:
 
 
 def _is_stale(file: int) -> bool:
-    """Whether nobody holds the lock any more: the run was killed."""
+    """Whether nobody holds the lock: the run was killed."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -117,7 +116,7 @@ def _is_stale(file: int) -> bool:
 
 def _folder() -> Path:
     if not (folder := os.environ.get("XDG_RUNTIME_DIR")):
-        import tempfile  # which imports ten more: a program that names its router does without
+        import tempfile  # imports ten modules more, which a program that names its router does not need
 
         folder = tempfile.gettempdir()
     return Path(folder) / f"argosy-{os.getuid()}"

@@ -1,7 +1,7 @@
-"""What a daemon logs: one line for each record, with its level, for people, the journal and `argosy run`; no flood.
+"""Log one line per record, for people, the journal and `argosy run`, with flood control.
 
-Of each kind of message (its text before the values are filled in, and whose it is) `BURST` lines pass in each `WINDOW`.
-The rest is counted, and the count is logged at the end of the window.
+Of each kind of message (its template and subject) `BURST` lines pass in each `WINDOW`. The rest is counted, and the
+count is logged at the end of the window.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from schemas.wire.log_lines import cut
 BURST = 50
 """Lines of one kind that pass in one window."""
 WINDOW = 10.0
-"""Wall seconds of a window, which begins with its first line."""
+"""Wall seconds of a window from its first line."""
 KINDS = 500
-"""Kinds of messages of one window that are told apart; all further ones together are one more kind."""
+"""Kinds of messages in one window; all further ones count as one kind."""
 SUBJECTS = 500
-"""Agents, robots and boards whose last error is kept."""
+"""Agents, robots and boards whose last error is remembered."""
 PRIORITIES = {
     "DEBUG": output.DEBUG,
     "INFO": output.INFORMATIONAL,
@@ -37,7 +37,7 @@ PRIORITIES = {
     "ERROR": output.ERROR,
     "CRITICAL": output.CRITICAL,
 }
-"""The levels as syslog and the journal number them."""
+"""Levels by their numbers in syslog and the journal."""
 _SUBJECT = re.compile(r"(?:agent|robot|board)=%s")
 
 
@@ -47,7 +47,7 @@ class Flood:
     def __init__(self) -> None:
         self._counts: Counter[object] = Counter()
         self._last: dict[object, logging.LogRecord] = {}
-        """The newest record of each kind that did not pass."""
+        """The newest suppressed record of each kind."""
 
     def passes(self, kind: object, record: logging.LogRecord) -> bool:
         """Return whether a record may be written."""
@@ -60,13 +60,13 @@ class Flood:
         return False
 
     def suppressed(self) -> list[tuple[int, logging.LogRecord]]:
-        """Return how many records of each kind did not pass, and the newest of each."""
+        """Return the number of suppressed records of each kind, and the newest of each."""
         return [(self._counts[kind] - BURST, record) for kind, record in self._last.items()]
 
 
 @dataclass(frozen=True)
 class LastError:
-    """An error that was logged."""
+    """A logged error."""
 
     text: str
     at: float
@@ -74,7 +74,7 @@ class LastError:
 
 
 class LogHandler(logging.Handler):
-    """Writes records to an output, keeps a flood out and the last error in mind."""
+    """Writes records to an output with flood control, and remembers the last errors."""
 
     def __init__(self, output: Output, now: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
@@ -84,17 +84,17 @@ class LogHandler(logging.Handler):
         self._timer: threading.Timer | None = None
         self._errors: OrderedDict[str, LastError] = OrderedDict()
         self.errors = 0
-        """Errors logged so far, passed or not."""
+        """Errors logged so far, also the suppressed ones."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a record if it may pass. What is wrong with it is told here, not to whoever logs: it ends no loop."""
+        """Write a record unless it is suppressed. A record that cannot be formatted raises nothing to its caller."""
         try:
             self._take(record)
         except Exception as error:
             self._take(_plain(record, f"a line that cannot be told ({type(error).__name__}): {record.msg!r:.200}"))
 
     def _take(self, record: logging.LogRecord) -> None:
-        if not isinstance(record.msg, str):  # all that is no text is one kind
+        if not isinstance(record.msg, str):  # everything that is not text is one kind
             record = _plain(record, str(record.msg))
         subject = subject_of(record)
         if record.levelno >= logging.ERROR:
@@ -102,7 +102,7 @@ class LogHandler(logging.Handler):
         if self._now() >= self._window_end:
             self.end_window()
             self._window_end = self._now() + WINDOW
-        reports = getattr(record, "event", None) is not None  # whoever started this process acts on it
+        reports = getattr(record, "event", None) is not None  # the supervisor acts on it
         if reports or self._flood.passes((record.name, record.levelno, record.msg, subject), record):
             self._write(record)
         elif self._timer is None:
@@ -111,7 +111,7 @@ class LogHandler(logging.Handler):
             self._timer.start()
 
     def end_window(self) -> None:
-        """Write how many records of each kind did not pass in this window; the next record begins another one."""
+        """Log the number of suppressed records of each kind, and end the window."""
         self.acquire()
         try:
             if self._timer is not None:
@@ -129,7 +129,7 @@ class LogHandler(logging.Handler):
         self._output.write(self.format(record), priority, event=getattr(record, "event", None))
 
     def last_error(self, subject: str) -> LastError | None:
-        """Return the newest error that is about an agent, robot or board, or about nobody in particular."""
+        """Return the newest error about an agent, robot or board, or about none."""
         found = [one for name in (subject, "") if (one := self._errors.get(name)) is not None]
         return max(found, key=lambda one: one.at, default=None)
 
@@ -151,14 +151,14 @@ class LineFormatter(logging.Formatter):
         super().__init__(f"{prefix}%(message)s", "%H:%M:%S")
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the record as one line; of an error that was caught, what it is and where it was raised."""
+        """Return the record as one line, with the type, text and position of a caught error."""
         said, _, trace = super().format(record).partition("\n" if record.exc_info else "\0")
         if record.exc_info and os.environ.get("ARGOSY_DEBUG"):
             return f"{one_line(said)}\n{trace}"
         return one_line(f"{said} {trace}".rstrip())
 
     def formatException(self, ei: Any) -> str:
-        """Return what was raised and where; all of it with ARGOSY_DEBUG=1."""
+        """Return what was raised and where; the whole traceback with ARGOSY_DEBUG=1."""
         kind, error, trace = ei
         if os.environ.get("ARGOSY_DEBUG"):
             return "".join(traceback.format_exception(kind, error, trace)).rstrip()
@@ -168,7 +168,7 @@ class LineFormatter(logging.Formatter):
 
 
 def _plain(record: logging.LogRecord, text: str) -> logging.LogRecord:
-    """Return a record that says a text in place of what it said."""
+    """Return a copy of a record with another text."""
     return logging.LogRecord(record.name, record.levelno, record.pathname, record.lineno, "%s", (text,), None)
 
 
@@ -182,8 +182,7 @@ def _said(record: logging.LogRecord) -> str:
 def begin_logging(daemon: str) -> LogHandler:
     """Log to standard error from now on, as a daemon of this name, from level INFO on.
 
-    A line is `LEVEL daemon logger text`, with the time before it where the reader does not note that himself. A
-    `LogLine` has the text alone.
+    A line is `LEVEL daemon logger text`, after the time if the reader does not add it. A `LogLine` has only the text.
     """
     handler = LogHandler(stderr())
     when = "" if stderr().dates_its_lines else "%(asctime)s.%(msecs)03d "
@@ -193,17 +192,17 @@ def begin_logging(daemon: str) -> LogHandler:
 
 
 def handler_of_this_process() -> LogHandler | None:
-    """Return what this process logs by; None if it is no daemon."""
+    """Return this process's log handler; None if it is no daemon."""
     return next((one for one in logging.getLogger().handlers if isinstance(one, LogHandler)), None)
 
 
 def subject_of(record: logging.LogRecord) -> str:
-    """Return the agent, robot or board that a record is about; empty for one that does not begin with that."""
+    """Return the agent, robot or board that a record begins with; empty if there is none."""
     if not (record.args and isinstance(record.args, tuple) and _SUBJECT.match(str(record.msg))):
         return ""
     return str(record.args[0])
 
 
 def one_line(text: str) -> str:
-    """Return a text without line breaks and what a terminal takes for a command, that is Unicode, of bounded length."""
+    """Return a text as one line of valid Unicode, without terminal commands, of bounded length."""
     return cut(escape_line(text.rstrip("\n")))

@@ -1,4 +1,4 @@
-"""How late an event loop comes to what is due: what a process with too much to do shows first."""
+"""Measure how late an event loop runs due calls: the first sign of overload."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 LOOK = 0.25
-"""Wall seconds between two looks; a stall that is longer is seen for certain."""
+"""Wall seconds between two measurements; a longer stall is always noticed."""
 KEPT = 5
-"""Looks that count: those of the last second and a little more."""
+"""Measurements that count: those of about the last second."""
 
 
 class LoopLag:
-    """Looks at an event loop for as long as it runs."""
+    """Measures one event loop while it runs."""
 
     def __init__(self, now: Callable[[], float], call_at: Callable[[float, Callable[[], None]], object]) -> None:
         self._now, self._call_at = now, call_at
@@ -24,7 +24,7 @@ class LoopLag:
 
     @property
     def worst(self) -> float:
-        """Wall seconds by which the loop came too late at worst, a short time ago or now."""
+        """The worst delay in about the last second, in wall seconds."""
         return max(0.0, self._now() - self._due, *self._late)
 
     def _look(self) -> None:
@@ -38,7 +38,7 @@ _of_loops: WeakKeyDictionary[asyncio.AbstractEventLoop, LoopLag] = WeakKeyDictio
 
 
 def loop_lag() -> LoopLag:
-    """Return what looks at the running loop: one for all that ask."""
+    """Return the measurement of the running loop, one for all callers."""
     loop = asyncio.get_running_loop()
     found = _of_loops.get(loop)
     if found is None:

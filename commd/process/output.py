@@ -1,10 +1,8 @@
-"""What a daemon writes to its terminal, pipe or journal: by a thread, so that who does not read cannot stop it.
+"""Write a daemon's lines to a terminal, pipe or journal, on a thread of its own.
 
-To the journal each line begins with its priority, `<4>`, as sd-daemon(3) has it; to a supervisor that wants it, each is
-a `LogLine`.
-
-A paused pager, Ctrl-S or a parent that reads no more would otherwise hang the event loop in a write, and with it the
-heartbeats of a vehicle.
+A paused pager, Ctrl-S or a parent that stops reading would otherwise block the event loop in a write, and with it the
+heartbeats of a vehicle. Lines to the journal begin with their priority, `<4>` (sd-daemon(3)); a supervisor may ask for
+`LogLine`s.
 """
 
 from __future__ import annotations
@@ -24,12 +22,12 @@ from schemas.wire import log_lines
 from schemas.wire.log_lines import AnyEvent, Level, LogLine
 
 LINES = 10_000
-"""Lines that may wait for their reader; further ones are dropped, and counted in the next line that gets through."""
+"""Lines that may wait for their reader; further ones are dropped, and counted in the next line."""
 DEBUG, INFORMATIONAL, NOTICE, WARNING, ERROR, CRITICAL = 7, 6, 5, 4, 3, 2
 """Priorities as syslog(3) counts them."""
 _LEVELS: dict[int, Level] = {NOTICE: "notice", WARNING: "warning", ERROR: "error", CRITICAL: "error"}
 FLUSH = 0.5
-"""Wall seconds that the reader has for the last lines when the daemon ends."""
+"""Wall seconds for the reader to take the last lines when the daemon ends."""
 
 
 class Output:
@@ -41,7 +39,7 @@ class Output:
         """`structured`: each line is a `LogLine`."""
         self.structured = structured
         self.dropped = 0
-        """Lines so far that nobody read, or that could not be written."""
+        """Lines dropped so far: not read, or not writable."""
         self._descriptor, self._encoding = descriptor, encoding
         self._waiting: queue.Queue[bytes] = queue.Queue(lines)
         self._told = 0
@@ -50,23 +48,23 @@ class Output:
 
     @property
     def dates_its_lines(self) -> bool:
-        """Whether the reader notes himself when a line came, as the journal and `argosy run` do: both read a pipe or a
-        socket. A terminal and a file do not."""
+        """Whether the reader adds the time to lines: the journal and `argosy run` do, which read a pipe or a socket;
+        a terminal and a file do not."""
         try:
             return not (os.isatty(self._descriptor) or stat.S_ISREG(os.fstat(self._descriptor).st_mode))
         except OSError:  # closed: there is no reader
             return True
 
     def keep(self) -> None:
-        """Go on writing to where it writes now, whatever becomes of its descriptor."""
+        """Keep writing to the present file if its descriptor is replaced."""
         self._descriptor = os.dup(self._descriptor)
 
     def write(
         self, text: str, priority: int = INFORMATIONAL, *, agent: str = "", event: AnyEvent | None = None
     ) -> None:
-        """Write a line, or several that belong together, later; never waits.
+        """Queue one line, or several that belong together; never waits.
 
-        `agent`: whose program has printed it. `event`: what a supervisor acts on.
+        `agent`: whose program printed it. `event`: for the supervisor.
         """
         lines = escape_lines(text).split("\n")
         if self.structured:
@@ -75,7 +73,7 @@ class Output:
             records[0] = replace(records[0], event=event)
             data = b"\n".join(map(log_lines.encode, records))
         else:
-            # a text must not set a priority, or an agent, of its own
+            # a text must not fake a priority or an agent
             prefix = (f"<{priority}>" if self._to_journal else "") + (f"[{agent}] " if agent else "")
             data = "\n".join(f"{prefix}{line}" for line in lines).encode(self._encoding, "backslashreplace")
         try:
@@ -94,20 +92,20 @@ class Output:
             line = self._waiting.get()
             if self.dropped > self._told:
                 prefix = "<4>" if self._to_journal else ""
-                told = f"{prefix}({self.dropped - self._told} lines were dropped: nobody read them)\n"
+                told = f"{prefix}({self.dropped - self._told} lines were dropped: they were not read)\n"
                 line = told.encode() + line
                 self._told = self.dropped
             try:
                 while line:
                     line = line[os.write(self._descriptor, line) :]
-            except OSError:  # closed by its reader: there is nobody to tell
+            except OSError:  # closed by its reader
                 self.dropped += 1
                 self._told = self.dropped
             self._waiting.task_done()
 
 
 def _is_journal(descriptor: int) -> bool:
-    """Whether a descriptor is what systemd has connected to the journal."""
+    """Whether systemd has connected a descriptor to the journal."""
     try:
         found = os.fstat(descriptor)
     except OSError:
@@ -128,6 +126,6 @@ def stderr() -> Output:
 
 
 def flush() -> None:
-    """Give the readers of both a moment to take the last lines."""
+    """Flush both, for `FLUSH` seconds each at most."""
     stdout().flush()
     stderr().flush()

@@ -1,4 +1,4 @@
-"""A daemon as a process: signals, logs, and an exit code."""
+"""Run a daemon as a process: signals, logs, health records and an exit code."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ from schemas.wire.codec import BadRecord, Wire, codec
 from schemas.wire.records import VERSION, BoardServices, Health, Note
 
 NOTES = 50
-"""Warnings of one record; further ones are left out."""
+"""Warnings of one health record; further ones are left out."""
 GREETING = 2.0
-"""Wall seconds that a board's commd has to say which version it speaks."""
+"""Wall seconds for a board's commd to answer with its version."""
 LINGER = 1.0
-"""Wall seconds that threads have which are no daemons when the daemon has ended."""
+"""Wall seconds for non-daemon threads after the daemon has ended."""
 log = logging.getLogger("process")
 
 EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
 
 
 def add_router_argument(parser: ArgumentParser) -> None:
-    """Declare `--router` and `--keys`, which every daemon takes."""
+    """Declare `--router` and `--keys`, which every daemon has."""
     help_ = "Zenoh endpoint of the router (default: the mission's)"
     parser.add_argument("--router", metavar="ENDPOINT", type=endpoint_argument, help=help_)
     parser.add_argument("--keys", metavar="FOLDER", type=Path, help="keys of this machine, for tls/ endpoints")
 
 
 def tls_of(args: Namespace) -> Tls | None:
-    """Return the keys that `--keys` names. Raises Findings for keys that nobody would accept."""
+    """Return the keys of `--keys`. Raises Findings for keys that nobody would accept."""
     return None if args.keys is None else tls_in(args.keys)
 
 
@@ -66,9 +66,10 @@ def endpoint_argument(text: str) -> str:
 
 
 def run_daemon(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
-    """Run a daemon's `main(stop)` until it returns; SIGTERM, SIGINT and SIGHUP (the terminal or the ssh connection it
-    was started from is gone) set `stop`. Returns the exit code, unless threads that are no daemons outlive it: then the
-    process ends here."""
+    """Run a daemon's `main(stop)` until it returns, and return its exit code.
+
+    SIGTERM, SIGINT and SIGHUP (its terminal or ssh connection is closed) set `stop`. If non-daemon threads outlive it,
+    the process ends here."""
     code = _run(name, main)
     end_with_threads(code)
     return code
@@ -82,7 +83,7 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(_defect)
         for signum in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-            if signum != signal.SIGHUP or signal.getsignal(signum) != signal.SIG_IGN:  # ignored: under nohup
+            if signum != signal.SIGHUP or signal.getsignal(signum) != signal.SIG_IGN:  # ignored under nohup
                 loop.add_signal_handler(signum, stop.set)
         return await main(stop)
 
@@ -122,9 +123,9 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
 
 
 def end_with_threads(code: int, seconds: float = LINGER) -> None:
-    """End the process here, without the interpreter's own end, if threads are left that would keep it or abort it.
+    """End the process here, without the interpreter's shutdown, if threads are left that would delay or abort that.
 
-    What an extension leaves running must not outlive its end; Zenoh's opening and closing of a session must not be cut.
+    Threads of an extension must not outlive the daemon; Zenoh's opening and closing of sessions must not be aborted.
     """
     others = [one for one in threading.enumerate() if not one.daemon and one is not threading.main_thread()]
     if left := still_there([*others, *sessions_under_way()], seconds):
@@ -135,16 +136,16 @@ def end_with_threads(code: int, seconds: float = LINGER) -> None:
 
 
 def _defect(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Tell of an error that nothing caught in one line; `ARGOSY_DEBUG=1` adds where it came from."""
+    """Log an uncaught error in one line; with `ARGOSY_DEBUG=1` with its traceback."""
     error = context.get("exception")
     what = f"{type(error).__name__}: {error}" if error is not None else context["message"]
     log.error("defect in argosy: %s", what, exc_info=error if os.environ.get("ARGOSY_DEBUG") else None)
 
 
 async def greet(bus: Bus, boards: Iterable[str]) -> None:
-    """Ask the commd of each board for its services, to see whether it is understood. Raises OtherMajor if not.
+    """Query the commd of each board for its services, to compare versions. Raises OtherMajor.
 
-    One that does not answer may not be there yet: what it says later is noted by `Strangers`.
+    One that does not answer may not run yet: its later records are noted by `Strangers`.
     """
     for board in dict.fromkeys(boards):
         key = keys.services(bus.fleet, board)
@@ -159,12 +160,12 @@ async def greet(bus: Bus, boards: Iterable[str]) -> None:
 
 
 async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:
-    """Publish the daemon's health once a second, for ever: others take it for the sign that the daemon lives."""
+    """Publish the daemon's health once a second, for ever: others judge by it whether the daemon hangs."""
     loop = loop_lag()
     while True:
         try:
             health = details()
-        except Exception as error:  # a defect in a figure must not end the record that others live by
+        except Exception as error:  # a defect in a figure must not end the health records
             log.exception("defect in argosy: health of %s", name)
             health = Health(notes=(Note("defect", f"defect in argosy: {type(error).__name__}: {error}", "health"),))
         used = resource.getrusage(resource.RUSAGE_SELF)
@@ -194,7 +195,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
         )
         if bad := _unreadable(told, bus.wire):
             bus.counters["unsendable"] += 1
-            log.error("health of %s cannot be told: %s", name, bad)
+            log.error("health of %s cannot be sent: %s", name, bad)
             plain = {field: getattr(told, field) for field in ("header", "daemon", "pid", "uptime", "cpu", "version")}
             told = Health(**plain, notes=(Note("health_unsendable", one_line(f"its health cannot be sent: {bad}")),))
         bus.put(keys.health(bus.fleet, name, bus.daemon), told, urgent=True)
@@ -202,7 +203,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
 
 
 def _unreadable(health: Health, wire: Wire) -> str:
-    """Return why others could not read a record, whoever made its figures and words; empty if they can."""
+    """Return why a health record cannot be read by others; empty if it can."""
     made = codec(Health)
     try:
         made.decode(made.encode(health, wire), made.encoding(wire))
@@ -212,12 +213,12 @@ def _unreadable(health: Health, wire: Wire) -> str:
 
 
 def _with_unknown_fields(counters: dict[str, float], unknown: int) -> dict[str, float]:
-    """Add how many fields were ignored that this version does not know, if there were any: a newer sender is there."""
+    """Add the count of ignored unknown fields, if there were any: they come from a newer sender."""
     return {**counters, "unknown_fields": float(unknown)} if unknown else counters
 
 
 def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
-    """Return the newest error about this name, its age in seconds, and how many there were about anybody."""
+    """Return the newest error about this name, its age in seconds, and the number of all errors."""
     logs = handler_of_this_process()
     error = logs.last_error(name) if logs is not None else None
     if logs is not None and error is not None:
@@ -228,13 +229,13 @@ def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
 _OURS = str(Path(__file__).parents[2])
 _PACKAGES = ("schemas", "commd", "bridged", "agentd", "argosy")
 _LIBRARY = str(Path(os.__file__).parent)
-"""Both as frames have them, which know nothing of what a symbolic link leads to."""
+"""Both as in frames, with symbolic links unresolved."""
 
 
 def tell_when_aborted(tell: Callable[[str], None]) -> None:
-    """Call `tell(words)` at SIGABRT, which is what a watchdog sends, and end by it.
+    """Call `tell(words)` at SIGABRT, which a watchdog sends, then end by it.
 
-    It is told by Python, so not while C code hangs; then the process just ends.
+    Python calls it, so not while C code hangs; then the process just ends.
     """
 
     def aborted(number: int, frame: FrameType | None) -> None:
@@ -248,7 +249,7 @@ def tell_when_aborted(tell: Callable[[str], None]) -> None:
 
 
 def where(frame: FrameType | None) -> str:
-    """Say in which function a frame is: the innermost one of somebody else's code, if there is one."""
+    """Return the function of a frame: the innermost one of code that is not Argosy's, if there is one."""
     innermost = frame
     while frame is not None:
         file = frame.f_code.co_filename

@@ -1,7 +1,7 @@
-"""How often a daemon was started again: a note on disk that a life opens, and closes if it ends as it was told to.
+"""Count a daemon's restarts after failures, by a note on disk that is open while it runs.
 
-What was killed, or ended by an error, leaves its note open: the next life counts it. A machine that started anew begins
-at nought. A life begins when the daemon has joined the bus; one that fails before is for its supervisor to count.
+A process that was killed or failed leaves its note open, and the next one counts it. A boot of the machine resets the
+count. The note is opened when the daemon has joined the bus; earlier failures are its supervisor's to count.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from commd.process.state_dir import make_private_file, make_private_folder
 log = logging.getLogger("lives")
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
-MUTE = "its former life ended without a word: killed, or out of memory"
+MUTE = "the process before it ended without a message: killed, or out of memory"
 _open: list[RestartCounter] = []
 
 
 class _Note(msgspec.Struct, omit_defaults=True):
     machine: str = ""
-    """Which life of the machine."""
+    """Boot of the machine."""
     restarts: int = 0
     running: bool = False
     words: str = ""
-    """By what it failed."""
+    """How it failed."""
 
 
 class RestartCounter:
-    """A life of a daemon; `restarts` of None: how many were before it is not known."""
+    """The note of one process of a daemon; `restarts` is None if it is not known."""
 
     def __init__(self, path: Path, machine: str | None = None) -> None:
         self.restarts: int | None = None
-        """Lives before this one, since the machine started, that did not end as they were told to."""
+        """Failed processes before this one since the machine's boot."""
         self.before = ""
-        """How the life before ended, in words, if nobody had told it to."""
+        """How the process before this one failed, if it did."""
         self._path = path
         self._note = _Note(machine_life() if machine is None else machine, running=True)
         try:
@@ -54,12 +54,12 @@ class RestartCounter:
         self.restarts = self._note.restarts
 
     def end(self, words: str = "") -> None:
-        """Note how it ends: as it was told to, or in words by what it failed."""
+        """Note the end; `words`: how it failed, empty = as ordered."""
         self._note.running, self._note.words = bool(words), words
         try:
             self._write()
         except OSError as error:
-            log.warning("how this ends is not noted: %s: %s", self._path, error.strerror)
+            log.warning("the end of this process is not noted: %s: %s", self._path, error.strerror)
 
     def _former(self) -> _Note | None:
         try:
@@ -67,11 +67,11 @@ class RestartCounter:
         except FileNotFoundError:
             return None
         except msgspec.MsgspecError as error:
-            log.warning("restarts are counted anew: %s is not readable: %s", self._path, error)
+            log.warning("restarts are counted from 0: %s is not readable: %s", self._path, error)
             return None
 
     def _write(self) -> None:
-        """Write the note whole or not at all. It is not forced to the disk: without power nothing is counted anyway."""
+        """Replace the note. It is not synced to disk: a power failure resets the count anyway."""
         new = self._path.with_name(f".{self._path.name}.new")
         make_private_file(new)
         new.write_bytes(msgspec.json.encode(self._note))
@@ -79,10 +79,10 @@ class RestartCounter:
 
 
 def begin_life(folder: Path, daemon: str, name: str) -> tuple[int | None, str]:
-    """Note in `folder` that a daemon, which has just claimed its name, runs; `end_lives` notes its end.
+    """Note in `folder` that a daemon runs, after it has claimed its name; `end_lives` notes its end.
 
-    Returns how often it was restarted after a failure since the machine started (None: not known), and how the process
-    before it failed, if it did.
+    Returns its restarts after failures since the machine's boot (None: not known), and how the process before it
+    failed, if it did.
     """
     life = RestartCounter(folder / f"{name}.{daemon}.life")
     if life.before:
@@ -92,13 +92,13 @@ def begin_life(folder: Path, daemon: str, name: str) -> tuple[int | None, str]:
 
 
 def end_lives(words: str = "") -> None:
-    """End the lives that began in this process: as told, or in words by what they failed."""
+    """Note the end of all daemons of this process; `words`: how they failed, empty = as ordered."""
     while _open:
         _open.pop().end(words)
 
 
 def machine_life() -> str:
-    """Return which life of the machine this is, as its unit says, which may not see it itself; nothing if unknown."""
+    """Return the machine's boot id, or ARGOSY_BOOT of its unit, which may hide it; empty if unknown."""
     if told := os.environ.get("ARGOSY_BOOT"):
         return told
     try:

@@ -1,4 +1,4 @@
-"""Where a daemon keeps what must outlive it."""
+"""Folders and files of a daemon's state."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def state_directory(given: Path | None) -> Path:
-    """Return what was asked for, systemd's folder of state, or the user's; fleets have folders below it."""
+    """Return the given folder, systemd's state directory, or the user's; fleets have folders below it."""
     if given is not None:
         return given
     if systemd := os.environ.get("STATE_DIRECTORY"):
@@ -19,9 +19,9 @@ def state_directory(given: Path | None) -> Path:
 
 
 def make_private_folder(path: Path) -> None:
-    """Make a folder and those above it that are missing, for this user alone (0700) whatever the umask.
+    """Make a folder and its missing parents for this user alone (0700), whatever the umask.
 
-    A folder that exists stays as it is: it is its maker's. Raises OSError.
+    An existing folder keeps its mode. Raises OSError.
     """
     missing = [path, *path.parents]
     for folder in reversed([one for one in missing if not one.exists()]):
@@ -31,7 +31,7 @@ def make_private_folder(path: Path) -> None:
 
 
 def make_private_file(path: Path) -> None:
-    """Let a file be this user's alone (0600), made empty if it is not there, before anything is written into it.
+    """Make a file readable for this user alone (0600), before anything is written; create it empty if it is missing.
 
     SQLite gives the files beside a database, `-wal` and `-shm`, the database's mode. Raises OSError.
     """
@@ -39,6 +39,6 @@ def make_private_file(path: Path) -> None:
         os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
     except FileExistsError:
         for one in (path, Path(f"{path}-wal"), Path(f"{path}-shm")):
-            with suppress(FileNotFoundError, PermissionError):  # another user's: its owner has settled that
+            with suppress(FileNotFoundError, PermissionError):  # another user's file keeps its mode
                 if one.stat().st_mode & 0o077:
                     one.chmod(0o600)

@@ -1,7 +1,7 @@
-"""What this process tells the service manager that started it: sd_notify(3), and a watchdog fed by the loops at work.
+"""Notify the service manager: sd_notify(3), and a watchdog that is fed by the daemon's loops.
 
-Without a service manager (no NOTIFY_SOCKET) all of this does nothing. There is no timer here: of a loop that hangs, or
-does not come round, no `beat` comes, and then the watchdog is not fed although others still turn.
+Without a service manager (no NOTIFY_SOCKET) all of this does nothing. There is no timer: a loop that hangs does not
+call `beat`, and then the watchdog is not fed although other loops still run.
 """
 
 from __future__ import annotations
@@ -13,31 +13,31 @@ import time
 from collections.abc import Callable, Mapping
 
 SHARE = 4
-"""A loop turns at least so often within the watchdog's time, also when it has nothing to do."""
+"""Turns of a loop within the watchdog's time at least, also when it is idle."""
 LONGEST_STATUS = 500
 """Characters of a status line."""
 log = logging.getLogger("notify")
 
 
 class Unit:
-    """This process as its service manager knows it; it is made of one member, or of several in one process."""
+    """This process as a unit of its service manager, with one or more members."""
 
     def __init__(self, environment: Mapping[str, str], now: Callable[[], float] = time.monotonic) -> None:
         self._now = now
         self._socket = _connected(environment.get("NOTIFY_SOCKET", ""))
         watchdog = _watchdog(environment) if self._socket is not None else None
         self.period = None if watchdog is None else watchdog / SHARE
-        """Wall seconds within which each loop is to turn once; None = nobody looks."""
+        """Wall seconds within which each loop must turn once; None = no watchdog."""
         self._members: list[Member] = []
         self._loops: list[Loop] = []
         self._fed_at = -float("inf")
         self._owed: dict[str, str] = {}
-        """What could not be said yet: the service manager's queue was full."""
+        """Values not sent yet: the service manager's queue was full."""
         self._ready = self._stopping = False
 
     @classmethod
     def of_environment(cls) -> Unit:
-        """Return this process as the environment describes it."""
+        """Return the unit of this process's environment."""
         return cls(os.environ)
 
     def member(self, name: str) -> Member:
@@ -47,13 +47,13 @@ class Unit:
         return member
 
     def close(self) -> None:
-        """Say nothing any more."""
+        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def _changed(self) -> None:
-        """A member has something new to say: READY=1 and STOPPING=1 go out when all of them are."""
+        """Send the changed status; READY=1 and STOPPING=1 when all members are."""
         several = len(self._members) > 1
         words = [f"{one.name}: {one.words}" if several else one.words for one in self._members if one.words]
         told = {"STATUS": "; ".join(words)[:LONGEST_STATUS]}
@@ -66,7 +66,7 @@ class Unit:
         self._say(told)
 
     def _turned(self) -> None:
-        """A loop has turned: feed the watchdog if all have since it was fed, no more often than needed."""
+        """Feed the watchdog if all loops have turned since, no more often than needed."""
         if self.period is None or self._now() - self._fed_at < self.period / 2:
             return
         if all(one.turned or one.resting for one in self._loops):
@@ -82,7 +82,7 @@ class Unit:
         try:
             self._socket.send("\n".join(f"{name}={value}" for name, value in self._owed.items()).encode())
         except OSError as error:
-            log.debug("not_told why=%s", error)  # it is said with what is said next
+            log.debug("not_told why=%s", error)  # it is sent with the next values
         else:
             self._owed.clear()
 
@@ -97,35 +97,35 @@ class Member:
 
     @property
     def period(self) -> float | None:
-        """Wall seconds within which each loop is to turn once; None = nobody looks."""
+        """Wall seconds within which each loop must turn once; None = no watchdog."""
         return self._unit.period
 
     def ready(self, words: str) -> None:
-        """Say that it serves: session, subscriptions and token are up. `words` as in `status`."""
+        """Report that it serves: session, subscriptions and token are up. `words` as in `status`."""
         self.is_ready, self.words = True, _line(words)
         self._unit._changed()
 
     def status(self, *words: str) -> None:
-        """Say what it does now, in words; what was said already is not said again."""
+        """Report a status for people, if it has changed."""
         text = _line("; ".join(words))
         if text != self.words:
             self.words = text
             self._unit._changed()
 
     def stopping(self, words: str = "") -> None:
-        """Say that it is about to end."""
+        """Report that it is about to end."""
         self.is_stopping, self.words = True, _line(words) or self.words
         self._unit._changed()
 
     def loop(self) -> Loop:
-        """Add a loop at work, without whose turns the watchdog is not fed."""
+        """Add a loop, without whose turns the watchdog is not fed."""
         loop = Loop(self._unit)
         self._unit._loops.append(loop)
         return loop
 
 
 class Loop:
-    """A loop at work: it says so at each turn, and turns at least every `period` seconds with nothing to do."""
+    """A loop of a daemon: it calls `beat` at each turn, at least every `period` seconds even when idle."""
 
     def __init__(self, unit: Unit) -> None:
         self._unit = unit
@@ -133,25 +133,25 @@ class Loop:
 
     @classmethod
     def unwatched(cls) -> Loop:
-        """Return a loop that nobody waits for."""
+        """Return a loop without a watchdog."""
         return cls(Unit({}))
 
     @property
     def period(self) -> float | None:
-        """Wall seconds within which it is to turn once; None = nobody looks."""
+        """Wall seconds within which it must turn once; None = no watchdog."""
         return self._unit.period
 
     def beat(self) -> None:
-        """Say that it has come round."""
+        """Report a turn."""
         self.turned, self.resting = True, False
         self._unit._turned()
 
     def rest(self) -> None:
-        """It waits for what may take long, such as a name to be looked up: it is not missed until its next beat."""
+        """Suspend the watchdog of this loop until its next `beat`, for a long wait such as a name lookup."""
         self.resting = True
 
     def end(self) -> None:
-        """It has come to its end: nobody waits for its turns any more."""
+        """Remove the loop."""
         if self in self._unit._loops:
             self._unit._loops.remove(self)
 
@@ -161,24 +161,24 @@ def _line(text: str) -> str:
 
 
 def _connected(address: str) -> socket.socket | None:
-    """Return the socket of the service manager, if there is one: a path, or an abstract name behind an `@`."""
+    """Return the socket of the service manager, if any: a path, or an abstract name behind an `@`."""
     if not address:
         return None
     if address[0] not in "/@":
-        log.warning("NOTIFY_SOCKET=%s is neither a path nor an abstract name: nothing is told", address)
+        log.warning("NOTIFY_SOCKET=%s is neither a path nor an abstract name: nothing is sent", address)
         return None
     manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK)
     try:
         manager.connect("\0" + address[1:] if address[0] == "@" else address)
     except OSError as error:
         manager.close()
-        log.warning("NOTIFY_SOCKET=%s cannot be reached, nothing is told: %s", address, error.strerror or error)
+        log.warning("NOTIFY_SOCKET=%s cannot be reached, nothing is sent: %s", address, error.strerror or error)
         return None
     return manager
 
 
 def _watchdog(environment: Mapping[str, str]) -> float | None:
-    """Return the seconds after which the service manager takes this process for hung, if it looks at all."""
+    """Return the watchdog's timeout in seconds, if there is one."""
     if environment.get("WATCHDOG_PID", str(os.getpid())) != str(os.getpid()):
         return None
     try:

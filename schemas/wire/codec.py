@@ -1,4 +1,4 @@
-"""Records to bytes and back, JSON or MessagePack. The Encoding says which: `application/json;argosy.Perception/1`."""
+"""Encode and decode records as JSON or MessagePack; the Encoding names both: `application/json;argosy.Perception/1`."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ R = TypeVar("R", bound=Record)
 
 MEDIA = {"json": "application/json", "msgpack": "application/msgpack"}
 MAX_BYTES = 4 * 1024 * 1024
-"""A larger payload is refused unread: no record of ours comes near it."""
+"""Bytes; a larger payload is refused unread."""
 
 
 class BadRecord(ValueError):
-    """Bytes that are not the record that was expected. Says what, where and what was expected."""
+    """Bytes that are not the expected record; the text says where and what was expected."""
 
     code: ClassVar[str] = "bad_record"
-    """What programs act on; the error reply to a query with such a payload carries it."""
+    """For programs; the error reply to a query with such a payload has it."""
 
 
 class TooDeep(BadRecord):
-    """A record that no decoder follows to its end, now or later."""
+    """A record that is nested too deeply to decode."""
 
     code = "too_deep"
 
 
 class OtherVersion(BadRecord):
-    """A record of another major version: whoever sent it and this daemon do not understand one another."""
+    """A record of another major version."""
 
     code = "other_version"
 
     def __init__(self, record: str, said: str) -> None:
         super().__init__(f"{record}: version {said or '?'} of the record, this daemon speaks version {VERSION}")
         self.said = said
-        """The version that was sent, as it stands in the Encoding."""
+        """The version in the Encoding."""
 
 
 class Codec(Generic[R]):
@@ -58,7 +58,8 @@ class Codec(Generic[R]):
         return f"{MEDIA[wire]};argosy.{self.record.__name__}/{VERSION}"
 
     def encode(self, record: R, wire: Wire = "json") -> bytes:
-        """Return the bytes of `record`. Raises BadRecord for what cannot be sent: too deep, too big, no Unicode."""
+        """Return the bytes of `record`. Raises BadRecord if it is nested too deeply, has too large numbers, or is no
+        Unicode."""
         try:
             return _JSON.encode(record) if wire == "json" else _MSGPACK.encode(record)
         except RecursionError:
@@ -67,9 +68,9 @@ class Codec(Generic[R]):
             raise BadRecord(f"{self.record.__name__}: {error}") from None
 
     def decode(self, payload: bytes, encoding: str = "") -> R:
-        """Return the record that `payload` holds; no encoding means JSON, for what people send by hand.
+        """Return the record in `payload`; without an encoding it is JSON, as sent by hand.
 
-        Raises BadRecord that names the field and what was expected, or the version that is not ours.
+        Raises BadRecord that names the field and what was expected, or the other version.
         """
         name = self.record.__name__
         if len(payload) > MAX_BYTES:
@@ -86,11 +87,11 @@ class Codec(Generic[R]):
             raise BadRecord(f"{name}: a string is not valid UTF-8") from None
 
     def unknown_fields(self, payload: bytes, encoding: str = "") -> list[str]:
-        """Return the top-level fields of a payload that decodes which this version of the record does not know."""
+        """Return the top-level fields of a decodable payload that this version does not know."""
         probe = self._probe if self._wire(encoding) == "json" else self._probe_msgpack
         try:
             return sorted(set(probe.decode(payload)) - self._known)
-        except UnicodeDecodeError:  # a name that decoding has passed over unread
+        except UnicodeDecodeError:  # in a field name, which decoding ignored
             return ["\ufffd"]
 
     def _wire(self, encoding: str) -> Wire:
@@ -98,7 +99,7 @@ class Codec(Generic[R]):
         media, _, schema = encoding.partition(";")
         if schema.startswith("argosy."):
             said, _, version = schema.removeprefix("argosy.").partition("/")
-            if version != str(VERSION):  # first: another version may answer with another record
+            if version != str(VERSION):  # before the name: another version may reply with another record
                 raise OtherVersion(name, version)
             if said != name:
                 raise BadRecord(f"{name}: expected a {name}, got a {said}")

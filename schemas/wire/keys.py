@@ -1,7 +1,7 @@
-"""Every key expression of Argosy, in one table (design section 4), and the functions that build them.
+"""All key expressions of Argosy in one table, the functions that build them, and names.
 
-A key is `argosy/{fleet}/` and then what stands in the table. The sender stands in the key because only a key can be
-enforced by access control.
+A key is `argosy/{fleet}/` followed by a key of the table. The sender is in the key because access control can enforce
+only keys. A name of a fleet, agent, robot or board is one chunk of a key.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
 
 
 def is_name(text: str) -> bool:
-    """Whether a text may be a name, and so be a part of a key."""
+    """Whether a text is a valid name."""
     return _NAME.fullmatch(text) is not None
 
 
 def check_name(name: str) -> str:
-    """Return `name`, or raise ValueError that says what a name may be (no `* $ ? # /`, not empty)."""
+    """Return `name`. Raises ValueError for an invalid one (no `* $ ? # /`, not empty)."""
     if not is_name(name):
         raise ValueError(f"Expected a name of letters, digits, `_`, `-` or `.` that starts with a letter, got `{name}`")
     return name
@@ -51,29 +51,29 @@ def check_name(name: str) -> str:
 
 ROOT = "argosy"
 Sight: TypeAlias = Literal["telemetry", "minds", "mail"]
-"""How much of what is said an observer sees; each includes those before it."""
+"""What an observer may see; each value includes those before it."""
 SIGHTS: tuple[Sight, ...] = ("telemetry", "minds", "mail")
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One row of the table: what travels where, in which direction, how often."""
+    """One row of the table: a record, its key, direction and rate."""
 
     key: str
     """Below `argosy/{fleet}/`; `{...}` stands for one chunk."""
     kind: Literal["put", "query", "token"]
     carries: type[Record] | None
-    """What is put, or asked with."""
+    """The record that is put, or the payload of a query."""
     answers: type[Record] | None
-    """What a query is answered with."""
+    """The record of replies."""
     source: str
-    """Who puts, or serves."""
+    """Who publishes or serves."""
     sink: str
-    """Who subscribes, or asks."""
+    """Who subscribes or queries."""
     rate: float | None
-    """Hz at most in normal operation; none = as things happen."""
+    """Hz at most in normal operation; none = by events."""
     sight: Sight | None
-    """What an observer has to be allowed to see it; none = it is between source and sink."""
+    """The sight that an observer needs; none = it is private to source and sink."""
 
 
 CHANNELS = (
@@ -109,107 +109,108 @@ CHANNELS = (
 
 
 def percept(fleet: str, agent: str, name: str) -> str:
-    """One percept of an agent; `**` for all of them."""
+    """Return the key of a percept of an agent; `**` for all of them."""
     return f"{ROOT}/{fleet}/{agent}/percept/{name}"
 
 
 def action(fleet: str, agent: str, name: str) -> str:
-    """An action of an agent; `*` for the bridge's queryable."""
+    """Return the key of an action of an agent; `*` for the bridge's queryable."""
     return f"{ROOT}/{fleet}/{agent}/action/{name}"
 
 
 def cancel(fleet: str, agent: str) -> str:
-    """Where an agent cancels its running actions."""
+    """Return the key on which an agent cancels its actions."""
     return f"{ROOT}/{fleet}/{agent}/cancel"
 
 
 def status(fleet: str, agent: str, name: str) -> str:
-    """Action statuses for observers."""
+    """Return the key of action statuses for observers."""
     return f"{ROOT}/{fleet}/{agent}/status/{name}"
 
 
 def outbox(fleet: str, agent: str) -> str:
-    """Where an agent hands its mail to its board's commd."""
+    """Return the key on which an agent hands mail to its board's commd."""
     return f"{ROOT}/{fleet}/{agent}/outbox"
 
 
 def inbox(fleet: str, agent: str) -> str:
-    """Where commd hands an agent its mail."""
+    """Return the key on which commd hands an agent its mail."""
     return f"{ROOT}/{fleet}/{agent}/inbox"
 
 
 def mail(fleet: str, receiver: str, sender: str) -> str:
-    """Mail between boards, served by the receiver's commd."""
+    """Return the key of mail between boards, served by the receiver's commd."""
     return f"{ROOT}/{fleet}/{receiver}/mail/{sender}"
 
 
 def services(fleet: str, board: str) -> str:
-    """The agents of a board and what they offer; `*` for all boards."""
+    """Return the key of a board's agents and services; `*` for all boards."""
     return f"{ROOT}/{fleet}/{board}/services"
 
 
 def service_requests(fleet: str, board: str, agent: str) -> str:
-    """Where an agent joins and leaves its board, offers services and looks for them."""
+    """Return the key of an agent's requests to its board's directory."""
     return f"{ROOT}/{fleet}/{board}/services/{agent}"
 
 
 def mailboxes(fleet: str, board: str) -> str:
-    """What waits at the commd of a board; `*` for all boards."""
+    """Return the key of a board's list of mail; `*` for all boards."""
     return f"{ROOT}/{fleet}/{board}/mailboxes"
 
 
 def mission(fleet: str, board: str) -> str:
-    """The mission file that a board runs; `*` for all boards."""
+    """Return the key of the mission file that a board runs; `*` for all boards."""
     return f"{ROOT}/{fleet}/{board}/mission"
 
 
 def checkup(fleet: str, board: str) -> str:
-    """How a board is, and its links to the others."""
+    """Return the key of a board's self-check."""
     return f"{ROOT}/{fleet}/{board}/checkup"
 
 
 def mind(fleet: str, agent: str) -> str:
-    """What an agent believes and intends."""
+    """Return the key of an agent's beliefs and intentions."""
     return f"{ROOT}/{fleet}/{agent}/mind"
 
 
 def trace(fleet: str, agent: str, part: str) -> str:
-    """The course of a mind: `inputs`, `decisions` or `deeds`; put only while somebody listens."""
+    """Return the key of a mind's trace: `inputs`, `decisions` or `deeds`; published only while there are
+    subscribers."""
     return f"{ROOT}/{fleet}/{agent}/trace/{part}"
 
 
 def control(fleet: str, agent: str) -> str:
-    """Where an operator pauses, steps and resumes a mind and gives it goals and beliefs, if the mission allows."""
+    """Return the key of an operator's orders to a mind, if the mission allows them."""
     return f"{ROOT}/{fleet}/{agent}/control"
 
 
 def manifest(fleet: str, robot: str) -> str:
-    """Where the manifest of a robot is read and changed, and told after each change."""
+    """Return the key on which a robot's manifest is read and changed, and published after each change."""
     return f"{ROOT}/{fleet}/{robot}/manifest"
 
 
 def stop(fleet: str, robot: str) -> str:
-    """Where the operator stops a robot."""
+    """Return the key of operators' orders to a robot."""
     return f"{ROOT}/{fleet}/{robot}/stop"
 
 
 def run(fleet: str, operator: str) -> str:
-    """How far the run of a mission has come, told by whoever runs it; `*` for anybody."""
+    """Return the key of the state of an operator's run; `*` for all operators."""
     return f"{ROOT}/{fleet}/{operator}/run"
 
 
 def alive(fleet: str, name: str, daemon: str, boot: str) -> str:
-    """The liveliness token of one life of a daemon for one name."""
+    """Return the key of the liveliness token of one process of a daemon for one name."""
     return f"{ROOT}/{fleet}/{name}/alive/{daemon}/{boot}"
 
 
 def health(fleet: str, name: str, daemon: str) -> str:
-    """The health of a daemon."""
+    """Return the key of a daemon's health."""
     return f"{ROOT}/{fleet}/{name}/health/{daemon}"
 
 
 def parse(key: str) -> tuple[str, str, list[str]] | None:
-    """Split `argosy/{fleet}/{name}/...` into fleet, name and the rest; None for a key that is not ours."""
+    """Split `argosy/{fleet}/{name}/...` into fleet, name and the rest; None for another key."""
     chunks = key.split("/")
     if len(chunks) < 4 or chunks[0] != ROOT:
         return None

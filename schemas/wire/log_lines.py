@@ -1,6 +1,6 @@
-"""Lines that a daemon writes for the program that started it: one JSON object each, with records for what it acts on.
+"""Log lines of a daemon for its supervisor: JSON objects, with records of the events that it acts on.
 
-With `ARGOSY_LOG=json` in its environment a daemon writes these lines; else it writes the same texts, for people.
+With `ARGOSY_LOG=json` in its environment a daemon writes these; otherwise it writes the same texts for people.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ import msgspec
 from schemas.wire.records import Order, Record
 
 AS_JSON: Mapping[str, str] = {"ARGOSY_LOG": "json"}
-"""What a supervisor adds to the environment of a process to get `LogLine`s from it."""
+"""What a supervisor adds to the environment of a process to get `LogLine`s."""
 LONGEST = 4_000
 """Characters of a text; the rest is counted."""
 
 Level = Literal["error", "warning", "notice", "info"]
-"""`notice`: output that was asked for; `info`: what only a log file needs."""
+"""`notice`: requested output; `info`: for log files."""
 
 
 LeftAs = Literal["disarmed", "ordered", "piloted", "unconfirmed"]
-"""How a bridge has left a robot.
+"""The state in which a bridge has left a robot.
 
-`disarmed`: it is heard, and not in use. `ordered`: the vehicle has confirmed an order, or does it already. `piloted`:
-others fly it, and nothing was ordered. `unconfirmed`: it may be in use, and no order was confirmed.
+`disarmed`: connected and disarmed. `ordered`: the vehicle has confirmed an order, or carries it out already. `piloted`:
+others fly it, and nothing was ordered. `unconfirmed`: it may be armed, and no order was confirmed.
 """
 
 
 class Event(Record, frozen=True, kw_only=True, tag_field="event"):
-    """Something that the supervisor of a daemon acts on."""
+    """An event that the supervisor of a daemon acts on."""
 
 
 class RobotLeft(Event, frozen=True, kw_only=True, tag="robot_left"):
@@ -40,13 +40,13 @@ class RobotLeft(Event, frozen=True, kw_only=True, tag="robot_left"):
     robot: str
     state: LeftAs
     order: Order | None = None
-    """What the vehicle has confirmed (`ordered`)."""
+    """The order that the vehicle has confirmed (`ordered`)."""
     text: str = ""
     """For people."""
 
 
 class OrderEnded(Event, frozen=True, kw_only=True, tag="order_ended"):
-    """A robot has carried out an operator's order, or has not."""
+    """The end of an operator's order to a robot, confirmed or not."""
 
     robot: str
     order: Order
@@ -56,20 +56,20 @@ class OrderEnded(Event, frozen=True, kw_only=True, tag="order_ended"):
 
 
 class RobotReleased(Event, frozen=True, kw_only=True, tag="robot_released"):
-    """The operator lets the agents of a robot act again."""
+    """The operator has released a robot to its agents."""
 
     robot: str
 
 
 class RecordingStarted(Event, frozen=True, kw_only=True, tag="recording_started"):
-    """From now on everything is recorded."""
+    """The recording has started."""
 
 
 class RecordingEnded(Event, frozen=True, kw_only=True, tag="recording_ended"):
     """The file of a recording is complete."""
 
     text: str
-    """What it holds, for people."""
+    """Summary of its contents, for people."""
 
 
 AnyEvent = RobotLeft | OrderEnded | RobotReleased | RecordingStarted | RecordingEnded
@@ -81,7 +81,7 @@ class LogLine(Record, frozen=True, kw_only=True):
     text: str
     level: Level = "notice"
     agent: str = ""
-    """Whose program has printed it; empty = the process itself says it."""
+    """The agent that printed it; empty = the process itself."""
     event: AnyEvent | None = None
 
 
@@ -90,7 +90,7 @@ _DECODER = msgspec.json.Decoder(LogLine)
 
 
 def wanted() -> bool:
-    """Whether this process is to write its lines as JSON."""
+    """Whether this process must write its lines as JSON."""
     return all(os.environ.get(name) == value for name, value in AS_JSON.items())
 
 
@@ -100,7 +100,7 @@ def encode(line: LogLine) -> bytes:
 
 
 def decode(data: bytes) -> LogLine | None:
-    """Return a line that was encoded; None for any other text."""
+    """Return an encoded line; None for any other text."""
     try:
         return _DECODER.decode(data)
     except (msgspec.MsgspecError, UnicodeDecodeError):

@@ -1,7 +1,7 @@
-"""The present percept set of an agent: what holds now, on both ends of the bus (design section 4).
+"""The present percept set of an agent, kept at both ends of the bus.
 
-The bridge keeps one per agent and puts its digest into its health; the agent keeps its own copy from what it receives
-and asks for the whole set again when `needs_repair` says so.
+The bridge has one per agent and publishes its digest with its health; the agent keeps a copy from what it receives, and
+fetches the whole set again when `needs_repair`.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ from msgspec.structs import replace
 from schemas.wire.records import Perception
 
 Family = tuple[str, int]
-"""Name and number of parameters: what `replace` and `remove` without a key act on."""
+"""Name and number of parameters; `replace` and `remove` without a key concern the whole family."""
 
 _ENCODE = msgspec.msgpack.Encoder().encode
 _DIGITS = 20
-"""Those of a seq."""
+"""Digits of a seq at most."""
 
 
 class PerceptSet:
-    """Beliefs by name and arity, in the order in which they came, from one life (`boot`) of one publisher."""
+    """Beliefs by name and arity, in order of arrival, of one process (`boot`) of one publisher."""
 
     def __init__(self) -> None:
         self.boot = ""
-        """Which life of the publisher the seqs belong to."""
+        """The publisher's process to which the seqs belong."""
         self.seq = 0
-        """Seq of the last perception that was applied."""
+        """Seq of the last applied perception."""
         self.missed = 0
-        """How many seqs were skipped so far: perceptions lost on the way."""
+        """Number of skipped seqs: lost perceptions."""
         self._families: dict[Family, dict[bytes, Perception]] = {}
         self._in_doubt = False
         self._digest = ""
         self._reported: int | None = None
-        """The seq that the bridge reported when it was behind ours, so ours is not its own."""
+        """The seq that the bridge reported when it was behind ours, so that ours is not the bridge's."""
 
     def __len__(self) -> int:
         return sum(map(len, self._families.values()))
 
     def apply(self, perception: Perception) -> bool:
-        """Take in one perception. Returns False for one that is older than what is known, which changes nothing."""
+        """Apply one perception. Returns False for an old one, which changes nothing."""
         boot, seq, identity = perception.header.boot, perception.header.seq, _identity(perception)
         if boot != self.boot:
             self._in_doubt = self._in_doubt or len(self) > 0
@@ -57,20 +57,20 @@ class PerceptSet:
         return True
 
     def alter(self, perception: Perception) -> list[Perception]:
-        """Take in a perception that is nobody's stream. Returns what has changed by it, removals first."""
+        """Apply a perception without a stream. Returns the changes, removals first."""
         return self._alter(perception, _identity(perception))
 
     def concerned(self, perception: Perception) -> list[Perception]:
-        """Each belief that a `replace` or `remove` acts on."""
+        """Return the beliefs that a `replace` or `remove` concerns."""
         beliefs = self._families.get((perception.name, len(perception.parameters)), {})
         return [beliefs[at] for at in self._concerned(perception, _identity(perception), beliefs)]
 
     def names(self) -> list[str]:
-        """What holds, by name and number of parameters, such as `altitude/1`, in order."""
+        """Return the families such as `altitude/1`, sorted."""
         return [f"{name}/{arity}" for name, arity in sorted(self._families)]
 
     def arities(self, name: str) -> list[int]:
-        """The numbers of parameters of the beliefs of a name."""
+        """Return the arities of the beliefs of a name."""
         return [arity for known, arity in self._families if known == name]
 
     def _alter(self, perception: Perception, identity: bytes) -> list[Perception]:
@@ -96,28 +96,28 @@ class PerceptSet:
         return [at for at, belief in beliefs.items() if _concerns(change, belief)]
 
     def present(self) -> list[Perception]:
-        """Each belief that holds, as the perception that told it, in the order of names and arrival."""
+        """Return the present beliefs as perceptions, in the order of names and arrival."""
         return [belief for family in sorted(self._families) for belief in self._families[family].values()]
 
     def named(self, name: str) -> list[Perception]:
-        """Each belief of a name that holds, in the order of arrival of each number of parameters."""
+        """Return the present beliefs of a name, by arity in the order of arrival."""
         families = (family for (of, _), family in self._families.items() if of == name)
         return [belief for family in families for belief in family.values()]
 
     def family(self, name: str, arity: int) -> list[Perception]:
-        """Each belief of a name and number of parameters that holds."""
+        """Return the present beliefs of a family."""
         return list(self._families.get((name, arity), {}).values())
 
     def holds(self, belief: Perception) -> bool:
-        """Whether a belief holds."""
+        """Whether a belief is present."""
         return _identity(belief) in self._families.get((belief.name, len(belief.parameters)), {})
 
     def snapshot(self) -> list[Perception]:
-        """`present`, each with the set's own seq: what a bridge answers to a repair query."""
+        """Return `present`, each with the set's seq: the bridge's reply to a repair query."""
         return [replace(one, header=replace(one.header, seq=self.seq)) for one in self.present()]
 
     def digest(self) -> str:
-        """`BOOT:SEQ:HASH` of what holds now; sets with equal beliefs have equal hashes, whatever their history."""
+        """Return `BOOT:SEQ:HASH`; sets with equal beliefs have equal hashes, whatever their history."""
         if not self._digest:
             total = 0
             for beliefs in self._families.values():
@@ -127,10 +127,10 @@ class PerceptSet:
         return self._digest
 
     def needs_repair(self, reported: str = "") -> bool:
-        """Whether the bridge must be asked for the whole set: after a gap, or when its digest says otherwise.
+        """Whether the whole set must be fetched: after a gap, or when the bridge's digest differs.
 
-        `reported` is the digest from the bridge's health, which it sends after what it has told by then. If its seq is
-        behind ours, somebody else has told something in its name.
+        `reported` is the digest in the bridge's health, which follows its percepts. If its seq is behind ours, somebody
+        else has published in the bridge's name.
         """
         life, _, content = reported.rpartition(":")
         boot, _, seq = life.rpartition(":")
@@ -143,11 +143,10 @@ class PerceptSet:
         return content != self.digest().rpartition(":")[2]
 
     def restore(self, snapshot: Iterable[Perception], asked_at: int | None = None) -> list[Perception] | None:
-        """Become the set that a repair query was answered with, asked when our seq was `asked_at` (now by default).
+        """Become the reply to a repair query that was asked at our seq `asked_at` (now by default).
 
-        Returns the perceptions that turn the old set into the new one, removals first and then additions, so that a
-        mind hears only of what differs. Returns None, and changes nothing, if a newer perception came meanwhile: ask
-        again. A set that is older than what we knew when we asked is taken: what we knew was not of the bridge.
+        Returns the differences, removals first. Returns None, and changes nothing, if a newer perception came
+        meanwhile: ask again. A reply older than our seq at the query is taken: ours was not the bridge's.
         """
         told = list(snapshot)
         boot = told[0].header.boot if told else self.boot
@@ -164,11 +163,11 @@ class PerceptSet:
         return changes
 
     def was_ahead(self, seq: int, asked_at: int | None) -> bool:
-        """Whether a set with this seq, asked for when ours was `asked_at`, shows that ours was never the bridge's."""
+        """Whether a reply with this seq, asked at our seq `asked_at`, shows that ours was not the bridge's."""
         return asked_at is not None and seq < asked_at <= self.seq
 
     def clear(self) -> list[Perception]:
-        """Forget everything, as when the bridge is gone. Returns the removals for the mind."""
+        """Remove everything, as the bridge is gone. Returns the removals."""
         gone = [_removal(one) for one in self.present()]
         self._families.clear()
         self.boot, self.seq, self._in_doubt, self._digest, self._reported = "", 0, False, "", None
@@ -176,7 +175,7 @@ class PerceptSet:
 
 
 def differences(before: Iterable[Perception], after: Iterable[Perception]) -> list[Perception]:
-    """Return the perceptions that turn some beliefs into others, removals first and then additions, and no more."""
+    """Return the perceptions that turn some beliefs into others, removals first."""
     old = {_identity(one): one for one in before}
     new = {_identity(one): one for one in after}
     gone = [_removal(one) for at, one in old.items() if at not in new]
@@ -184,12 +183,12 @@ def differences(before: Iterable[Perception], after: Iterable[Perception]) -> li
 
 
 def tells_of_none(digest: str) -> bool:
-    """Whether a reported digest is that of an empty set."""
+    """Whether a digest is of an empty set."""
     return digest.rpartition(":")[2] == "0" * 16
 
 
 def _concerns(change: Perception, belief: Perception) -> bool:
-    """Whether a `replace` or `remove` acts on a belief of its own name and arity."""
+    """Whether a `replace` or `remove` concerns a belief of its family."""
     size = len(belief.parameters)
     return all(
         0 <= position < size and _ENCODE(belief.parameters[position]) == _ENCODE(change.parameters[position])
@@ -198,7 +197,7 @@ def _concerns(change: Perception, belief: Perception) -> bool:
 
 
 def _identity(perception: Perception) -> bytes:
-    """The belief itself, without header, update and key."""
+    """Return the belief without header, update and key, encoded."""
     return _ENCODE((perception.name, perception.parameters))
 
 

@@ -1,4 +1,4 @@
-"""The records that daemons exchange (design section 3). Decoded, which is validated, once at the edge."""
+"""The records that daemons exchange. Decoding validates them, once, where they arrive."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import msgspec
 from schemas.wire.terms import Term
 
 VERSION = 1
-"""Major version of every record on the wire; it stands in the Encoding and another major version is refused."""
+"""Major version of all records; it is part of the Encoding, and another major version is refused."""
 
 State = Literal["accepted", "running", "succeeded", "failed", "refused", "cancelled", "timed_out"]
 FINAL_STATES: frozenset[State] = frozenset({"succeeded", "failed", "refused", "cancelled", "timed_out"})
@@ -32,22 +32,22 @@ Cause = Literal[
     "unreachable",
     "driver",
 ]
-"""Why an action did not succeed.
+"""Cause of an action that did not succeed.
 
 - `operator`, `agent_lost`, `shutdown`: the operator, the loss of its agent, or the end of the bridge overrides it.
-- `pilot`: others (pilot, ground station or failsafe) set the mode.
+- `pilot`: a pilot, ground station or failsafe set the mode.
 - `limits`: the mission's `limits` forbid it.
 - `lease`: another agent has the robot.
 - `deadline`: not done in time.
 - `cancelled`: by its agent, or by hand.
 - `superseded`: another action took over; `busy`: another action runs.
-- `request`: the robot has no such action, or not with these arguments; `rights`: whoever asked may not ask.
-- `restart`: the bridge was restarted; `storage`: its id cannot be kept on disk.
+- `request`: the robot has no such action, or not with these arguments; `rights`: the asker may not ask.
+- `restart`: the bridge was restarted; `storage`: its id cannot be stored.
 - `unreachable`: its bridge gives no outcome.
 - `driver`: the robot or its driver.
 """
 Order = Literal["hold", "land", "rtl"]
-"""What brings a robot to safety without its agents."""
+"""An order that brings a robot to safety without its agents."""
 
 
 class Record(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
@@ -55,24 +55,24 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
 
 
 class Header(Record, frozen=True, kw_only=True):
-    """Who said it, when, and in which order."""
+    """Publisher, time and sequence number of a record."""
 
     seq: int = 0
-    """Counts up by one for each record of this publisher and kind."""
+    """Sequence number, counted from 1 for each publisher and kind of record."""
     stamp: int = 0
     """Unix time in nanoseconds."""
     source: str = ""
     """Name of the publisher."""
     boot: str = ""
-    """Which life of the publisher: changes whenever it starts again."""
+    """Id of the publisher's process; a restart changes it."""
 
 
 class Perception(Record, frozen=True, kw_only=True):
-    """A change of what an agent perceives (the paper's listing 1)."""
+    """A change of an agent's percepts (the paper's listing 1)."""
 
     header: Header = Header()
     name: str = ""
-    """By hand it may be missing: then it is the key's."""
+    """May be empty in a percept put by hand: then the key has it."""
     parameters: tuple[Term, ...] = ()
     update: Literal["replace", "add", "remove"] = "replace"
     key: tuple[int, ...] = ()
@@ -80,7 +80,7 @@ class Perception(Record, frozen=True, kw_only=True):
 
 
 class Action(Record, frozen=True, kw_only=True):
-    """A request to act (the paper's listing 2). By hand `{"parameters": [5]}` is enough: the rest is filled in."""
+    """A request to act (the paper's listing 2). By hand `{"parameters": [5]}` is enough."""
 
     header: Header = Header()
     id: str = ""
@@ -89,21 +89,21 @@ class Action(Record, frozen=True, kw_only=True):
     name: str = ""
     parameters: tuple[Term, ...] = ()
     deadline: float | None = None
-    """Mission seconds from arrival until it must have ended, at most the manifest's; none = the manifest's."""
+    """Mission seconds from arrival to the end, at most the manifest's; none = the manifest's."""
     attempt: int = 1
-    """How often this id was asked for; above 1 it is never started, only answered."""
+    """Number of requests with this id; above 1 the action is not started, only answered."""
 
 
 class ActionStatus(Record, frozen=True, kw_only=True):
-    """What became of an action (the paper's listing 3): exactly one final state, and a reason if not succeeded."""
+    """The status of an action (the paper's listing 3): exactly one final one, with a reason if it did not succeed."""
 
     header: Header = Header()
     id: str
     state: State
     result: bool | None = None
-    """The paper's boolean: did it succeed; none while it runs."""
+    """The paper's boolean, whether it succeeded; none while it runs."""
     cause: Cause | None = None
-    """Why it did not succeed; none if it did, or still runs."""
+    """Why it did not succeed; none if it did, or while it runs."""
     order: Order | None = None
     """The order that overrides it (`operator`, `agent_lost`, `shutdown`)."""
     reason: str = ""
@@ -113,7 +113,7 @@ class ActionStatus(Record, frozen=True, kw_only=True):
     after: int | None = None
     """Seq of the last percept that was published before this status."""
     deadline: float | None = None
-    """Mission seconds from this status until the action will have ended; none = it has."""
+    """Mission seconds from this status to the deadline; none = the action has ended."""
     paused: bool = False
     """The operator has paused the robot: the action waits for `continue`, and its deadline does not run."""
     name: str = ""
@@ -121,12 +121,12 @@ class ActionStatus(Record, frozen=True, kw_only=True):
 
     @property
     def final(self) -> bool:
-        """Whether nothing more follows."""
+        """Whether it is the last status."""
         return self.state in FINAL_STATES
 
 
 class Cancel(Record, frozen=True, kw_only=True):
-    """A request to end a running action: of the agent whose it is, or by hand."""
+    """A request of its agent, or by hand, to end a running action."""
 
     header: Header = Header()
     id: str
@@ -135,8 +135,8 @@ class Cancel(Record, frozen=True, kw_only=True):
 class Message(Record, frozen=True, kw_only=True):
     """Mail between agents (the paper's listing 4: `<id,sender,itlforce,receiver,data>`).
 
-    `header.boot` and `header.seq` number the messages of a pair of sender and receiver: whoever has taken number N of a
-    numbering takes no message of it up to N again. A message without number (by hand) gets one from the first `commd`.
+    `header.boot` (the numbering) and `header.seq` number the messages of a sender to a receiver: after number N of a
+    numbering, none up to N is taken again. The first `commd` gives a number to a message without one (by hand).
     """
 
     header: Header = Header()
@@ -147,89 +147,89 @@ class Message(Record, frozen=True, kw_only=True):
     content: Term
     in_reply_to: str = ""
     ttl: float | None = None
-    """Wall seconds from now after which it is not to be delivered any more; none = it waits for ever."""
+    """Time to live in wall seconds; none = it waits for ever."""
 
 
 class Mail(Record, frozen=True, kw_only=True):
-    """A batch of messages: outbox, inbox and mail queries carry them, those of a pair in the order of their numbers."""
+    """A batch of messages in outbox, inbox and mail queries; those of a pair are in the order of their numbers."""
 
     messages: tuple[Message, ...] = ()
     numberings: tuple[str, ...] = ()
-    """Of an outbox's query without messages: a numbering of the sender's, of which and of all later ones the board is
-    to say how much it has taken, and the present one, which is left out."""
+    """In an outbox query without messages: the numbering from which on the board counts the messages that it has taken,
+    and the present one, which it leaves out."""
 
 
 class Refusal(Record, frozen=True, kw_only=True):
     """Why a message was not taken or not delivered."""
 
     code: str
-    """What programs act on. For good: `receiver_not_found`, `receiver_left`, `message_too_large` (above 1 MB),
+    """For programs. For good: `receiver_not_found`, `receiver_left`, `message_too_large` (above 1 MB),
     `not_sendable` (it cannot be kept, or not be written as a datagram), `unreadable` (by its receiver), `wrong_address`
-    (not its key's sender or receiver), `not_accepted` (`accepts` of the receiver), `set_aside` (the receiver died at
+    (not its key's sender or receiver), `not_accepted` (`accepts` of the receiver), `set_aside` (the receiver crashed on
     it), `expired`, `unknown` (expired, and perhaps delivered), `defect`. To be sent again: `mailbox_full`,
     `not_absorbed`, `out_of_order` (it follows one that is expired)."""
     text: str = ""
-    """For people, if there is more to say than the code does."""
+    """For people, if there is more than the code."""
 
     def __str__(self) -> str:
         return self.text or self.code
 
 
 class Receipt(Record, frozen=True, kw_only=True):
-    """The answer to a batch, sent when what was taken is on disk. The three counts together are the batch's length."""
+    """The reply to a batch, sent when the taken messages are on disk. The three counts add up to the batch's length."""
 
     taken: int = 0
-    """Messages that are taken, now or before."""
+    """Number of messages taken, now or before."""
     refused: dict[int, Refusal] = {}
-    """Place in the batch to the reason why that message is refused for good."""
+    """Messages refused for good: place in the batch, and reason."""
     later: dict[int, Refusal] = {}
-    """Place in the batch to the reason why that message is to be sent again. Of a pair, all that follow one of these
-    are among them, so that order is kept."""
+    """Messages to be sent again: place in the batch, and reason. They include all later messages of the same pair, to
+    keep the order."""
     numbers: dict[str, int] = {}
-    """Receiver to how many messages the board has taken, of the numberings that were asked about."""
+    """Messages taken, by receiver, of the numberings asked about."""
 
 
 class ServiceRequest(Record, frozen=True, kw_only=True):
-    """What an agent asks of the directory at its board's `commd`."""
+    """An agent's request to the directory at its board's `commd`."""
 
     agent: str
     do: Literal["join", "leave", "register", "deregister", "search", "subscribe"]
-    """`join` and `leave`: an agent that the mission does not name begins and ends."""
+    """`join` and `leave`: for an agent that is not in the mission."""
     service: str = ""
     stays: bool = False
-    """Of `join`: it keeps its mailbox while it is away; else it has left when it has been gone for a minute."""
+    """In `join`: it keeps its mailbox while it is away; otherwise it has left after a minute of absence."""
 
 
 class MailSeen(Record, frozen=True, kw_only=True):
-    """How far the mail file of a board had come, as another board has seen it."""
+    """The mail clock of a board, as seen by another board."""
 
     boot: str = ""
-    """The life of the board's `commd`."""
+    """Of the board's `commd`."""
     time: float = 0.0
-    """The latest `mail_time` of that life."""
+    """The latest `mail_time` of that boot."""
     former: float = 0.0
-    """The latest of the lives before it."""
+    """The latest of earlier boots."""
 
 
 class BoardServices(Record, frozen=True, kw_only=True):
-    """The agents of a board and what they offer: put at each change and asked for by whoever joins."""
+    """The agents of a board and their services: published at each change, and queried by newcomers."""
 
     header: Header = Header()
     board: str = ""
     version: int = 0
-    """Counts up with each change; it is on disk and survives the board's restart."""
+    """Number of changes; it is stored on disk."""
     agents: dict[str, tuple[str, ...]] = {}
-    """The services of each agent that lives on this board, of the mission or not, there or away."""
+    """Services of each agent of this board, of the mission or joined, present or away."""
     found: tuple[str, ...] = ()
-    """In the answer to `search` and `subscribe`: the agents of the whole fleet that offer the service."""
+    """In the reply to `search` and `subscribe`: the agents of the fleet that offer the service."""
     problem: str = ""
-    """In an answer: why the request is not fulfilled; empty if it is."""
+    """In a reply: why the request is refused; empty if it is fulfilled."""
     prefix: str = ""
-    """What the names of agents made on this board at run time begin with; empty = anything."""
+    """Prefix of the names of agents that join this board at run time; empty = none."""
     mail_time: float = 0.0
-    """How far its mail file has come: seconds of a clock of its own that are on disk; 0 = it does not say."""
+    """Its mail clock on disk, in seconds; 0 = not known."""
     mail_seen: dict[str, MailSeen] = {}
-    """What it has seen of the mail files of other boards."""
+    """The mail clocks of other boards, as it has seen them."""
 
 
 class Queue(Record, frozen=True, kw_only=True):
@@ -242,22 +242,22 @@ class Queue(Record, frozen=True, kw_only=True):
     messages: int
     bytes: int = 0
     oldest: float = 0.0
-    """Wall seconds for which the first one has waited."""
+    """Age of the oldest message, in wall seconds."""
     state: str = ""
-    """What it waits for, in words: `pi2 is away`, `next attempt in 3 s`."""
+    """What it waits for, for people: `pi2 is away`, `next attempt in 3 s`."""
 
 
 class DeadLetter(Record, frozen=True, kw_only=True):
-    """A message that will not be delivered, and why."""
+    """A message that was given up, and why."""
 
     message: Message
     reason: Refusal
     stamp: int
-    """Unix time in nanoseconds when it was given up."""
+    """Unix time in nanoseconds at which it was given up."""
 
 
 class Mailboxes(Record, frozen=True, kw_only=True):
-    """What waits at a board's `commd`, and what it has given up."""
+    """The waiting and the given up mail of a board's `commd`."""
 
     header: Header = Header()
     board: str = ""
@@ -268,34 +268,34 @@ class Mailboxes(Record, frozen=True, kw_only=True):
     dead: tuple[DeadLetter, ...] = ()
     """The newest of them, the newest last."""
     dead_count: int = 0
-    """All that are kept."""
+    """Number of all that are stored."""
 
 
 RunPhase = Literal["starting", "flying", "bringing_home", "done", "failed"]
-"""`done` and `failed` are final: nothing flies any more, or nobody here can bring it home."""
+"""`done` and `failed` are final: no vehicle flies, or none can be brought home from here."""
 
 
 class RunState(Record, frozen=True, kw_only=True):
-    """How far a run of a mission has come: put by `argosy run` at each change and once a second."""
+    """The state of a mission's run: published by `argosy run` at each change and once a second."""
 
     header: Header = Header()
     phase: RunPhase = "starting"
     why: str = ""
     """Why the run has failed, or why it brings its vehicles home."""
     mission_time: float = 0.0
-    """Mission seconds since the run began; from `done` or `failed` on, when it ended."""
+    """Mission seconds from the start of the run to now, or to its end."""
     speed: float = 1.0
-    """Mission seconds in a wall second."""
+    """Mission seconds per wall second."""
     report: str = ""
     """Folder of the report; empty = none is written."""
     recording: str = ""
     """File of the recording; empty = none is made."""
     dead: tuple[str, ...] = ()
-    """What ended although nobody told it to, and was not started again: daemon and name with a blank between them."""
+    """Daemons that ended unexpectedly and were not restarted: daemon and name, separated by a blank."""
 
 
 class RunningMission(Record, frozen=True, kw_only=True):
-    """The mission file as a board has read it at its start."""
+    """The mission file as a board read it at its start."""
 
     header: Header = Header()
     file: str = ""
@@ -307,64 +307,64 @@ OperatorOrder = Literal["hold", "land", "rtl", "release", "pause", "continue"]
 
 
 class StopOrder(Record, frozen=True, kw_only=True):
-    """An operator's order to a robot; it stands above every agent."""
+    """An operator's order to a robot, which overrides every agent."""
 
     order: OperatorOrder
 
 
 class Outcome(Record, frozen=True, kw_only=True):
-    """The answer to an order: done or not, and why."""
+    """The reply to an order: done or not, and why."""
 
     ok: bool
     reason: str = ""
 
 
 class ManifestChange(Record, frozen=True, kw_only=True):
-    """A change of a running manifest: checked as a whole, and carried out as a whole or not at all."""
+    """A change of a running manifest, which is applied as a whole or not at all."""
 
     set: dict[str, Any] = {}
     """New values by their path, such as `{"percepts.altitude.rate": 5}`; a whole entry is a mapping."""
     remove: tuple[str, ...] = ()
-    """Paths of entries or single fields, such as `percepts.gps` or `percepts.altitude.ttl`; taken out first."""
+    """Paths of entries or single fields, such as `percepts.gps` or `percepts.altitude.ttl`; removed first."""
     version: int | None = None
-    """The change is for this version of the manifest and refused by any other; none = whichever there is."""
+    """The version of the manifest that the change is for; another one refuses it; none = any version."""
 
 
 class LiveManifest(Record, frozen=True, kw_only=True):
-    """The manifest that a robot runs by now."""
+    """The present manifest of a robot."""
 
     header: Header = Header()
     robot: str = ""
     version: int = 1
-    """Counts up by one for each change; 1 is what the bridge has read at its start."""
+    """1 when the bridge starts, plus 1 for each change."""
     file: str = ""
-    """Where it comes from. Changes are not written there: a restarted bridge reads the file again."""
+    """Its file. Changes are not written there: a restarted bridge reads the file again."""
     manifest: dict[str, Any] = {}
     """The same data as in a manifest's TOML file."""
     problems: tuple[str, ...] = ()
-    """Why a change was refused, all of it; none = it is in effect."""
+    """Why a change was refused as a whole; none = it is in effect."""
 
 
 class Note(Record, frozen=True, kw_only=False):
-    """A warning that holds now: a code for programs, a text for people."""
+    """A present warning: a code for programs, a text for people."""
 
     code: str
     """The kind of warning; docs/guides/monitoring.md lists the codes."""
     text: str
-    """For people; it changes with releases and while the warning holds."""
+    """For people; it may change with releases, and during the warning."""
     about: str = ""
     """The board, file, link, system, function or key concerned; empty = the daemon's own agent, robot or board."""
     value: float | None = None
-    """A figure that may change while the warning holds, such as seconds or a count."""
+    """A figure that may change during the warning, such as seconds or a count."""
 
     @property
     def identity(self) -> tuple[str, str]:
-        """What two records of the same warning have in common, whatever text and value have become."""
+        """Identifies a warning in successive records, whatever its text and value."""
         return self.code, self.about
 
 
 class Health(Record, frozen=True, kw_only=True):
-    """How a daemon is, at most once a second."""
+    """The health of a daemon, once a second."""
 
     header: Header = Header()
     daemon: str = ""
@@ -372,11 +372,11 @@ class Health(Record, frozen=True, kw_only=True):
     uptime: float = 0.0
     """Seconds."""
     cpu: float = 0.0
-    """CPU seconds used so far by the process."""
+    """CPU seconds of the process."""
     drops: int = 0
-    """What queues have dropped so far."""
+    """Items that queues have dropped."""
     bad_input: int = 0
-    """Records or packets that did not decode so far."""
+    """Records or packets that could not be decoded."""
     counters: dict[str, float] = {}
     percepts: dict[str, str] = {}
     """Digest of the present percept set per agent (bridges only)."""
@@ -385,35 +385,35 @@ class Health(Record, frozen=True, kw_only=True):
     ordered: Order | None = None
     """The operator's order that is in force until `release` (bridges only)."""
     notes: tuple[Note, ...] = ()
-    """Warnings that hold now."""
+    """Present warnings."""
     version: str = ""
-    """Of Argosy; empty = it does not say."""
+    """Of Argosy; empty = not known."""
     restarts: int | None = None
-    """Lives before this one, since its machine started, that nobody had told to end; none = not known."""
+    """Restarts after a failure since the machine's boot; none = not known."""
     lag: float = 0.0
-    """Wall seconds by which the daemon is behind: its event loop at worst in the last second, or the oldest of what
-    waits for the agent."""
+    """Delay of the daemon in wall seconds: the worst of its event loop in the last second, or the age of the oldest
+    input that waits for the agent."""
     errors: int = 0
-    """What it has logged as errors so far."""
+    """Errors logged."""
     last_error: str = ""
-    """The newest of them; or how the life before ended, if nobody had told it to."""
+    """The newest of them; or how the process before this one failed."""
     last_error_age: float | None = None
-    """Seconds since then; none = not known, as it was before this life."""
+    """Seconds since then; none = not known, as it was before this process."""
     idle: bool | None = None
-    """Of an agent: it has no intention, nothing waits for it and nothing is due; none = it does not say."""
+    """Of an agent: it has no intention, no input and nothing is due; none = not known."""
 
 
 class Checkup(Record, frozen=True, kw_only=True):
-    """What a board is asked by `argosy doctor`, and by other boards on its behalf."""
+    """A query of a board by `argosy doctor`, or by other boards on its behalf."""
 
     links: bool = False
-    """Whether it is to measure its links to the other boards first, which takes some seconds."""
+    """Whether it must measure its links to the other boards first, which takes some seconds."""
     filler: str = ""
-    """Read by nobody: how long it takes to arrive shows how fast a link is."""
+    """Ignored: the time of its transmission shows the rate of the link."""
 
 
 class LinkReport(Record, frozen=True, kw_only=True):
-    """How one board reaches another."""
+    """The link from one board to another."""
 
     board: str
     asked: int = 0
@@ -424,23 +424,23 @@ class LinkReport(Record, frozen=True, kw_only=True):
     slowest: float | None = None
     """Wall seconds of the slowest."""
     ahead: float | None = None
-    """Seconds by which the other's clock is ahead, as far as half the fastest round trip."""
+    """Seconds by which the other clock is ahead, within half the fastest round trip."""
     rate: float | None = None
-    """Bytes a second that went to it; none = not measured, or too fast for that."""
+    """Bytes per second to it; none = not measured, or too fast to measure."""
     problem: str = ""
-    """Why nothing is known, in words."""
+    """Why something was not measured, for people."""
 
 
 class BoardReport(Record, frozen=True, kw_only=True):
-    """What a board's `commd` answers: `header.stamp` is its clock."""
+    """The reply of a board's `commd`; `header.stamp` is its clock."""
 
     header: Header = Header()
     board: str = ""
     state: str = ""
-    """The folder where its mail is kept."""
+    """Folder of its mail."""
     disk_free: int | None = None
-    """Bytes that are left there."""
+    """Free bytes there."""
     disk_size: int | None = None
     """Bytes of that file system."""
     links: tuple[LinkReport, ...] = ()
-    """To the other boards of the mission, if they were asked for."""
+    """To the other boards of the mission, if asked for."""

@@ -257,7 +257,7 @@ def test_real_daemons_that_are_up_dead_and_started_again(tmp_path: Path, endpoin
         again.says("restarted=1")
         back = status(path, endpoint, "--wait", "20")
         assert back.returncode == 0
-        assert 'restarts=1 errors=0 last_error="its former life ended without a word' in back.stdout
+        assert 'restarts=1 errors=0 last_error="the process before it ended without a message' in back.stdout
     finally:
         for one in (commd, agentd, again):
             if one is not None:

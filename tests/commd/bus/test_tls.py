@@ -55,7 +55,7 @@ WRONG: dict[str, tuple[Callable[[FleetKeys, Tls], object], str]] = {
         lambda fleet, tls: tls.key.write_bytes(fleet.make("pi1").key.read_bytes()),
         "cert.pem: error: is the certificate of another key than",
     ),
-    "a locked key": (_locked, "key.pem: error: is locked by a password: a daemon has nobody to ask for it"),
+    "a locked key": (_locked, "key.pem: error: is protected by a password: a daemon cannot ask for it"),
     "revoked": (
         lambda fleet, tls: fleet.write(tls.key.parent, "pi1", ("pi2", "pi3")),
         "the two are of different fleets, or it was revoked",

@@ -159,7 +159,7 @@ def test_a_full_disk_keeps_nothing_says_so_once_and_goes_on_when_there_is_room(
             with pytest.raises(StoreFailed, match=r"^the disk is full$"):
                 await store.write(keep("big", bytes(100_000)))
         assert store.counters["db_errors"] == 3
-        assert store.note == f"no mail is taken: the disk is full ({path})"
+        assert store.note == f"no mail is accepted: the disk is full ({path})"
         assert caplog.text.count("mail_store_failing") == 1
         await store.write(lambda db: db.execute("PRAGMA max_page_count = 1000000").fetchone())
         await store.write(keep("big", bytes(100_000)))
@@ -250,7 +250,7 @@ def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_
     fill_up(small_disk, "more")
 
     async def body(store: Store) -> None:
-        assert store.note.startswith("no mail is taken: "), "it starts all the same"
+        assert store.note.startswith("no mail is accepted: "), "it starts all the same"
         with pytest.raises(StoreFailed):
             await store.write(keep("b"))
         with pytest.raises(StoreFailed):
@@ -279,7 +279,7 @@ def test_a_corrupt_file_is_set_aside_and_a_new_one_begins(path: Path, caplog: py
         in_store(path, body)
         aside = path.with_name(f"pi1.mail.corrupt-{number}")
         assert aside.stat().st_size == 8192
-        assert f"set_aside={aside}: its mail is lost, a new file begins" in caplog.text
+        assert f"set_aside={aside}: its mail is lost, a new file is made" in caplog.text
 
 
 def test_a_file_whose_schema_is_damaged_beyond_utf8_is_set_aside(path: Path) -> None:
@@ -468,7 +468,7 @@ def test_a_file_of_a_newer_version_is_refused_in_words_and_left_alone(path: Path
     newer.commit()
     newer.close()
     known = len(schema.MIGRATIONS)
-    words = f"cannot keep mail in this file: it is of version 99, this commd knows versions up to {known}"
+    words = f"cannot store mail in this file: it is of version 99, this commd knows versions up to {known}"
     with pytest.raises(Findings) as refused:
         in_store(path, pytest.fail)  # type: ignore[arg-type]
     assert str(refused.value) == f"{path}: error: {words}"
@@ -478,7 +478,7 @@ def test_a_file_of_a_newer_version_is_refused_in_words_and_left_alone(path: Path
 
 def test_a_file_belongs_to_one_process(path: Path) -> None:
     async def body(_: Store) -> None:
-        with pytest.raises(Findings, match=r"another commd keeps its mail in this file: give each its own --state"):
+        with pytest.raises(Findings, match=r"another commd stores its mail in this file: give each its own --state"):
             async with open_store(path):
                 pytest.fail("two have it")
 
@@ -488,7 +488,7 @@ def test_a_file_belongs_to_one_process(path: Path) -> None:
 
 def test_where_no_file_can_be_made_the_start_says_so(tmp_path: Path) -> None:
     (tmp_path / "fleet").write_text("a file where the folder should be")
-    with pytest.raises(Findings, match=r"cannot keep mail in this file: .*File exists"):
+    with pytest.raises(Findings, match=r"cannot store mail in this file: .*File exists"):
         in_store(tmp_path / "fleet" / "pi1.mail", pytest.fail)  # type: ignore[arg-type]
 
 

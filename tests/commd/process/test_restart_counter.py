@@ -54,7 +54,7 @@ def test_a_note_that_cannot_be_read_begins_anew_and_is_told(tmp_path: Path, capl
     note = tmp_path / "pi1.commd.life"
     note.write_text('{"restarts": "many"')
     assert RestartCounter(note, "one").restarts == 0
-    assert "restarts are counted anew" in caplog.text
+    assert "restarts are counted from 0" in caplog.text
     assert RestartCounter(note, "one").restarts == 1
 
 

@@ -56,7 +56,7 @@ def test_a_socket_that_cannot_be_reached_is_a_warning_and_not_the_end(
 ) -> None:
     Unit({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "1000000"}).member("commd").ready("up")
     assert f"NOTIFY_SOCKET={address}" in caplog.text
-    assert "nothing is told" in caplog.text
+    assert "nothing is sent" in caplog.text
 
 
 def test_status_is_one_line_and_told_once(manager: NotifySocket) -> None:
