@@ -27,7 +27,7 @@ from schemas.mission.model import load_mission
 from schemas.wire import keys
 from schemas.wire.records import BoardServices, Health, Note, Receipt, Record, ServiceRequest
 from tests.commd.offices import ask, message
-from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
+from tests.support.buses import FLEET, Connect, async_test, bus_test, served, subscribed, until
 from tests.support.processes import running
 from tests.support.promises import kept
 
@@ -47,19 +47,17 @@ def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number
     assert kept(leaving, 1.0)
 
 
-def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
-        heard: list[Health] = []
-        observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
-        details = Mock(side_effect=[KeyError("figure"), Health(notes=(Note("well", "all is well"),))])
-        await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
-        reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), details))
-        await until(lambda: len(heard) == 2, "health goes on")
-        reporting.cancel()
-        assert [note.identity for one in heard for note in one.notes] == [("defect", "health"), ("well", "")]
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(connect: Connect) -> None:
+    observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
+    heard: list[Health] = []
+    observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
+    details = Mock(side_effect=[KeyError("figure"), Health(notes=(Note("well", "all is well"),))])
+    await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
+    reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), details))
+    await until(lambda: len(heard) == 2, "health goes on")
+    reporting.cancel()
+    assert [note.identity for one in heard for note in one.notes] == [("defect", "health"), ("well", "")]
 
 
 UNTELLABLE: dict[str, Health] = {
@@ -70,54 +68,50 @@ UNTELLABLE: dict[str, Health] = {
 
 
 @pytest.mark.parametrize("what", UNTELLABLE)
-def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_lives(endpoint: str, what: str) -> None:
-    async def body(connect: Connect) -> None:
-        observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
-        heard: list[Health] = []
-        observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
-        await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
-        reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: UNTELLABLE[what]))
-        await until(lambda: len(heard) == 1, "health goes on")
-        reporting.cancel()
-        assert heard[0].pid == os.getpid()
-        assert [note.code for note in heard[0].notes] == ["health_unsendable"]
-
-    on_a_bus(endpoint, body)
-
-
-def test_health_goes_before_what_fills_a_slow_link(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
-        came: list[tuple[str, zenoh.Priority]] = []
-        observer._session.declare_subscriber(
-            f"argosy/{FLEET}/**", lambda sample: came.append((str(sample.key_expr), sample.priority))
-        )
-        health, other = keys.health(FLEET, "uav1", "bridged"), f"argosy/{FLEET}/uav1/manifest"
-        await subscribed(bus, health)
-        bus.put(other, Health())
-        reporting = asyncio.create_task(report_health(bus, "uav1", Clock()))
-        await until(lambda: len({key for key, _ in came}) == 2, "both come")
-        reporting.cancel()
-        assert dict(came) == {other: zenoh.Priority.DATA, health: zenoh.Priority.INTERACTIVE_HIGH}
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_lives(
+    connect: Connect, what: str
+) -> None:
+    observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
+    heard: list[Health] = []
+    observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
+    await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
+    reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: UNTELLABLE[what]))
+    await until(lambda: len(heard) == 1, "health goes on")
+    reporting.cancel()
+    assert heard[0].pid == os.getpid()
+    assert [note.code for note in heard[0].notes] == ["health_unsendable"]
 
 
-def test_warnings_of_health_are_lines_of_unicode_and_bounded(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
-        heard: list[Health] = []
-        observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
-        await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
-        texts = ("no file \udcff.jpg", *("x" * 10_000 for _ in range(1000)))
-        notes = tuple(Note("x", text, text) for text in texts)
-        reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: Health(notes=notes)))
-        await until(lambda: len(heard) == 1, "health goes on")
-        reporting.cancel()
-        assert heard[0].notes[0] == Note("x", r"no file \udcff.jpg", r"no file \udcff.jpg")
-        assert sum(len(note.text) + len(note.about) for note in heard[0].notes) < 800_000
+@bus_test
+async def test_health_goes_before_what_fills_a_slow_link(connect: Connect) -> None:
+    observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
+    came: list[tuple[str, zenoh.Priority]] = []
+    observer._session.declare_subscriber(
+        f"argosy/{FLEET}/**", lambda sample: came.append((str(sample.key_expr), sample.priority))
+    )
+    health, other = keys.health(FLEET, "uav1", "bridged"), f"argosy/{FLEET}/uav1/manifest"
+    await subscribed(bus, health)
+    bus.put(other, Health())
+    reporting = asyncio.create_task(report_health(bus, "uav1", Clock()))
+    await until(lambda: len({key for key, _ in came}) == 2, "both come")
+    reporting.cancel()
+    assert dict(came) == {other: zenoh.Priority.DATA, health: zenoh.Priority.INTERACTIVE_HIGH}
 
-    on_a_bus(endpoint, body)
+
+@bus_test
+async def test_warnings_of_health_are_lines_of_unicode_and_bounded(connect: Connect) -> None:
+    observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
+    heard: list[Health] = []
+    observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
+    await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
+    texts = ("no file \udcff.jpg", *("x" * 10_000 for _ in range(1000)))
+    notes = tuple(Note("x", text, text) for text in texts)
+    reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: Health(notes=notes)))
+    await until(lambda: len(heard) == 1, "health goes on")
+    reporting.cancel()
+    assert heard[0].notes[0] == Note("x", r"no file \udcff.jpg", r"no file \udcff.jpg")
+    assert sum(len(note.text) + len(note.about) for note in heard[0].notes) < 800_000
 
 
 def test_two_routers_on_one_endpoint_do_not_start_and_the_second_says_why(endpoint: str) -> None:
@@ -163,7 +157,6 @@ def test_of_several_boards_the_one_that_it_is_has_to_be_said(tmp_path: Path, end
         assert "which board is this? Name it by --board: the mission has one, two" in commd.text
 
 
-@pytest.mark.parametrize("endpoint", ["carrier-pigeon/here", "tcp/127.0.0.1:99999", "127.0.0.1:7447", ""])
 def test_only_the_board_of_the_gateway_listens_to_its_nodes(
     tmp_path: Path, endpoint: str, free_port: Callable[[], int]
 ) -> None:
@@ -188,6 +181,7 @@ def _is_bound(address: tuple[str, int]) -> bool:
     return False
 
 
+@pytest.mark.parametrize("endpoint", ["carrier-pigeon/here", "tcp/127.0.0.1:99999", "127.0.0.1:7447", ""])
 def test_what_is_no_endpoint_is_refused_with_what_is_one(endpoint: str) -> None:
     with running("commd", "serve", MISSION, "--router", endpoint) as commd:
         assert commd.ends() == 2
@@ -217,7 +211,8 @@ def test_a_router_that_breaks_ends_commd_so_that_it_is_started_again(
     assert "the router is broken" in caplog.text
 
 
-def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_starts(
+@async_test
+async def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_starts(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
@@ -257,12 +252,9 @@ def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_starts(
         assert answers[-1] == Receipt(taken=1)
         assert set(answers[:-1]) <= {"board local is still reading who joined it"}
 
-    async def body() -> None:
-        await life(first)
-        monkeypatch.setattr(Directory, "load", late)
-        await life(second)
-
-    asyncio.run(body())
+    await life(first)
+    monkeypatch.setattr(Directory, "load", late)
+    await life(second)
 
 
 @pytest.mark.parametrize("task", ["follow", "forget_who_is_gone"])

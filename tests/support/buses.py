@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
+from inspect import Parameter, Signature, signature
 from typing import Any, Literal, Protocol
 
 from commd.bus.bus import Bus, open_bus
@@ -42,6 +43,32 @@ def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]]
             await body(connect)
 
     asyncio.run(everything())
+
+
+def async_test(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Run an async test in an event loop of its own, bounded in wall seconds; its parameters are fixtures."""
+
+    def run(**values: Any) -> None:
+        asyncio.run(asyncio.wait_for(test(**values), 240))
+
+    run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
+    run.__signature__ = signature(test)  # type: ignore[attr-defined]
+    return run
+
+
+def bus_test(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Run an async test with a router at `endpoint`: `connect` opens sessions, other parameters are fixtures."""
+    fixtures = [one for one in signature(test).parameters.values() if one.name not in ("connect", "endpoint")]
+
+    def run(endpoint: str, **values: Any) -> None:
+        if "endpoint" in signature(test).parameters:
+            values["endpoint"] = endpoint
+        on_a_bus(endpoint, lambda connect: test(connect=connect, **values))
+
+    run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
+    endpoint = Parameter("endpoint", Parameter.POSITIONAL_OR_KEYWORD)
+    run.__signature__ = Signature([endpoint, *fixtures])  # type: ignore[attr-defined]
+    return run
 
 
 @asynccontextmanager

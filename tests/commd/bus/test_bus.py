@@ -17,26 +17,25 @@ from commd.bus.errors import AccessDenied, AlreadyRunning, BusClosed, QueryFaile
 from commd.bus.queries import ROUTER_LOST
 from schemas.wire.codec import codec
 from schemas.wire.records import Action, ActionStatus, Perception
-from tests.support.buses import Connect, on_a_bus, served, subscribed, until
+from tests.support.buses import Connect, async_test, bus_test, served, subscribed, until
 
 
-def test_what_is_put_arrives_typed_and_in_order(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        sender, receiver = await connect(), await connect()
-        got: list[Any] = []
-        receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append((key, record)))
-        await subscribed(sender, "argosy/test/uav/percept/altitude")
-        for altitude in range(50):
-            sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude", parameters=(altitude,)))
-        await until(lambda: len(got) == 50, "what was sent arrives")
-        assert [record.parameters[0] for _, record in got] == list(range(50))
-        assert got[0][0] == "argosy/test/uav/percept/altitude"
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_what_is_put_arrives_typed_and_in_order(connect: Connect) -> None:
+    sender, receiver = await connect(), await connect()
+    got: list[Any] = []
+    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append((key, record)))
+    await subscribed(sender, "argosy/test/uav/percept/altitude")
+    for altitude in range(50):
+        sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude", parameters=(altitude,)))
+    await until(lambda: len(got) == 50, "what was sent arrives")
+    assert [record.parameters[0] for _, record in got] == list(range(50))
+    assert got[0][0] == "argosy/test/uav/percept/altitude"
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["told to stop", "left waiting"])
-def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon(
+@async_test
+async def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon(
     told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.bus.session.OPEN_PATIENCE", 60.0 if told else 0.2)
@@ -44,278 +43,248 @@ def test_a_session_that_zenoh_does_not_open_in_time_does_not_keep_a_daemon(
     # three seconds: none of these waits so long, and no thread within Zenoh is left to the tests after it
     long = """{mode: "router", transport: {link: {protocols: ["unixsock-stream"]}},
       listen: {endpoints: ["tcp/127.0.0.1:0#exit_on_failure=true"], timeout_ms: 3000, exit_on_failure: false}}"""
-
-    async def body() -> None:
-        stop = asyncio.Event()
-        if told:
-            stop.set()
-        who = {"fleet": "test", "name": "pi", "daemon": "commd", "mode": "router", "stop": stop}
-        config = zenoh.Config.from_json5(long)
-        with pytest.raises(BusClosed, match=r"Zenoh does not open a session for tcp/127\.0\.0\.1:0"):
-            async with open_bus("tcp/127.0.0.1:0", stamp=lambda: 0, config=config, **who):
-                pass
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    stop = asyncio.Event()
+    if told:
+        stop.set()
+    who = {"fleet": "test", "name": "pi", "daemon": "commd", "mode": "router", "stop": stop}
+    config = zenoh.Config.from_json5(long)
+    with pytest.raises(BusClosed, match=r"Zenoh does not open a session for tcp/127\.0\.0\.1:0"):
+        async with open_bus("tcp/127.0.0.1:0", stamp=lambda: 0, config=config, **who):
+            pass
 
 
-def test_bad_bytes_are_counted_and_never_reach_the_handler(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        sender, receiver = await connect(), await connect()
-        got: list[Any] = []
-        receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
-        await subscribed(sender, "argosy/test/uav/percept/altitude")
-        for payload in (b"", b"\xff\xfe", b'{"name":7}', b"[" * 5000):
-            sender._session.put("argosy/test/uav/percept/altitude", payload)
-        sender._session.put(
-            "argosy/test/uav/percept/altitude", b'{"name":"a"}', encoding="application/json;argosy.Perception/2"
-        )
-        sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude"))
-        await until(lambda: len(got) == 1, "what was sent arrives")
-        assert receiver.counters["bad_input"] == 5
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_bad_bytes_are_counted_and_never_reach_the_handler(connect: Connect) -> None:
+    sender, receiver = await connect(), await connect()
+    got: list[Any] = []
+    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
+    await subscribed(sender, "argosy/test/uav/percept/altitude")
+    for payload in (b"", b"\xff\xfe", b'{"name":7}', b"[" * 5000):
+        sender._session.put("argosy/test/uav/percept/altitude", payload)
+    sender._session.put(
+        "argosy/test/uav/percept/altitude", b'{"name":"a"}', encoding="application/json;argosy.Perception/2"
+    )
+    sender.put("argosy/test/uav/percept/altitude", Perception(name="altitude"))
+    await until(lambda: len(got) == 1, "what was sent arrives")
+    assert receiver.counters["bad_input"] == 5
 
 
-def test_fields_of_a_newer_sender_are_ignored_counted_and_told_once_per_key(
-    endpoint: str, caplog: pytest.LogCaptureFixture
+@bus_test
+async def test_fields_of_a_newer_sender_are_ignored_counted_and_told_once_per_key(
+    connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(connect: Connect) -> None:
-        sender, receiver = await connect(), await connect()
-        got: list[Any] = []
-        receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record.name))
-        await subscribed(sender, "argosy/test/uav/percept/a")
-        for _ in range(3):
-            sender._session.put("argosy/test/uav/percept/a", b'{"name":"a","colour":"red"}')
-        await until(lambda: got == ["a", "a", "a"], "the records arrive all the same")
-        assert receiver.counters["unknown_fields"] == 1
-        assert receiver.counters["bad_input"] == 0
-        assert caplog.text.count("ignored=colour") == 1
-
-    on_a_bus(endpoint, body)
+    sender, receiver = await connect(), await connect()
+    got: list[Any] = []
+    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record.name))
+    await subscribed(sender, "argosy/test/uav/percept/a")
+    for _ in range(3):
+        sender._session.put("argosy/test/uav/percept/a", b'{"name":"a","colour":"red"}')
+    await until(lambda: got == ["a", "a", "a"], "the records arrive all the same")
+    assert receiver.counters["unknown_fields"] == 1
+    assert receiver.counters["bad_input"] == 0
+    assert caplog.text.count("ignored=colour") == 1
 
 
-def test_a_query_streams_its_replies_and_ends(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        server, backfill = await connect(), await connect()
+@bus_test
+async def test_a_query_streams_its_replies_and_ends(connect: Connect) -> None:
+    server, backfill = await connect(), await connect()
 
-        async def fly(query: Query[Action]) -> None:
-            assert query.record is not None
-            for state in ("accepted", "running", "succeeded"):
-                query.reply(ActionStatus(id=query.record.id, state=state))
-                await asyncio.sleep(0.02)
+    async def fly(query: Query[Action]) -> None:
+        assert query.record is not None
+        for state in ("accepted", "running", "succeeded"):
+            query.reply(ActionStatus(id=query.record.id, state=state))
+            await asyncio.sleep(0.02)
 
-        server.serve("argosy/test/uav/action/*", Action, fly)
-        await served(backfill, "argosy/test/uav/action/land")
-        states = []
-        async for reply in backfill.query("argosy/test/uav/action/land", Action(id="uav:1:1"), ActionStatus, 10):
-            assert reply.record is not None
-            states.append(reply.record.state)
-        assert states == ["accepted", "running", "succeeded"]
-
-    on_a_bus(endpoint, body)
+    server.serve("argosy/test/uav/action/*", Action, fly)
+    await served(backfill, "argosy/test/uav/action/land")
+    states = []
+    async for reply in backfill.query("argosy/test/uav/action/land", Action(id="uav:1:1"), ActionStatus, 10):
+        assert reply.record is not None
+        states.append(reply.record.state)
+    assert states == ["accepted", "running", "succeeded"]
 
 
-def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_parameters(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        server, backfill = await connect(), await connect()
-        got: list[tuple[str, dict[str, str]]] = []
+@bus_test
+async def test_what_stands_behind_the_key_of_a_query_reaches_who_serves_it_as_parameters(connect: Connect) -> None:
+    server, backfill = await connect(), await connect()
+    got: list[tuple[str, dict[str, str]]] = []
 
-        async def serve(query: Query[Action]) -> None:
-            got.append((query.key, query.parameters))
-            if "wrong" in query.parameters:
-                query.reply_error("no such parameter")
+    async def serve(query: Query[Action]) -> None:
+        got.append((query.key, query.parameters))
+        if "wrong" in query.parameters:
+            query.reply_error("no such parameter")
+        else:
+            query.reply(ActionStatus(id="1", name="arm", state="running"))
+
+    key = "argosy/test/uav/action/arm"
+    server.serve(key, Action, serve)
+    await served(backfill, key)
+    got.clear()
+    replies = []
+    for selector in (key, f"{key}?last=5;about=go", f"{key}?wrong"):
+        replies += [(reply.key, reply.error) async for reply in backfill.query(selector, None, ActionStatus, 5.0)]
+    assert got == [(key, {}), (key, {"last": "5", "about": "go"}), (key, {"wrong": ""})]
+    assert replies == [(key, ""), (key, ""), (key, "no such parameter")]
+
+
+@bus_test
+async def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(connect: Connect) -> None:
+    backfill = await connect()
+    async with asyncio.timeout(120):
+        replies = [reply async for reply in backfill.query("argosy/test/uav/action/land", Action(), ActionStatus, 1000)]
+    assert replies == []
+
+
+@bus_test
+async def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(connect: Connect) -> None:
+    server, backfill = await connect(), await connect()
+    key = "argosy/test/uav/action"
+
+    async def serve(query: Query[Action]) -> None:
+        match query.key.rpartition("/")[2]:
+            case "arm":
+                query.reply(ActionStatus(id="1", state="running"))
+                query.reply(ActionStatus(id="2", state="succeeded"))
+            case "land":
+                query.reply_error("no such action")
+            case _:
+                await asyncio.Event().wait()
+
+    server.serve(f"{key}/*", Action, serve)
+    await served(backfill, f"{key}/land")
+    async with asyncio.timeout(120):
+        assert (await backfill.ask_one(f"{key}/arm", Action(), ActionStatus, 10)).id == "1"
+        with pytest.raises(QueryFailed, match="no such action") as failed:
+            await backfill.ask_one(f"{key}/land", Action(), ActionStatus, 10)
+        assert failed.value.key == f"{key}/land"
+        with pytest.raises(QueryTimeout, match=r"no answer within 0\.5 s") as late:
+            await backfill.ask_one(f"{key}/hover", Action(), ActionStatus, 0.5)
+        assert (late.value.timeout, late.value.nobody) == (0.5, False)
+        with pytest.raises(QueryTimeout, match="nobody answers") as nobody:
+            await backfill.ask_one("argosy/test/usv/action/arm", Action(), ActionStatus, 10)
+        assert nobody.value.nobody
+
+
+@bus_test
+async def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_errors(connect: Connect) -> None:
+    backfill, got, both = await connect("asker"), list[tuple[str, str]](), asyncio.Event()
+    for name in ("uav", "usv", "auv"):
+
+        async def serve(query: Query[Action], name: str = name) -> None:
+            key = f"argosy/test/{name}/action/arm"
+            if name == "auv":
+                query.reply_error("under water")
             else:
-                query.reply(ActionStatus(id="1", name="arm", state="running"))
+                query.reply(ActionStatus(id=name, state="running"), key)
+                await both.wait()  # a record is handed over before its query has ended
 
-        key = "argosy/test/uav/action/arm"
-        server.serve(key, Action, serve)
-        await served(backfill, key)
-        got.clear()
-        replies = []
-        for selector in (key, f"{key}?last=5;about=go", f"{key}?wrong"):
-            replies += [(reply.key, reply.error) async for reply in backfill.query(selector, None, ActionStatus, 5.0)]
-        assert got == [(key, {}), (key, {"last": "5", "about": "go"}), (key, {"wrong": ""})]
-        assert replies == [(key, ""), (key, ""), (key, "no such parameter")]
+        (await connect(name)).serve(f"argosy/test/{name}/action/arm", Action, serve)
+        await served(backfill, f"argosy/test/{name}/action/arm")
 
-    on_a_bus(endpoint, body)
+    def take(key: str, status: ActionStatus) -> None:
+        got.append((key, status.id))
+        if len(got) == 2:
+            both.set()
 
-
-def test_a_query_that_nobody_serves_ends_at_once_with_no_reply(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        backfill = await connect()
-        async with asyncio.timeout(120):
-            replies = [
-                reply async for reply in backfill.query("argosy/test/uav/action/land", Action(), ActionStatus, 1000)
-            ]
-        assert replies == []
-
-    on_a_bus(endpoint, body)
+    async with asyncio.timeout(120):
+        errors = await backfill.ask_all("argosy/test/*/action/arm", ActionStatus, 15, take)
+    assert sorted(got) == [(f"argosy/test/{name}/action/arm", name) for name in ("uav", "usv")]
+    assert list(errors.values()) == ["under water"]
 
 
-def test_ask_one_returns_the_first_record_or_raises_why_there_is_none(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        server, backfill = await connect(), await connect()
-        key = "argosy/test/uav/action"
-
-        async def serve(query: Query[Action]) -> None:
-            match query.key.rpartition("/")[2]:
-                case "arm":
-                    query.reply(ActionStatus(id="1", state="running"))
-                    query.reply(ActionStatus(id="2", state="succeeded"))
-                case "land":
-                    query.reply_error("no such action")
-                case _:
-                    await asyncio.Event().wait()
-
-        server.serve(f"{key}/*", Action, serve)
-        await served(backfill, f"{key}/land")
-        async with asyncio.timeout(120):
-            assert (await backfill.ask_one(f"{key}/arm", Action(), ActionStatus, 10)).id == "1"
-            with pytest.raises(QueryFailed, match="no such action") as failed:
-                await backfill.ask_one(f"{key}/land", Action(), ActionStatus, 10)
-            assert failed.value.key == f"{key}/land"
-            with pytest.raises(QueryTimeout, match=r"no answer within 0\.5 s") as late:
-                await backfill.ask_one(f"{key}/hover", Action(), ActionStatus, 0.5)
-            assert (late.value.timeout, late.value.nobody) == (0.5, False)
-            with pytest.raises(QueryTimeout, match="nobody answers") as nobody:
-                await backfill.ask_one("argosy/test/usv/action/arm", Action(), ActionStatus, 10)
-            assert nobody.value.nobody
-
-    on_a_bus(endpoint, body)
+@async_test
+async def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its_replies_would_come(
+    endpoint: str,
+) -> None:
+    async with AsyncExitStack() as router, AsyncExitStack() as client:
+        await router.enter_async_context(
+            open_bus(endpoint, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
+        )
+        bus = await client.enter_async_context(
+            open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns)
+        )
+        await until(lambda: bus.router_up, "the router is seen")
+        session, bus._session = bus._session, Mock()
+        replies = bus.query("argosy/test/a", None, ActionStatus, 3600)
+        asking = asyncio.ensure_future(anext(replies))
+        await asyncio.sleep(0.1)
+        bus._session = session
+        assert not asking.done(), "neither the first sight of the router nor anything else has ended it"
+        await router.aclose()
+        assert (await asyncio.wait_for(asking, 120)).error == ROUTER_LOST
+        assert await anext(replies, None) is None
 
 
-def test_ask_all_hands_over_each_record_as_it_arrives_and_returns_the_errors(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        backfill, got, both = await connect("asker"), list[tuple[str, str]](), asyncio.Event()
-        for name in ("uav", "usv", "auv"):
+@bus_test
+async def test_an_abandoned_query_is_cancelled(connect: Connect) -> None:
+    server, backfill = await connect(), await connect()
 
-            async def serve(query: Query[Action], name: str = name) -> None:
-                key = f"argosy/test/{name}/action/arm"
-                if name == "auv":
-                    query.reply_error("under water")
-                else:
-                    query.reply(ActionStatus(id=name, state="running"), key)
-                    await both.wait()  # a record is handed over before its query has ended
+    async def forever(query: Query[Action]) -> None:
+        query.reply(ActionStatus(id="1", state="running"))
+        await asyncio.sleep(60)
 
-            (await connect(name)).serve(f"argosy/test/{name}/action/arm", Action, serve)
-            await served(backfill, f"argosy/test/{name}/action/arm")
-
-        def take(key: str, status: ActionStatus) -> None:
-            got.append((key, status.id))
-            if len(got) == 2:
-                both.set()
-
-        async with asyncio.timeout(120):
-            errors = await backfill.ask_all("argosy/test/*/action/arm", ActionStatus, 15, take)
-        assert sorted(got) == [(f"argosy/test/{name}/action/arm", name) for name in ("uav", "usv")]
-        assert list(errors.values()) == ["under water"]
-
-    on_a_bus(endpoint, body)
+    server.serve("argosy/test/uav/action/*", Action, forever)
+    await served(backfill, "argosy/test/uav/action/a")
+    async with aclosing(backfill.query("argosy/test/uav/action/a", Action(), ActionStatus, 60)) as replies:
+        async for reply in replies:
+            assert reply.record is not None
+            break
+    assert await backfill.tokens("argosy/**") == []  # the session still answers
 
 
-def test_a_query_that_zenoh_does_not_end_ends_with_the_router_by_which_its_replies_would_come(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as router, AsyncExitStack() as client:
-            await router.enter_async_context(
-                open_bus(endpoint, fleet="test", name="board", daemon="commd", stamp=time.time_ns, mode="router")
-            )
-            bus = await client.enter_async_context(
-                open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns)
-            )
-            await until(lambda: bus.router_up, "the router is seen")
-            session, bus._session = bus._session, Mock()
-            replies = bus.query("argosy/test/a", None, ActionStatus, 3600)
-            asking = asyncio.ensure_future(anext(replies))
-            await asyncio.sleep(0.1)
-            bus._session = session
-            assert not asking.done(), "neither the first sight of the router nor anything else has ended it"
-            await router.aclose()
-            assert (await asyncio.wait_for(asking, 120)).error == ROUTER_LOST
-            assert await anext(replies, None) is None
+@bus_test
+async def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_asker(connect: Connect) -> None:
+    server, backfill = await connect(), await connect()
 
-    asyncio.run(asyncio.wait_for(body(), 240))
+    async def serve(query: Query[Action]) -> None:
+        query.reply_error(query.error)
 
-
-def test_an_abandoned_query_is_cancelled(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        server, backfill = await connect(), await connect()
-
-        async def forever(query: Query[Action]) -> None:
-            query.reply(ActionStatus(id="1", state="running"))
-            await asyncio.sleep(60)
-
-        server.serve("argosy/test/uav/action/*", Action, forever)
-        await served(backfill, "argosy/test/uav/action/a")
-        async with aclosing(backfill.query("argosy/test/uav/action/a", Action(), ActionStatus, 60)) as replies:
-            async for reply in replies:
-                assert reply.record is not None
-                break
-        assert await backfill.tokens("argosy/**") == []  # the session still answers
-
-    on_a_bus(endpoint, body)
-
-
-def test_bad_payloads_of_queries_are_told_to_the_server_and_its_errors_to_the_asker(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        server, backfill = await connect(), await connect()
-
-        async def serve(query: Query[Action]) -> None:
-            query.reply_error(query.error)
-
-        server.serve("argosy/test/uav/action/*", Action, serve)
-        await served(backfill, "argosy/test/uav/action/a")
-        channel = backfill._session.get("argosy/test/uav/action/a", payload=b'{"parameters": 5}', timeout=10)
-        errors = await asyncio.to_thread(lambda: [reply.err.payload.to_string() for reply in channel])
-        assert errors == ["Action: Expected `array`, got `int` - at `$.parameters`"]
-
-    on_a_bus(endpoint, body)
+    server.serve("argosy/test/uav/action/*", Action, serve)
+    await served(backfill, "argosy/test/uav/action/a")
+    channel = backfill._session.get("argosy/test/uav/action/a", payload=b'{"parameters": 5}', timeout=10)
+    errors = await asyncio.to_thread(lambda: [reply.err.payload.to_string() for reply in channel])
+    assert errors == ["Action: Expected `array`, got `int` - at `$.parameters`"]
 
 
 @pytest.mark.parametrize(
     ("payload", "code"),
     [(b'{"parameters": 5}', "bad_record"), (b'{"parameters": ' + b"[" * 100_000, "too_deep")],
 )
-def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch, payload: bytes, code: str
+@bus_test
+async def test_an_asker_knows_by_a_code_what_is_wrong_with_its_payload(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch, payload: bytes, code: str
 ) -> None:
-    async def body(connect: Any) -> None:
-        server, backfill = await connect(), await connect()
+    server, backfill = await connect(), await connect()
 
-        async def serve(query: Query[Action]) -> None:
-            query.reply_error(query.error)
+    async def serve(query: Query[Action]) -> None:
+        query.reply_error(query.error)
 
-        server.serve("argosy/test/uav/action/*", Action, serve)
-        await served(backfill, "argosy/test/uav/action/a")
-        monkeypatch.setattr(codec(Action), "encode", lambda *_: payload)
-        with pytest.raises(QueryFailed) as failed:
-            await backfill.ask_one("argosy/test/uav/action/a", Action(), ActionStatus, 10)
-        assert failed.value.code == code
-
-    on_a_bus(endpoint, body)
+    server.serve("argosy/test/uav/action/*", Action, serve)
+    await served(backfill, "argosy/test/uav/action/a")
+    monkeypatch.setattr(codec(Action), "encode", lambda *_: payload)
+    with pytest.raises(QueryFailed) as failed:
+        await backfill.ask_one("argosy/test/uav/action/a", Action(), ActionStatus, 10)
+    assert failed.value.code == code
 
 
-def test_a_second_live_instance_of_a_name_is_refused_and_named(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        first, second = await connect("uav"), await connect("uav")
-        await first.claim("uav")
-        with pytest.raises(AlreadyRunning, match=f"another agentd serves `uav`.*boot {first.boot}"):
-            await second.claim("uav")
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_second_live_instance_of_a_name_is_refused_and_named(connect: Connect) -> None:
+    first, second = await connect("uav"), await connect("uav")
+    await first.claim("uav")
+    with pytest.raises(AlreadyRunning, match=f"another agentd serves `uav`.*boot {first.boot}"):
+        await second.claim("uav")
 
 
-def test_tokens_come_and_go_with_their_daemons(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        watcher, other = await connect(), await connect("uav")
-        seen: list[tuple[str, bool]] = []
-        token = await other.claim("uav")
-        watcher.watch("argosy/test/*/alive/**", lambda key, alive: seen.append((key, alive)))
-        await until(lambda: len(seen) == 1, "what was sent arrives")
-        token.undeclare()
-        await until(lambda: len(seen) == 2, "what was sent arrives")
-        assert [alive for _, alive in seen] == [True, False]
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_tokens_come_and_go_with_their_daemons(connect: Connect) -> None:
+    watcher, other = await connect(), await connect("uav")
+    seen: list[tuple[str, bool]] = []
+    token = await other.claim("uav")
+    watcher.watch("argosy/test/*/alive/**", lambda key, alive: seen.append((key, alive)))
+    await until(lambda: len(seen) == 1, "what was sent arrives")
+    token.undeclare()
+    await until(lambda: len(seen) == 2, "what was sent arrives")
+    assert [alive for _, alive in seen] == [True, False]
 
 
 def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint: str) -> None:
@@ -349,181 +318,161 @@ def test_a_client_waits_for_its_router_and_comes_back_after_it_was_away(endpoint
     asyncio.run(asyncio.wait_for(body(), 240))
 
 
-def test_a_router_says_when_its_endpoint_is_taken(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        with pytest.raises(BusClosed, match=r"cannot listen at .*: is another router running there"):
-            await connect("board2", "commd", "router")
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_router_says_when_its_endpoint_is_taken(connect: Connect) -> None:
+    with pytest.raises(BusClosed, match=r"cannot listen at .*: is another router running there"):
+        await connect("board2", "commd", "router")
 
 
-def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: str) -> None:
-    async def body() -> None:
-        with pytest.raises(BusClosed, match=r"no router at .*: is commd running"):
-            async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns, patience=0.1):
-                pass
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+@async_test
+async def test_no_router_within_the_patience_is_an_error_that_says_so(endpoint: str) -> None:
+    with pytest.raises(BusClosed, match=r"no router at .*: is commd running"):
+        async with open_bus(endpoint, fleet="test", name="uav", daemon="agentd", stamp=time.time_ns, patience=0.1):
+            pass
 
 
-def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.bus.loop_dispatch.BACKLOG", 100)
-
-    async def body(connect: Any) -> None:
-        sender, receiver = await connect(), await connect()
-        got: list[Any] = []
-        receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
-        await subscribed(sender, "argosy/test/uav/percept/a")
-        for _ in range(500):
-            sender.put("argosy/test/uav/percept/a", Perception(name="a"))
-        patience = time.monotonic() + 20
-        while receiver.counters["dropped"] < 400 and time.monotonic() < patience:
-            time.sleep(0.01)  # the event loop is held up on purpose until Zenoh's threads have delivered everything
-        await until(lambda: len(got) + receiver.counters["dropped"] == 500, "what was sent arrives")
-        assert len(got) == 100
-
-    on_a_bus(endpoint, body)
-
-
-def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
-    endpoint: str, caplog: pytest.LogCaptureFixture
+@bus_test
+async def test_a_flood_is_bounded_and_what_did_not_fit_is_counted(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def body(connect: Connect) -> None:
-        bus = await connect()
-        for _ in range(1000):
-            bus._dispatch.put(time.sleep, 0.005)
-        await bus.close()
-        assert not [one for one in caplog.records if "hangs" in one.message]
+    monkeypatch.setattr("commd.bus.loop_dispatch.BACKLOG", 100)
+    sender, receiver = await connect(), await connect()
+    got: list[Any] = []
+    receiver.subscribe("argosy/test/uav/percept/*", Perception, lambda key, record: got.append(record))
+    await subscribed(sender, "argosy/test/uav/percept/a")
+    for _ in range(500):
+        sender.put("argosy/test/uav/percept/a", Perception(name="a"))
+    patience = time.monotonic() + 20
+    while receiver.counters["dropped"] < 400 and time.monotonic() < patience:
+        time.sleep(0.01)  # the event loop is held up on purpose until Zenoh's threads have delivered everything
+    await until(lambda: len(got) + receiver.counters["dropped"] == 500, "what was sent arrives")
+    assert len(got) == 100
 
-    on_a_bus(endpoint, body)
+
+@bus_test
+async def test_a_session_that_ends_beside_a_flood_does_not_blame_its_router(
+    connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    bus = await connect()
+    for _ in range(1000):
+        bus._dispatch.put(time.sleep, 0.005)
+    await bus.close()
+    assert not [one for one in caplog.records if "hangs" in one.message]
 
 
-def test_what_is_urgent_is_served_while_all_other_queries_wait(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_what_is_urgent_is_served_while_all_other_queries_wait(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("commd.bus.queries.QUERIES", 3)
+    backfill, server = await connect(), await connect()
+    waiting, done = list[Query[Action]](), asyncio.Event()
 
-    async def body(connect: Connect) -> None:
-        backfill, server = await connect(), await connect()
-        waiting, done = list[Query[Action]](), asyncio.Event()
+    async def slow(query: Query[Action]) -> None:
+        waiting.append(query)
+        await done.wait()
 
-        async def slow(query: Query[Action]) -> None:
-            waiting.append(query)
-            await done.wait()
+    async def quick(query: Query[Action]) -> None:
+        query.reply(ActionStatus(id="x", state="cancelled"))
 
-        async def quick(query: Query[Action]) -> None:
-            query.reply(ActionStatus(id="x", state="cancelled"))
+    async def ask(key: str) -> list[Any]:
+        return [reply async for reply in backfill.query(key, Action(), ActionStatus, 10)]
 
-        async def ask(key: str) -> list[Any]:
-            return [reply async for reply in backfill.query(key, Action(), ActionStatus, 10)]
-
-        server.serve("argosy/test/uav/action/goto", Action, slow)
-        server.serve("argosy/test/uav/cancel", Action, quick, urgent=True)
-        await served(backfill, "argosy/test/uav/action/goto")
-        await served(backfill, "argosy/test/uav/cancel")
-        asking = [asyncio.create_task(ask("argosy/test/uav/action/goto")) for _ in range(3)]
-        await until(lambda: len(waiting) == 3, "all places are taken")
-        assert [reply.error for reply in await ask("argosy/test/uav/action/goto")] == ["busy: too many queries at once"]
-        assert [reply.record.id for reply in await ask("argosy/test/uav/cancel")] == ["x"]
-        done.set()
-        await asyncio.gather(*asking)
-
-    on_a_bus(endpoint, body)
+    server.serve("argosy/test/uav/action/goto", Action, slow)
+    server.serve("argosy/test/uav/cancel", Action, quick, urgent=True)
+    await served(backfill, "argosy/test/uav/action/goto")
+    await served(backfill, "argosy/test/uav/cancel")
+    asking = [asyncio.create_task(ask("argosy/test/uav/action/goto")) for _ in range(3)]
+    await until(lambda: len(waiting) == 3, "all places are taken")
+    assert [reply.error for reply in await ask("argosy/test/uav/action/goto")] == ["busy: too many queries at once"]
+    assert [reply.record.id for reply in await ask("argosy/test/uav/cancel")] == ["x"]
+    done.set()
+    await asyncio.gather(*asking)
 
 
-def test_a_payload_that_is_larger_than_its_server_wants_is_refused_unread(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        backfill, server = await connect(), await connect()
+@bus_test
+async def test_a_payload_that_is_larger_than_its_server_wants_is_refused_unread(connect: Connect) -> None:
+    backfill, server = await connect(), await connect()
 
-        async def never(query: Query[Action]) -> None:
-            raise AssertionError(query.key)
+    async def never(query: Query[Action]) -> None:
+        raise AssertionError(query.key)
 
-        server.serve("argosy/test/uav/action/goto", Action, never, at_most=100)
-        await served(backfill, "argosy/test/uav/action/goto")
-        large = Action(parameters=("x" * 100,))
-        replies = [one async for one in backfill.query("argosy/test/uav/action/goto", large, ActionStatus, 10)]
-        assert [one.error for one in replies] == ["Action: 119 bytes, expected at most 100"]
-        assert server.counters["bad_input"] == 1
-
-    on_a_bus(endpoint, body)
+    server.serve("argosy/test/uav/action/goto", Action, never, at_most=100)
+    await served(backfill, "argosy/test/uav/action/goto")
+    large = Action(parameters=("x" * 100,))
+    replies = [one async for one in backfill.query("argosy/test/uav/action/goto", large, ActionStatus, 10)]
+    assert [one.error for one in replies] == ["Action: 119 bytes, expected at most 100"]
+    assert server.counters["bad_input"] == 1
 
 
-def test_the_admin_space_of_the_router_can_be_read(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        client = await connect("uav")
-        answers = await asyncio.to_thread(
-            lambda: [str(r.ok.key_expr) for r in client._session.get("@/*/router", timeout=10)]
-        )
-        assert len(answers) == 1
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_the_admin_space_of_the_router_can_be_read(connect: Connect) -> None:
+    client = await connect("uav")
+    answers = await asyncio.to_thread(
+        lambda: [str(r.ok.key_expr) for r in client._session.get("@/*/router", timeout=10)]
+    )
+    assert len(answers) == 1
 
 
-def test_who_takes_longer_with_a_reply_than_the_question_lasts_is_not_cancelled(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        server, backfill = await connect(), await connect()
+@bus_test
+async def test_who_takes_longer_with_a_reply_than_the_question_lasts_is_not_cancelled(connect: Connect) -> None:
+    server, backfill = await connect(), await connect()
 
-        async def fly(query: Query[Action]) -> None:
-            query.reply(ActionStatus(id="1", state="running"))
-            query.reply(ActionStatus(id="1", state="succeeded"))
+    async def fly(query: Query[Action]) -> None:
+        query.reply(ActionStatus(id="1", state="running"))
+        query.reply(ActionStatus(id="1", state="succeeded"))
 
-        server.serve("argosy/test/uav/action/*", Action, fly)
-        await served(backfill, "argosy/test/uav/action/land")
-        states = list[str]()
-        async with aclosing(backfill.query("argosy/test/uav/action/land", None, ActionStatus, 0.2)) as replies:
-            async for reply in replies:
-                assert reply.record is not None
-                states.append(reply.record.state)
-                await asyncio.sleep(1.3)
-        assert states == ["running", "succeeded"]
-
-    on_a_bus(endpoint, body)
+    server.serve("argosy/test/uav/action/*", Action, fly)
+    await served(backfill, "argosy/test/uav/action/land")
+    states = list[str]()
+    async with aclosing(backfill.query("argosy/test/uav/action/land", None, ActionStatus, 0.2)) as replies:
+        async for reply in replies:
+            assert reply.record is not None
+            states.append(reply.record.state)
+            await asyncio.sleep(1.3)
+    assert states == ["running", "succeeded"]
 
 
-def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to_deny_it(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_router_without_rules_that_shows_a_token_too_late_is_not_said_to_deny_it(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def nobody(bus: Bus, names: Sequence[str]) -> dict[str, list[str]]:
         return {}
 
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav")
-        monkeypatch.setattr(Bus, "_claimed", nobody)
-        monkeypatch.setattr("commd.bus.bus.CLAIM_PATIENCE", 0.1)
-        with pytest.raises(BusClosed, match=r"does not show the token of `uav` within 0\.1 s") as caught:
-            await bus.claim("uav")
-        assert not isinstance(caught.value, AccessDenied)
-
-    on_a_bus(endpoint, body)
+    bus = await connect("uav")
+    monkeypatch.setattr(Bus, "_claimed", nobody)
+    monkeypatch.setattr("commd.bus.bus.CLAIM_PATIENCE", 0.1)
+    with pytest.raises(BusClosed, match=r"does not show the token of `uav` within 0\.1 s") as caught:
+        await bus.claim("uav")
+    assert not isinstance(caught.value, AccessDenied)
 
 
-def test_a_session_knows_while_somebody_listens(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        speaker, first, second = await connect(), await connect(), await connect()
-        said: list[bool] = []
-        first.raw.subscribe("argosy/test/**", lambda sample: None)
-        await subscribed(speaker, "argosy/test/uav/trace/deeds")
-        withdraw = speaker.listened("argosy/test/uav/trace/deeds", said.append)
-        await until(lambda: said == [True], "who listened before is noticed")
-        subscription = second.raw.subscribe("argosy/test/uav/trace/*", lambda sample: None)
-        await first.close()
-        subscription.close()
-        await until(lambda: said == [True, False], "it is noticed that the last one is gone")
-        third = await connect()
-        third.raw.subscribe("argosy/test/uav/trace/deeds", lambda sample: None)
-        await until(lambda: said == [True, False, True], "who comes back is noticed")
-        withdraw()
-        await third.close()
-        assert said == [True, False, True]
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_session_knows_while_somebody_listens(connect: Connect) -> None:
+    speaker, first, second = await connect(), await connect(), await connect()
+    said: list[bool] = []
+    first.raw.subscribe("argosy/test/**", lambda sample: None)
+    await subscribed(speaker, "argosy/test/uav/trace/deeds")
+    withdraw = speaker.listened("argosy/test/uav/trace/deeds", said.append)
+    await until(lambda: said == [True], "who listened before is noticed")
+    subscription = second.raw.subscribe("argosy/test/uav/trace/*", lambda sample: None)
+    await first.close()
+    subscription.close()
+    await until(lambda: said == [True, False], "it is noticed that the last one is gone")
+    third = await connect()
+    third.raw.subscribe("argosy/test/uav/trace/deeds", lambda sample: None)
+    await until(lambda: said == [True, False, True], "who comes back is noticed")
+    withdraw()
+    await third.close()
+    assert said == [True, False, True]
 
 
-def test_a_session_is_not_told_of_listeners_where_there_are_none(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        speaker, other = await connect(), await connect()
-        said: list[bool] = []
-        speaker.listened("argosy/test/uav/trace/deeds", said.append)
-        await speaker.round_trip(5.0)
-        await other.round_trip(5.0)
-        assert said == []
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_session_is_not_told_of_listeners_where_there_are_none(connect: Connect) -> None:
+    speaker, other = await connect(), await connect()
+    said: list[bool] = []
+    speaker.listened("argosy/test/uav/trace/deeds", said.append)
+    await speaker.round_trip(5.0)
+    await other.round_trip(5.0)
+    assert said == []

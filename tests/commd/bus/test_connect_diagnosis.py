@@ -28,7 +28,7 @@ from commd.bus.session import session_config
 from commd.bus.tls import Tls
 from commd.router.link_monitor import Links, dates
 from schemas.mission.model import read_mission
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.fleet_keys import FleetKeys
 from tests.support.notes import identities
 
@@ -91,39 +91,34 @@ REFUSED: dict[str, tuple[Make, str]] = {
 
 
 @pytest.mark.parametrize("keys", REFUSED)
-def test_who_has_no_good_keys_does_not_come_in_and_is_told_why(
+@async_test
+async def test_who_has_no_good_keys_does_not_come_in_and_is_told_why(
     fleet: FleetKeys, tmp_path: Path, free_port: Port, keys: str
 ) -> None:
     make, words = REFUSED[keys]
-
-    async def body() -> None:
-        at = f"tls/127.0.0.1:{free_port()}"
-        async with router(free_port, fleet.make("pi1"), at=at):
-            tls = make(fleet, tmp_path)
-            assert not await asyncio.to_thread(comes_in, at, tls)
-            assert words in await why_not(at, tls)
-            with pytest.raises(BusClosed, match=r"no router at tls/.*: ") as error:
-                async with open_bus(at, fleet="test", name="x", daemon="x", stamp=time.time_ns, tls=tls, patience=0):
-                    raise AssertionError("came in")
-            assert words in str(error.value)
-            good = fleet.make("pi2")
-            assert await asyncio.to_thread(comes_in, at, good), "who has good keys comes in"
-            assert await why_not(at, good) == ""
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    at = f"tls/127.0.0.1:{free_port()}"
+    async with router(free_port, fleet.make("pi1"), at=at):
+        tls = make(fleet, tmp_path)
+        assert not await asyncio.to_thread(comes_in, at, tls)
+        assert words in await why_not(at, tls)
+        with pytest.raises(BusClosed, match=r"no router at tls/.*: ") as error:
+            async with open_bus(at, fleet="test", name="x", daemon="x", stamp=time.time_ns, tls=tls, patience=0):
+                raise AssertionError("came in")
+        assert words in str(error.value)
+        good = fleet.make("pi2")
+        assert await asyncio.to_thread(comes_in, at, good), "who has good keys comes in"
+        assert await why_not(at, good) == ""
 
 
-def test_who_shows_no_certificate_or_speaks_no_tls_does_not_come_in(fleet: FleetKeys, free_port: Port) -> None:
-    async def body() -> None:
-        at = f"tls/127.0.0.1:{free_port()}"
-        tls = fleet.make("pi1")
-        async with router(free_port, tls, at=at):
-            assert not await asyncio.to_thread(comes_in, at, None, {"root_ca_certificate": str(tls.root)})
-            plain = at.replace("tls/", "tcp/")
-            assert not await asyncio.to_thread(comes_in, plain, None)
-            assert await why_not(plain, None) == "it speaks TLS: say `tls/...`, and --keys FOLDER"
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+@async_test
+async def test_who_shows_no_certificate_or_speaks_no_tls_does_not_come_in(fleet: FleetKeys, free_port: Port) -> None:
+    at = f"tls/127.0.0.1:{free_port()}"
+    tls = fleet.make("pi1")
+    async with router(free_port, tls, at=at):
+        assert not await asyncio.to_thread(comes_in, at, None, {"root_ca_certificate": str(tls.root)})
+        plain = at.replace("tls/", "tcp/")
+        assert not await asyncio.to_thread(comes_in, plain, None)
+        assert await why_not(plain, None) == "it speaks TLS: say `tls/...`, and --keys FOLDER"
 
 
 SERVERS: dict[str, tuple[Make, str]] = {
@@ -141,21 +136,18 @@ SERVERS: dict[str, tuple[Make, str]] = {
 
 
 @pytest.mark.parametrize("keys", SERVERS)
-def test_nobody_goes_to_a_board_whose_certificate_is_not_good(
+@async_test
+async def test_nobody_goes_to_a_board_whose_certificate_is_not_good(
     fleet: FleetKeys, tmp_path: Path, free_port: Port, keys: str
 ) -> None:
     make, words = SERVERS[keys]
-
-    async def body() -> None:
-        at = f"tls/127.0.0.1:{free_port()}"
-        shown = make(fleet, tmp_path)
-        assert shown is not None
-        async with router(free_port, shown, at=at):
-            ours = fleet.make("pi3")
-            assert not await asyncio.to_thread(comes_in, at, ours)
-            assert words in await why_not(at, ours)
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    at = f"tls/127.0.0.1:{free_port()}"
+    shown = make(fleet, tmp_path)
+    assert shown is not None
+    async with router(free_port, shown, at=at):
+        ours = fleet.make("pi3")
+        assert not await asyncio.to_thread(comes_in, at, ours)
+        assert words in await why_not(at, ours)
 
 
 def test_what_else_keeps_a_router_from_being_reached_is_told_in_words(
@@ -192,28 +184,24 @@ def test_a_stranger_is_told_for_whom_a_boards_socket_is() -> None:
     assert said.stdout.startswith("this user may not use the socket: it is for the members of its group"), said.stderr
 
 
-def test_a_board_tells_which_link_is_missing_and_why_until_it_is_there(fleet: FleetKeys, free_port: Port) -> None:
-    async def body() -> None:
-        one, two = (f"127.0.0.1:{free_port()}" for _ in range(2))
-        mission = read_mission(TWO.replace("ONE", one).replace("TWO", two), Path("m.yaml"))
-        old = fleet.make("pi2", ends=-5)
-        tls = fleet.make("pi1", ends=90 * 86_400)
-        async with router(free_port, tls, at=f"tls/{one}") as bus:
-            links = Links(bus, mission, "pi1", tls, look=0.05)
-            watching = asyncio.create_task(links.watch())
-            await until(lambda: bool(links.health().notes), "the link is missed")
-            assert identities(links.health().notes) == [("link_missing", "pi2")]
-            async with router(free_port, old, at=f"tls/{two}", name="pi2"):
-                expired = "no link to pi2: its certificate, `pi2`, expired on"
-                await until(
-                    lambda: links.health().notes[0].text.startswith(expired), "the certificate is called expired"
-                )
-            async with router(free_port, fleet.make("pi2"), at=f"tls/{two}", dials=f"tls/{one}", name="pi2"):
-                await until(lambda: not links.health().notes, "the link is there")
-                assert bus.linked() == {"pi2"}
-            watching.cancel()
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+@async_test
+async def test_a_board_tells_which_link_is_missing_and_why_until_it_is_there(fleet: FleetKeys, free_port: Port) -> None:
+    one, two = (f"127.0.0.1:{free_port()}" for _ in range(2))
+    mission = read_mission(TWO.replace("ONE", one).replace("TWO", two), Path("m.yaml"))
+    old = fleet.make("pi2", ends=-5)
+    tls = fleet.make("pi1", ends=90 * 86_400)
+    async with router(free_port, tls, at=f"tls/{one}") as bus:
+        links = Links(bus, mission, "pi1", tls, look=0.05)
+        watching = asyncio.create_task(links.watch())
+        await until(lambda: bool(links.health().notes), "the link is missed")
+        assert identities(links.health().notes) == [("link_missing", "pi2")]
+        async with router(free_port, old, at=f"tls/{two}", name="pi2"):
+            expired = "no link to pi2: its certificate, `pi2`, expired on"
+            await until(lambda: links.health().notes[0].text.startswith(expired), "the certificate is called expired")
+        async with router(free_port, fleet.make("pi2"), at=f"tls/{two}", dials=f"tls/{one}", name="pi2"):
+            await until(lambda: not links.health().notes, "the link is there")
+            assert bus.linked() == {"pi2"}
+        watching.cancel()
 
 
 @pytest.mark.parametrize(
@@ -239,22 +227,20 @@ class FewLinks:
         return self.those
 
 
-def test_a_board_tells_that_its_router_has_little_room_left_and_who_takes_it(fleet: FleetKeys) -> None:
-    async def body() -> None:
-        bus = FewLinks()
-        mission = read_mission(TWO.replace("ONE", "").replace("TWO", ""), Path("m.yaml"))
-        links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01, most=10)
-        watching = asyncio.create_task(links.watch())
-        bus.those = Counter({"": 2, "eye": 6})
-        await until(lambda: identities(links.health().notes) == [("links_full", "")], "it is told")
-        assert links.health().notes[0].value == 8
-        assert "`eye` has 6 of them" in links.health().notes[0].text
-        assert links.health().counters["links"] == 8
-        bus.those = Counter({"": 2, "eye": 5})
-        await until(lambda: links.health().notes == (), "there is room")
-        watching.cancel()
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+@async_test
+async def test_a_board_tells_that_its_router_has_little_room_left_and_who_takes_it(fleet: FleetKeys) -> None:
+    bus = FewLinks()
+    mission = read_mission(TWO.replace("ONE", "").replace("TWO", ""), Path("m.yaml"))
+    links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01, most=10)
+    watching = asyncio.create_task(links.watch())
+    bus.those = Counter({"": 2, "eye": 6})
+    await until(lambda: identities(links.health().notes) == [("links_full", "")], "it is told")
+    assert links.health().notes[0].value == 8
+    assert "`eye` has 6 of them" in links.health().notes[0].text
+    assert links.health().counters["links"] == 8
+    bus.those = Counter({"": 2, "eye": 5})
+    await until(lambda: links.health().notes == (), "there is room")
+    watching.cancel()
 
 
 def test_a_watch_over_links_that_fails_says_so_and_goes_on(fleet: FleetKeys, caplog: pytest.LogCaptureFixture) -> None:
@@ -306,33 +292,30 @@ def test_a_name_service_that_does_not_answer_keeps_one_thread_for_each_endpoint_
         answered.set()
 
 
-def test_an_expired_certificate_ends_its_links_and_a_new_one_on_disk_is_dialled_with_at_once(
+@async_test
+async def test_an_expired_certificate_ends_its_links_and_a_new_one_on_disk_is_dialled_with_at_once(
     fleet: FleetKeys, free_port: Port
 ) -> None:
-    async def body() -> None:
-        at = f"tls/127.0.0.1:{free_port()}"
-        tls = fleet.make("pi2", ends=6)
-        async with router(free_port, fleet.make("pi1"), at=at) as one, router(free_port, tls, dials=at, name="pi2"):
-            await until(lambda: one.linked() == {"pi2"}, "pi2 is linked")
-            await until(lambda: not one.linked(), "the link ends with the certificate")
-            fleet.write(tls.key.parent, "pi2")
-            await until(lambda: one.linked() == {"pi2"}, "pi2 is linked again, and was not started again")
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    at = f"tls/127.0.0.1:{free_port()}"
+    tls = fleet.make("pi2", ends=6)
+    async with router(free_port, fleet.make("pi1"), at=at) as one, router(free_port, tls, dials=at, name="pi2"):
+        await until(lambda: one.linked() == {"pi2"}, "pi2 is linked")
+        await until(lambda: not one.linked(), "the link ends with the certificate")
+        fleet.write(tls.key.parent, "pi2")
+        await until(lambda: one.linked() == {"pi2"}, "pi2 is linked again, and was not started again")
 
 
-def test_a_certificate_that_is_not_valid_yet_is_good_when_its_time_has_come(fleet: FleetKeys, free_port: Port) -> None:
+@async_test
+async def test_a_certificate_that_is_not_valid_yet_is_good_when_its_time_has_come(
+    fleet: FleetKeys, free_port: Port
+) -> None:
     """As when a clock is set late: neither side is started again."""
-
-    async def body() -> None:
-        at, its = (f"tls/127.0.0.1:{free_port()}" for _ in range(2))
-        early = fleet.make("pi2", begins=8, ends=3600)
-        async with (
-            router(free_port, fleet.make("pi1"), at=at, dials=its) as one,
-            router(free_port, early, at=its, dials=at, name="pi2"),
-        ):
-            assert "is valid from" in await why_not(its, fleet.make("pi1"))
-            assert not one.linked()
-            await until(lambda: one.linked() == {"pi2"}, "pi2 is linked when its certificate is valid")
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    at, its = (f"tls/127.0.0.1:{free_port()}" for _ in range(2))
+    early = fleet.make("pi2", begins=8, ends=3600)
+    async with (
+        router(free_port, fleet.make("pi1"), at=at, dials=its) as one,
+        router(free_port, early, at=its, dials=at, name="pi2"),
+    ):
+        assert "is valid from" in await why_not(its, fleet.make("pi1"))
+        assert not one.linked()
+        await until(lambda: one.linked() == {"pi2"}, "pi2 is linked when its certificate is valid")

@@ -12,45 +12,40 @@ import pytest
 from commd.bus import session
 from commd.bus.bus import Bus, open_bus
 from schemas.wire.records import Perception
-from tests.support.buses import on_a_bus, subscribed, until
+from tests.support.buses import Connect, bus_test, subscribed, until
 
 KEY = "argosy/test/uav/percept/altitude"
 
 
-def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_for(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@bus_test
+async def test_a_key_is_declared_when_it_is_used_again_and_no_more_than_there_is_room_for(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(session, "MOST_KEYS", 3)
-
-    async def body(connect: Any) -> None:
-        bus = await connect()
-        known = session.KeyCache(bus._session)
-        assert known.of(KEY) == KEY
-        assert known.used(KEY) is not None
-        assert str(known.of(KEY)) == KEY
-        assert known.of(KEY) is known.of(KEY)
-        for number in range(10):
-            assert known.of(f"seen/once/{number}") == f"seen/once/{number}"
-        assert known.open, "keys that are used once take no room"
-        for other in ("a/b", "a/c"):
-            assert known.of(other) == other
-            assert known.of(other) is not other
-        assert not known.open
-        assert known.of("a/d") == known.of("a/d") == "a/d"
-        assert known.of(KEY) is known.used(KEY), "what is declared stays so"
-        assert [one.message for one in caplog.records if "keys_declared" in one.message] == [
-            "keys_declared count=3: records on further keys cost more processor time"
-        ]
-
-    on_a_bus(endpoint, body)
+    bus = await connect()
+    known = session.KeyCache(bus._session)
+    assert known.of(KEY) == KEY
+    assert known.used(KEY) is not None
+    assert str(known.of(KEY)) == KEY
+    assert known.of(KEY) is known.of(KEY)
+    for number in range(10):
+        assert known.of(f"seen/once/{number}") == f"seen/once/{number}"
+    assert known.open, "keys that are used once take no room"
+    for other in ("a/b", "a/c"):
+        assert known.of(other) == other
+        assert known.of(other) is not other
+    assert not known.open
+    assert known.of("a/d") == known.of("a/d") == "a/d"
+    assert known.of(KEY) is known.used(KEY), "what is declared stays so"
+    assert [one.message for one in caplog.records if "keys_declared" in one.message] == [
+        "keys_declared count=3: records on further keys cost more processor time"
+    ]
 
 
-def test_what_is_no_key_is_not_declared(endpoint: str) -> None:
-    async def body(connect: Any) -> None:
-        known = session.KeyCache((await connect())._session)
-        assert [known.of("//"), known.of("//"), known.of("//")] == ["//"] * 3
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_what_is_no_key_is_not_declared(connect: Connect) -> None:
+    known = session.KeyCache((await connect())._session)
+    assert [known.of("//"), known.of("//"), known.of("//")] == ["//"] * 3
 
 
 def test_declared_keys_outlive_their_router(endpoint: str) -> None:

@@ -14,7 +14,7 @@ from commd.bus.errors import BusClosed
 from commd.bus.router_endpoints import missing_addresses, router_of
 from schemas.mission.model import read_mission
 from schemas.wire import keys
-from tests.support.buses import FLEET, session, until
+from tests.support.buses import FLEET, async_test, session, until
 
 THREE = """\
 mission: three
@@ -57,27 +57,22 @@ def test_a_router_does_not_listen_twice_at_its_own_endpoint() -> None:
     assert of("pi1", endpoint="tcp/10.0.0.11:7447") == ([], [])
 
 
-def test_what_another_board_says_is_heard_in_whatever_order_the_routers_come(free_port: Port) -> None:
+@async_test
+async def test_what_another_board_says_is_heard_in_whatever_order_the_routers_come(free_port: Port) -> None:
     here, there, link = (f"tcp/127.0.0.1:{free_port()}" for _ in range(3))
-
-    async def body() -> None:
-        async with (
-            session(here, "pi2", "commd", router=True, connect=[link]) as second,
-            session(here, "b") as b,
-        ):
-            await b.claim("b")
-            assert await second.tokens(keys.alive(FLEET, "*", "agentd", "*")) == [
-                keys.alive(FLEET, "b", "agentd", b.boot)
-            ]
-            async with session(there, "pi1", "commd", router=True, listen=[link]), session(there, "a") as a:
-                await sees(a, "b")
-                await a.claim("a")
-                await sees(b, "a")
-            await until_gone(b, "a")
-            async with session(there, "pi1", "commd", router=True, listen=[link]), session(there, "a") as a:
-                await sees(a, "b")
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    async with (
+        session(here, "pi2", "commd", router=True, connect=[link]) as second,
+        session(here, "b") as b,
+    ):
+        await b.claim("b")
+        assert await second.tokens(keys.alive(FLEET, "*", "agentd", "*")) == [keys.alive(FLEET, "b", "agentd", b.boot)]
+        async with session(there, "pi1", "commd", router=True, listen=[link]), session(there, "a") as a:
+            await sees(a, "b")
+            await a.claim("a")
+            await sees(b, "a")
+        await until_gone(b, "a")
+        async with session(there, "pi1", "commd", router=True, listen=[link]), session(there, "a") as a:
+            await sees(a, "b")
 
 
 async def sees(bus: Bus, agent: str) -> None:

@@ -16,7 +16,7 @@ from commd.process.process import report_health
 from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Perception
-from tests.support.buses import FLEET, Connect, on_a_bus, served, subscribed, until
+from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, until
 from tests.support.promises import in_time
 
 Served = Callable[[Query[Action]], Awaitable[None]]
@@ -37,22 +37,21 @@ async def act(connect: Connect, serve: Served | None) -> tuple[ActionRequests, P
     return ActionRequests(bus, "uav", perceiving, watch), perceiving, bridge, watch
 
 
-def test_an_action_ends_with_the_bridges_own_final_status(endpoint: str) -> None:
+@bus_test
+async def test_an_action_ends_with_the_bridges_own_final_status(connect: Connect) -> None:
     async def serve(query: Query[Action]) -> None:
         assert query.record is not None
         query.reply(ActionStatus(id=query.record.id, state="accepted"))
         query.reply(ActionStatus(id=query.record.id, state="refused", result=False, reason="Arm: RTL mode not armable"))
 
-    async def body(connect: Connect) -> None:
-        action_requests, *_ = await act(connect, serve)
-        status = await action_requests.perform("uav:b:1", "arm_motors", (True,), 10)
-        assert (status.state, status.reason) == ("refused", "Arm: RTL mode not armable")
-        assert action_requests.counters["asked_again"] == 0
-
-    on_a_bus(endpoint, body)
+    action_requests, *_ = await act(connect, serve)
+    status = await action_requests.perform("uav:b:1", "arm_motors", (True,), 10)
+    assert (status.state, status.reason) == ("refused", "Arm: RTL mode not armable")
+    assert action_requests.counters["asked_again"] == 0
 
 
-def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(endpoint: str) -> None:
+@bus_test
+async def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(connect: Connect) -> None:
     asked: list[tuple[str, int]] = []
 
     async def serve(query: Query[Action]) -> None:
@@ -63,16 +62,14 @@ def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(endpoint:
         else:
             query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
 
-    async def body(connect: Connect) -> None:
-        action_requests, *_ = await act(connect, serve)
-        status = await action_requests.perform("uav:b:1", "land", (), 30)
-        assert status.state == "succeeded"
-        assert asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
-
-    on_a_bus(endpoint, body)
+    action_requests, *_ = await act(connect, serve)
+    status = await action_requests.perform("uav:b:1", "land", (), 30)
+    assert status.state == "succeeded"
+    assert asked == [("uav:b:1", 1), ("uav:b:1", 2), ("uav:b:1", 3)]
 
 
-def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_again(endpoint: str) -> None:
+@bus_test
+async def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_again(connect: Connect) -> None:
     asked: list[int] = []
 
     async def serve(query: Query[Action]) -> None:
@@ -83,17 +80,15 @@ def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_for_agai
             await asyncio.sleep(60)  # as a query that is broken and that nobody ends
         query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
 
-    async def body(connect: Connect) -> None:
-        action_requests, *_ = await act(connect, serve)
-        status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), 30), 5 * ACTION_ASKED_AGAIN)
-        assert status.state == "succeeded"
-        assert asked == [1, 2]
-
-    on_a_bus(endpoint, body)
+    action_requests, *_ = await act(connect, serve)
+    status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), 30), 5 * ACTION_ASKED_AGAIN)
+    assert status.state == "succeeded"
+    assert asked == [1, 2]
 
 
-def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_the_same_attempt(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.client.actions.ACTION_ASKED_AGAIN", 0.2)
     monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
@@ -105,28 +100,25 @@ def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked_by_th
         await asyncio.sleep(60 if len(asked) < 6 else 0)
         query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
 
-    async def body(connect: Connect) -> None:
-        action_requests, *_ = await act(connect, serve)
-        status = await action_requests.perform("uav:b:1", "land", (), 30)
-        assert status.state == "succeeded"
-        assert asked == [1] * 6
-
-    on_a_bus(endpoint, body)
+    action_requests, *_ = await act(connect, serve)
+    status = await action_requests.perform("uav:b:1", "land", (), 30)
+    assert status.state == "succeeded"
+    assert asked == [1] * 6
 
 
-def test_an_action_that_nobody_serves_fails_after_the_grace(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_an_action_that_nobody_serves_fails_after_the_grace(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("commd.client.actions.BUS_GRACE", 0.5)
-
-    async def body(connect: Connect) -> None:
-        action_requests, *_ = await act(connect, None)
-        status = await action_requests.perform("uav:b:1", "land", (), 30)
-        assert (status.state, status.result) == ("failed", False)
-        assert status.reason == "bridge_lost: nobody serves this action"
-
-    on_a_bus(endpoint, body)
+    action_requests, *_ = await act(connect, None)
+    status = await action_requests.perform("uav:b:1", "land", (), 30)
+    assert (status.state, status.result) == ("failed", False)
+    assert status.reason == "bridge_lost: nobody serves this action"
 
 
-def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
+@bus_test
+async def test_a_dead_bridge_fails_the_action_and_says_so(connect: Connect) -> None:
     async def serve(query: Query[Action]) -> None:
         assert query.record is not None
         query.reply(ActionStatus(id=query.record.id, state="running"))
@@ -134,96 +126,84 @@ def test_a_dead_bridge_fails_the_action_and_says_so(endpoint: str) -> None:
         await asyncio.sleep(60)
 
     begun = asyncio.Event()
-
-    async def body(connect: Connect) -> None:
-        action_requests, _, bridge, _ = await act(connect, serve)
-        flying = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (1, 2, 3), 60))
-        await asyncio.wait_for(begun.wait(), 120)
-        await bridge.close()
-        status = await asyncio.wait_for(flying, 120)
-        assert status.state == "failed"
-        assert status.reason == "bridge_lost: the bridge of this robot is not running"
-
-    on_a_bus(endpoint, body)
+    action_requests, _, bridge, _ = await act(connect, serve)
+    flying = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (1, 2, 3), 60))
+    await asyncio.wait_for(begun.wait(), 120)
+    await bridge.close()
+    status = await asyncio.wait_for(flying, 120)
+    assert status.state == "failed"
+    assert status.reason == "bridge_lost: the bridge of this robot is not running"
 
 
-def test_a_status_waits_for_the_percept_that_it_follows(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_a_status_waits_for_the_percept_that_it_follows(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("commd.client.actions.AFTER_PATIENCE", 10.0)
 
-    async def body(connect: Connect) -> None:
-        async def serve(query: Query[Action]) -> None:
-            assert query.record is not None
-            header = bridge.header("percept")
-            query.reply(
-                ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=header.seq)
-            )
-            await asyncio.sleep(0.1)  # the percept comes after the status that follows it
-            bridge.put(
-                keys.percept(FLEET, "uav", "altitude"), Perception(header=header, name="altitude", parameters=(5,))
-            )
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        header = bridge.header("percept")
+        query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=header.seq))
+        await asyncio.sleep(0.1)  # the percept comes after the status that follows it
+        bridge.put(keys.percept(FLEET, "uav", "altitude"), Perception(header=header, name="altitude", parameters=(5,)))
 
-        action_requests, perceiving, bridge, _ = await act(connect, None)
-        bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
-        await subscribed(bridge, keys.percept(FLEET, "uav", "altitude"))
-        bridge.put(
-            keys.percept(FLEET, "uav", "altitude"),
-            Perception(header=bridge.header("percept"), name="altitude", parameters=(0,)),
-        )
-        await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
-        status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
-        assert status.state == "succeeded"
-        assert perceiving.percepts.present()[0].parameters == (5,)
-        assert perceiving.counters["late"] == 0
-
-    on_a_bus(endpoint, body)
+    action_requests, perceiving, bridge, _ = await act(connect, None)
+    bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
+    await subscribed(bridge, keys.percept(FLEET, "uav", "altitude"))
+    bridge.put(
+        keys.percept(FLEET, "uav", "altitude"),
+        Perception(header=bridge.header("percept"), name="altitude", parameters=(0,)),
+    )
+    await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
+    status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
+    assert status.state == "succeeded"
+    assert perceiving.percepts.present()[0].parameters == (5,)
+    assert perceiving.counters["late"] == 0
 
 
-def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        action_requests, perceiving, bridge, _ = await act(connect, None)
-        present = [Perception(header=bridge.header("percept"), name="altitude", parameters=(0,))]
+@bus_test
+async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaired(connect: Connect) -> None:
+    action_requests, perceiving, bridge, _ = await act(connect, None)
+    present = [Perception(header=bridge.header("percept"), name="altitude", parameters=(0,))]
 
-        async def repair(query: Query[Perception]) -> None:
-            query.reply(present[0], keys.percept(FLEET, "uav", "altitude"))
+    async def repair(query: Query[Perception]) -> None:
+        query.reply(present[0], keys.percept(FLEET, "uav", "altitude"))
 
-        async def serve(query: Query[Action]) -> None:
-            assert query.record is not None
-            header = bridge.header("percept")
-            present[:] = [Perception(header=header, name="altitude", parameters=(5,))]  # its put is lost
-            after = header.seq
-            query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=after))
-            asyncio.get_running_loop().call_later(1.0, perceiving.doubt)  # as by the next health
+    async def serve(query: Query[Action]) -> None:
+        assert query.record is not None
+        header = bridge.header("percept")
+        present[:] = [Perception(header=header, name="altitude", parameters=(5,))]  # its put is lost
+        after = header.seq
+        query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=after))
+        asyncio.get_running_loop().call_later(1.0, perceiving.doubt)  # as by the next health
 
-        bridge.serve(keys.percept(FLEET, "uav", "**"), Perception, repair)
-        bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
-        repairing = asyncio.create_task(perceiving.run())
-        await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
-        status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
-        assert status.state == "succeeded"
-        assert perceiving.present()[0].parameters == (5,)
-        repairing.cancel()
-
-    on_a_bus(endpoint, body)
+    bridge.serve(keys.percept(FLEET, "uav", "**"), Perception, repair)
+    bridge.serve(keys.action(FLEET, "uav", "*"), Action, serve)
+    repairing = asyncio.create_task(perceiving.run())
+    await until(lambda: perceiving.percepts.seq == 1, "the first percept arrives")
+    status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
+    assert status.state == "succeeded"
+    assert perceiving.present()[0].parameters == (5,)
+    repairing.cancel()
 
 
-def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(endpoint: str) -> None:
+@bus_test
+async def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(connect: Connect) -> None:
     async def serve(query: Query[Action]) -> None:
         assert query.record is not None
         query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=99))
 
     header = Perception(name="x").header
-
-    async def body(connect: Connect) -> None:
-        action_requests, perceiving, *_ = await act(connect, serve)
-        status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
-        assert status.state == "succeeded"
-        assert perceiving.counters["late"] == 1
-
-    on_a_bus(endpoint, body)
+    action_requests, perceiving, *_ = await act(connect, serve)
+    status = await action_requests.perform("uav:b:1", "takeoff", (5,), 10)
+    assert status.state == "succeeded"
+    assert perceiving.counters["late"] == 1
 
 
-def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_asked_for_again(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.client.actions.RETRY", 0.5)
     begun: list[str] = []
@@ -237,43 +217,39 @@ def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_not_ask
         assert query.record is not None
         query.reply(ActionStatus(id=query.record.id, state="refused", result=False, reason="no such action"))
 
-    async def body(connect: Connect) -> None:
-        action_requests, _, bridge, _ = await act(connect, None)
-        action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30))
-        await until(lambda: action_requests.counters["asked_again"] > 0, "the first attempt reached nobody")
-        bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
-        bridge.serve(keys.action(FLEET, "uav", "*"), Action, begin)
-        await action_requests.cancel("uav:b:1")
-        status = await asyncio.wait_for(action_client, 120)
-        assert (status.state, begun) == ("cancelled", [])
-
-    on_a_bus(endpoint, body)
+    action_requests, _, bridge, _ = await act(connect, None)
+    action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30))
+    await until(lambda: action_requests.counters["asked_again"] > 0, "the first attempt reached nobody")
+    bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
+    bridge.serve(keys.action(FLEET, "uav", "*"), Action, begin)
+    await action_requests.cancel("uav:b:1")
+    status = await asyncio.wait_for(action_client, 120)
+    assert (status.state, begun) == ("cancelled", [])
 
 
-def test_an_action_that_was_dropped_before_it_was_asked_for_is_cancelled_whatever_the_bridge_does(
-    endpoint: str,
+@bus_test
+async def test_an_action_that_was_dropped_before_it_was_asked_for_is_cancelled_whatever_the_bridge_does(
+    connect: Connect,
 ) -> None:
     async def know_nothing(query: Query[Cancel]) -> None:
         query.reply(ActionStatus(id="uav:b:1", state="refused", result=False, reason="no such action"))
 
-    async def body(connect: Connect) -> None:
-        action_requests, _, bridge, watch = await act(connect, None)
-        bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
-        kept: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30, kept=kept))
-        await asyncio.sleep(0)
-        await action_requests.cancel("uav:b:1")
-        await bridge.close()
-        await until(lambda: watch.gone, "the bridge is gone")
-        kept.set_result(None)
-        status = await asyncio.wait_for(action_client, 120)
-        assert (status.state, status.reason) == ("cancelled", "the agent has dropped it")
-        assert action_requests.counters["asked_again"] == 0
-
-    on_a_bus(endpoint, body)
+    action_requests, _, bridge, watch = await act(connect, None)
+    bridge.serve(keys.cancel(FLEET, "uav"), Cancel, know_nothing)
+    kept: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+    action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30, kept=kept))
+    await asyncio.sleep(0)
+    await action_requests.cancel("uav:b:1")
+    await bridge.close()
+    await until(lambda: watch.gone, "the bridge is gone")
+    kept.set_result(None)
+    status = await asyncio.wait_for(action_client, 120)
+    assert (status.state, status.reason) == ("cancelled", "the agent has dropped it")
+    assert action_requests.counters["asked_again"] == 0
 
 
-def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoint: str) -> None:
+@bus_test
+async def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(connect: Connect) -> None:
     asked: list[str] = []
 
     async def turn_away_once(query: Query[Cancel]) -> None:
@@ -285,27 +261,23 @@ def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(endpoin
         else:
             query.reply(ActionStatus(id=query.record.id, state="cancelled", result=False))
 
-    async def body(connect: Connect) -> None:
-        action_requests, _, bridge, _ = await act(connect, None)
-        bridge.serve(keys.cancel(FLEET, "uav"), Cancel, turn_away_once)
-        await action_requests.cancel("uav:b:1")
-        assert asked == ["uav:b:1", "uav:b:1"]
-
-    on_a_bus(endpoint, body)
+    action_requests, _, bridge, _ = await act(connect, None)
+    bridge.serve(keys.cancel(FLEET, "uav"), Cancel, turn_away_once)
+    await action_requests.cancel("uav:b:1")
+    assert asked == ["uav:b:1", "uav:b:1"]
 
 
-def test_an_argument_that_no_wire_carries_fails_the_action_at_once(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        action_requests, *_ = await act(connect, None)
-        status = await asyncio.wait_for(action_requests.perform("uav:b:1", "set_mode", ("\ud800",), 30), 120)
-        assert status.state == "failed"
-        assert status.reason.startswith("cannot be sent: Action:")
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_an_argument_that_no_wire_carries_fails_the_action_at_once(connect: Connect) -> None:
+    action_requests, *_ = await act(connect, None)
+    status = await asyncio.wait_for(action_requests.perform("uav:b:1", "set_mode", ("\ud800",), 30), 120)
+    assert status.state == "failed"
+    assert status.reason.startswith("cannot be sent: Action:")
 
 
-def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.2)
 
@@ -316,33 +288,29 @@ def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
         query.reply(ActionStatus(id=query.record.id, state="running", deadline=0.3))
         await asyncio.sleep(60)
 
-    async def body(connect: Connect) -> None:
-        action_requests, *_ = await act(connect, serve)
-        began = asyncio.get_running_loop().time()
-        status = await asyncio.wait_for(action_requests.perform("uav:b:1", "goto", (1, 2, 3), patience=20), 120)
-        assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
-        took = asyncio.get_running_loop().time() - began
-        assert took > 0.8
-        assert in_time(took, 10)
-        assert action_requests.counters["asked_again"] == 0
-
-    on_a_bus(endpoint, body)
+    action_requests, *_ = await act(connect, serve)
+    began = asyncio.get_running_loop().time()
+    status = await asyncio.wait_for(action_requests.perform("uav:b:1", "goto", (1, 2, 3), patience=20), 120)
+    assert (status.state, status.reason) == ("failed", "no outcome within its deadline")
+    took = asyncio.get_running_loop().time() - began
+    assert took > 0.8
+    assert in_time(took, 10)
+    assert action_requests.counters["asked_again"] == 0
 
 
-def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(endpoint: str) -> None:
+@bus_test
+async def test_a_bridge_that_does_not_take_an_action_is_not_waited_for(connect: Connect) -> None:
     async def serve(query: Query[Action]) -> None:
         await asyncio.sleep(60)
 
-    async def body(connect: Connect) -> None:
-        action_requests, *_ = await act(connect, serve)
-        status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), patience=0.5), 120)
-        assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
-
-    on_a_bus(endpoint, body)
+    action_requests, *_ = await act(connect, serve)
+    status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), patience=0.5), 120)
+    assert (status.state, status.reason) == ("failed", "the bridge has not taken it within 0.5 s")
 
 
-def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_when_it_speaks(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_when_it_speaks(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.liveness.bridge_presence.SILENT_AFTER", 2.0)
 
@@ -351,28 +319,25 @@ def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is_back_
         query.reply(ActionStatus(id=query.record.id, state="accepted", deadline=1000.0))
         await asyncio.sleep(1000)
 
-    async def body(connect: Connect) -> None:
-        action_requests, _, bridge, watch = await act(connect, serve)
-        looking = asyncio.create_task(watch.run())
-        key = keys.health(FLEET, "uav1", "bridged")
-        await subscribed(bridge, key)
-        speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
-        doing = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (), 10))
-        await asyncio.sleep(2.5)
-        assert watch.up, "a bridge that speaks is not given up"
-        assert not doing.done()
-        speaking.cancel()
-        status = await asyncio.wait_for(doing, 120)
-        assert (status.state, status.reason) == (
-            "failed",
-            "bridge_lost: the bridge is alive but sends no health records: it hangs",
-        )
-        assert not watch.up
-        status = await asyncio.wait_for(action_requests.perform("uav:b:2", "goto", (), 1000), 120)
-        assert status.reason == "bridge_lost: the bridge is alive but sends no health records: it hangs"
-        speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
-        await until(lambda: watch.up and not watch.hangs, "the bridge is back")
-        speaking.cancel()
-        looking.cancel()
-
-    on_a_bus(endpoint, body)
+    action_requests, _, bridge, watch = await act(connect, serve)
+    looking = asyncio.create_task(watch.run())
+    key = keys.health(FLEET, "uav1", "bridged")
+    await subscribed(bridge, key)
+    speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
+    doing = asyncio.create_task(action_requests.perform("uav:b:1", "goto", (), 10))
+    await asyncio.sleep(2.5)
+    assert watch.up, "a bridge that speaks is not given up"
+    assert not doing.done()
+    speaking.cancel()
+    status = await asyncio.wait_for(doing, 120)
+    assert (status.state, status.reason) == (
+        "failed",
+        "bridge_lost: the bridge is alive but sends no health records: it hangs",
+    )
+    assert not watch.up
+    status = await asyncio.wait_for(action_requests.perform("uav:b:2", "goto", (), 1000), 120)
+    assert status.reason == "bridge_lost: the bridge is alive but sends no health records: it hangs"
+    speaking = asyncio.create_task(report_health(bridge, "uav1", Clock()))
+    await until(lambda: watch.up and not watch.hangs, "the bridge is back")
+    speaking.cancel()
+    looking.cancel()

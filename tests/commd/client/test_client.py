@@ -32,7 +32,7 @@ from schemas.wire import keys
 from schemas.wire.records import BoardServices, Header, Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Map, Number, Structure
 from tests.commd.scripted_commd import ScriptedCommd
-from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, served, until
 
 NOT_DONE = receive_mail.ProgramInbox.NOT_DONE
 
@@ -64,26 +64,24 @@ def mail(number: int, sender: str = "scout", boot: str = "life1", **more: Any) -
     )
 
 
-def test_a_program_learns_who_is_there(endpoint: str) -> None:
-    async def everything(connect: Connect) -> None:
-        ScriptedCommd(await connect("local", "commd"), "planner")
-        async with join("planner", fleet=FLEET, router=endpoint) as me:
-            assert await me.there("planner")
-            assert not await me.there("scout")
-            for no_name in ("*", "", "a/b"):
-                with pytest.raises(ValueError, match="Expected a name"):
-                    await me.there(no_name)
-            scout = await connect("scout", "agentd")
-            token = await scout.claim("scout")
-            await until(lambda: me.there("scout"), "the scout is there")
-            scout.withdraw(token)
+@bus_test
+async def test_a_program_learns_who_is_there(connect: Connect, endpoint: str) -> None:
+    ScriptedCommd(await connect("local", "commd"), "planner")
+    async with join("planner", fleet=FLEET, router=endpoint) as me:
+        assert await me.there("planner")
+        assert not await me.there("scout")
+        for no_name in ("*", "", "a/b"):
+            with pytest.raises(ValueError, match="Expected a name"):
+                await me.there(no_name)
+        scout = await connect("scout", "agentd")
+        token = await scout.claim("scout")
+        await until(lambda: me.there("scout"), "the scout is there")
+        scout.withdraw(token)
 
-            async def gone() -> bool:
-                return not await me.there("scout")
+        async def gone() -> bool:
+            return not await me.there("scout")
 
-            await until(gone, "the scout is gone")
-
-    on_a_bus(endpoint, everything)
+        await until(gone, "the scout is gone")
 
 
 @pytest.mark.parametrize("speed", [0, -1, 101, float("nan")])
@@ -312,17 +310,15 @@ def test_a_message_without_number_or_for_somebody_else_is_refused(endpoint: str)
     as_planner(endpoint, body)
 
 
-def test_the_end_of_a_program_tells_commd_what_was_done(endpoint: str) -> None:
-    async def everything(connect: Connect) -> None:
-        bus = await connect("local", "commd")
-        commd = ScriptedCommd(bus, "planner")
-        async with join("planner", fleet=FLEET, router=endpoint) as me:
-            await served(bus, keys.inbox(FLEET, "planner"))
-            asking = asyncio.create_task(commd.offer(mail(1), mail(2)))
-            me.done(await anext(me.messages()))
-        assert await asking == Receipt(taken=1, later={1: NOT_DONE})
-
-    on_a_bus(endpoint, everything)
+@bus_test
+async def test_the_end_of_a_program_tells_commd_what_was_done(connect: Connect, endpoint: str) -> None:
+    bus = await connect("local", "commd")
+    commd = ScriptedCommd(bus, "planner")
+    async with join("planner", fleet=FLEET, router=endpoint) as me:
+        await served(bus, keys.inbox(FLEET, "planner"))
+        asking = asyncio.create_task(commd.offer(mail(1), mail(2)))
+        me.done(await anext(me.messages()))
+    assert await asking == Receipt(taken=1, later={1: NOT_DONE})
 
 
 def test_numbers_in_a_file_are_known_to_the_next_life(endpoint: str, tmp_path: Path) -> None:
@@ -356,39 +352,35 @@ def test_a_file_of_numbers_that_cannot_be_read_is_set_aside_and_said(
     assert "set aside" in caplog.text
 
 
-def test_a_program_joins_and_leaves_the_directory_and_asks_it(endpoint: str) -> None:
-    async def everything(connect: Connect) -> None:
-        commd = ScriptedCommd(await connect("local", "commd"), "planner")
-        commd.answer_directory = lambda request: BoardServices(found=("scout",) if request.do == "search" else ())
-        async with join("planner", fleet=FLEET, router=endpoint) as me:
-            await me.register("plan")
-            assert await me.search("camera") == ("scout",)
-        async with join("planner", fleet=FLEET, router=endpoint, stays=True):
+@bus_test
+async def test_a_program_joins_and_leaves_the_directory_and_asks_it(connect: Connect, endpoint: str) -> None:
+    commd = ScriptedCommd(await connect("local", "commd"), "planner")
+    commd.answer_directory = lambda request: BoardServices(found=("scout",) if request.do == "search" else ())
+    async with join("planner", fleet=FLEET, router=endpoint) as me:
+        await me.register("plan")
+        assert await me.search("camera") == ("scout",)
+    async with join("planner", fleet=FLEET, router=endpoint, stays=True):
+        pass
+    with pytest.raises(ZeroDivisionError):
+        async with join("planner", fleet=FLEET, router=endpoint):
+            raise ZeroDivisionError
+    assert [(one.agent, one.do, one.service, one.stays) for one in commd.asked] == [
+        ("planner", "join", "", False),
+        ("planner", "register", "plan", False),
+        ("planner", "search", "camera", False),
+        ("planner", "leave", "", False),
+        ("planner", "join", "", True),
+        ("planner", "join", "", False),
+    ]
+
+
+@bus_test
+async def test_a_program_that_is_not_let_in_is_told_why(connect: Connect, endpoint: str) -> None:
+    commd = ScriptedCommd(await connect("local", "commd"), "planner")
+    commd.answer_directory = lambda _: BoardServices(problem="`planner` lives on board pi2")
+    with pytest.raises(NotJoined, match="join planner: `planner` lives on board pi2"):
+        async with join("planner", fleet=FLEET, router=endpoint):
             pass
-        with pytest.raises(ZeroDivisionError):
-            async with join("planner", fleet=FLEET, router=endpoint):
-                raise ZeroDivisionError
-        assert [(one.agent, one.do, one.service, one.stays) for one in commd.asked] == [
-            ("planner", "join", "", False),
-            ("planner", "register", "plan", False),
-            ("planner", "search", "camera", False),
-            ("planner", "leave", "", False),
-            ("planner", "join", "", True),
-            ("planner", "join", "", False),
-        ]
-
-    on_a_bus(endpoint, everything)
-
-
-def test_a_program_that_is_not_let_in_is_told_why(endpoint: str) -> None:
-    async def everything(connect: Connect) -> None:
-        commd = ScriptedCommd(await connect("local", "commd"), "planner")
-        commd.answer_directory = lambda _: BoardServices(problem="`planner` lives on board pi2")
-        with pytest.raises(NotJoined, match="join planner: `planner` lives on board pi2"):
-            async with join("planner", fleet=FLEET, router=endpoint):
-                pass
-
-    on_a_bus(endpoint, everything)
 
 
 def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint: str) -> None:
@@ -408,18 +400,17 @@ def test_without_commd_or_router_a_program_does_not_wait_for_ever(endpoint: str)
 
 
 @pytest.mark.parametrize("daemon", ["client", "agentd"])
-def test_a_name_is_had_by_one_alone(endpoint: str, daemon: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_a_name_is_had_by_one_alone(
+    connect: Connect, endpoint: str, daemon: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("commd.bus.bus.CLAIM_PATIENCE", 0.2)
-
-    async def everything(connect: Connect) -> None:
-        other: Bus = await connect("planner", daemon)
-        ScriptedCommd(await connect("local", "commd"), "planner")
-        await other.claim("planner")
-        with pytest.raises(AlreadyRunning, match="`planner`"):
-            async with join("planner", fleet=FLEET, router=endpoint):
-                pass
-
-    on_a_bus(endpoint, everything)
+    other: Bus = await connect("planner", daemon)
+    ScriptedCommd(await connect("local", "commd"), "planner")
+    await other.claim("planner")
+    with pytest.raises(AlreadyRunning, match="`planner`"):
+        async with join("planner", fleet=FLEET, router=endpoint):
+            pass
 
 
 MISSION = """
@@ -431,23 +422,20 @@ clients: {planner: {board: pi2}}
 """
 
 
-def test_a_mission_says_where_a_client_lives_and_needs_no_joining(endpoint: str) -> None:
+@bus_test
+async def test_a_mission_says_where_a_client_lives_and_needs_no_joining(connect: Connect, endpoint: str) -> None:
     declared = read_mission(MISSION, Path("survey.yaml"))
-
-    async def everything(connect: Connect) -> None:
-        commd = ScriptedCommd(await connect("pi2", "commd"), "planner")
-        async with join("planner", mission=declared, router=endpoint) as me:
-            assert me.board == "pi2"
-            await me.send("scout", "tell", 1)
-        assert commd.asked == []
-        with pytest.raises(NotJoined, match="`scout` is an agent of the mission: a client needs a name of its own"):
-            async with join("scout", mission=declared, router=endpoint):
-                pass
-        with pytest.raises(NotJoined, match="no board `pi3`"):
-            async with join("other", mission=declared, router=endpoint, board="pi3"):
-                pass
-
-    on_a_bus(endpoint, everything)
+    commd = ScriptedCommd(await connect("pi2", "commd"), "planner")
+    async with join("planner", mission=declared, router=endpoint) as me:
+        assert me.board == "pi2"
+        await me.send("scout", "tell", 1)
+    assert commd.asked == []
+    with pytest.raises(NotJoined, match="`scout` is an agent of the mission: a client needs a name of its own"):
+        async with join("scout", mission=declared, router=endpoint):
+            pass
+    with pytest.raises(NotJoined, match="no board `pi3`"):
+        async with join("other", mission=declared, router=endpoint, board="pi3"):
+            pass
 
 
 def test_terms_are_written_as_in_programs() -> None:

@@ -16,7 +16,7 @@ from schemas.mission.model import Mission, load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel
 from tests.bridged.studio import Studio, in_the_studio
-from tests.support.buses import Connect, on_a_bus, served, until
+from tests.support.buses import Connect, bus_test, served, until
 
 MISSION = """
 mission: turtle
@@ -88,46 +88,44 @@ def test_a_robot_is_held_when_its_program_is_gone(
     in_the_studio(endpoint, tmp_path, body, mission=mission)
 
 
-def test_an_action_whose_program_gives_it_up_is_cancelled(endpoint: str, mission: Mission) -> None:
-    async def everything(connect: Connect) -> None:
-        bridge = await connect("turtle", "bridged")
-        begun, cancelled = asyncio.Event(), list[str]()
-        key, over = keys.action("turtle", "driver", "*"), asyncio.Event()
+@bus_test
+async def test_an_action_whose_program_gives_it_up_is_cancelled(
+    connect: Connect, endpoint: str, mission: Mission
+) -> None:
+    bridge = await connect("turtle", "bridged")
+    begun, cancelled = asyncio.Event(), list[str]()
+    key, over = keys.action("turtle", "driver", "*"), asyncio.Event()
 
-        async def act(query: Query[Action]) -> None:
-            assert query.record is not None
-            query.reply(ActionStatus(id=query.record.id, state="running"))
-            begun.set()
-            await over.wait()
+    async def act(query: Query[Action]) -> None:
+        assert query.record is not None
+        query.reply(ActionStatus(id=query.record.id, state="running"))
+        begun.set()
+        await over.wait()
 
-        async def cancel(query: Query[Cancel]) -> None:
-            assert query.record is not None
-            cancelled.append(query.record.id)
-            query.reply(ActionStatus(id=query.record.id, state="cancelled"))
+    async def cancel(query: Query[Cancel]) -> None:
+        assert query.record is not None
+        cancelled.append(query.record.id)
+        query.reply(ActionStatus(id=query.record.id, state="cancelled"))
 
-        bridge.serve(key, Action, act)
-        bridge.serve(keys.cancel("turtle", "driver"), Cancel, cancel)
-        async with join("driver", mission=mission, router=endpoint) as me:
-            await served(me._bus, keys.action("turtle", "driver", "dance"))
-            dancing = asyncio.create_task(me.perform("dance"))
-            await begun.wait()
-            dancing.cancel()
-            with pytest.raises(asyncio.CancelledError):
-                await dancing
-            assert len(cancelled) == 1
-            assert cancelled[0].startswith("driver:")
-            over.set()
-
-    on_a_bus(endpoint, everything)
+    bridge.serve(key, Action, act)
+    bridge.serve(keys.cancel("turtle", "driver"), Cancel, cancel)
+    async with join("driver", mission=mission, router=endpoint) as me:
+        await served(me._bus, keys.action("turtle", "driver", "dance"))
+        dancing = asyncio.create_task(me.perform("dance"))
+        await begun.wait()
+        dancing.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await dancing
+        assert len(cancelled) == 1
+        assert cancelled[0].startswith("driver:")
+        over.set()
 
 
-def test_who_has_no_robot_is_told_so(endpoint: str, mission: Mission) -> None:
-    async def everything(connect: Connect) -> None:
-        async with join("driver", mission=mission, router=endpoint) as me:
-            with pytest.raises(ValueError, match="`artist` has no robot in the mission"):
-                me.percepts("artist")
-
-    on_a_bus(endpoint, everything)
+@bus_test
+async def test_who_has_no_robot_is_told_so(connect: Connect, endpoint: str, mission: Mission) -> None:
+    async with join("driver", mission=mission, router=endpoint) as me:
+        with pytest.raises(ValueError, match="`artist` has no robot in the mission"):
+            me.percepts("artist")
 
 
 def test_changes_are_kept_for_loops_alone_and_each_begins_with_what_is_perceived(

@@ -17,7 +17,7 @@ from schemas.wire import keys, percept_set
 from schemas.wire.records import Perception
 from schemas.wire.terms import Structure, Variable
 from tests.commd.client.test_percept_sync import FakeBridge
-from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
+from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, subscribed, until
 
 
 class Believing:
@@ -50,56 +50,52 @@ async def put(bus: Bus, name: str, /, **fields: Any) -> None:
     bus._session.put(key, json.dumps(fields))
 
 
-def test_a_percept_by_hand_stays_beside_the_bridges_whatever_becomes_of_those(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        mind = Believing(await connect("uav"))
-        person = await connect("operator")
-        bridge.tell("altitude", 1)
-        await put(person, "victim", name="victim", parameters=[1, 2, 3])
-        await put(person, "altitude", parameters=[99])
-        both = {("victim", (1, 2, 3)), ("altitude", (99,)), ("altitude", (1,))}
-        await until(lambda: mind.present() == both, "both are believed")
-        bridge.tell("altitude", 2)
-        await until(lambda: ("altitude", (2,)) in mind.present(), "the bridge's next word arrives")
-        assert mind.present() == {("victim", (1, 2, 3)), ("altitude", (99,)), ("altitude", (2,))}
-        before = mind.perceiving.counters["repairs"]
-        bridge.tell("armed", True, lose=True)
-        bridge.report()
-        await until(lambda: ("armed", (True,)) in mind.present(), "a repair finds what was lost")
-        assert mind.perceiving.counters["repairs"] == before + 1
-        assert {("victim", (1, 2, 3)), ("altitude", (99,))} <= mind.present()
-        bridge.report()
-        mind.perceiving.forget()
-        assert mind.present() == {("victim", (1, 2, 3)), ("altitude", (99,))}, "the bridge's alone go with it"
-        await put(person, "victim", update="remove")
-        await put(person, "altitude", update="remove", parameters=[99])
-        await until(lambda: not {("victim", (1, 2, 3)), ("altitude", (99,))} & mind.present(), "taken away by hand")
-        assert mind.perceiving.counters["by_hand"] == 4
-        assert mind.perceiving.counters["unreadable"] == 0
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_percept_by_hand_stays_beside_the_bridges_whatever_becomes_of_those(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    mind = Believing(await connect("uav"))
+    person = await connect("operator")
+    bridge.tell("altitude", 1)
+    await put(person, "victim", name="victim", parameters=[1, 2, 3])
+    await put(person, "altitude", parameters=[99])
+    both = {("victim", (1, 2, 3)), ("altitude", (99,)), ("altitude", (1,))}
+    await until(lambda: mind.present() == both, "both are believed")
+    bridge.tell("altitude", 2)
+    await until(lambda: ("altitude", (2,)) in mind.present(), "the bridge's next word arrives")
+    assert mind.present() == {("victim", (1, 2, 3)), ("altitude", (99,)), ("altitude", (2,))}
+    before = mind.perceiving.counters["repairs"]
+    bridge.tell("armed", True, lose=True)
+    bridge.report()
+    await until(lambda: ("armed", (True,)) in mind.present(), "a repair finds what was lost")
+    assert mind.perceiving.counters["repairs"] == before + 1
+    assert {("victim", (1, 2, 3)), ("altitude", (99,))} <= mind.present()
+    bridge.report()
+    mind.perceiving.forget()
+    assert mind.present() == {("victim", (1, 2, 3)), ("altitude", (99,))}, "the bridge's alone go with it"
+    await put(person, "victim", update="remove")
+    await put(person, "altitude", update="remove", parameters=[99])
+    await until(lambda: not {("victim", (1, 2, 3)), ("altitude", (99,))} & mind.present(), "taken away by hand")
+    assert mind.perceiving.counters["by_hand"] == 4
+    assert mind.perceiving.counters["unreadable"] == 0
 
 
-def test_what_both_tell_ends_when_the_last_of_them_says_so(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        mind = Believing(await connect("uav"))
-        person = await connect("operator")
-        await put(person, "link", parameters=["up"])
-        bridge.tell("link", "up")
-        bridge.tell("link", "up", update="remove", key=(0,))
-        bridge.tell("mode", "AUTO")
-        await until(lambda: ("mode", ("AUTO",)) in mind.present(), "the bridge's words arrive")
-        assert ("link", ("up",)) in mind.present()
-        bridge.tell("link", "up")
-        await put(person, "link", update="remove")
-        await until(lambda: mind.perceiving.counters["by_hand"] == 2, "it is taken away")
-        assert ("link", ("up",)) in mind.present()
-        bridge.tell("link", "up", update="remove", key=(0,))
-        await until(lambda: ("link", ("up",)) not in mind.present(), "nobody tells it any more")
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_what_both_tell_ends_when_the_last_of_them_says_so(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    mind = Believing(await connect("uav"))
+    person = await connect("operator")
+    await put(person, "link", parameters=["up"])
+    bridge.tell("link", "up")
+    bridge.tell("link", "up", update="remove", key=(0,))
+    bridge.tell("mode", "AUTO")
+    await until(lambda: ("mode", ("AUTO",)) in mind.present(), "the bridge's words arrive")
+    assert ("link", ("up",)) in mind.present()
+    bridge.tell("link", "up")
+    await put(person, "link", update="remove")
+    await until(lambda: mind.perceiving.counters["by_hand"] == 2, "it is taken away")
+    assert ("link", ("up",)) in mind.present()
+    bridge.tell("link", "up", update="remove", key=(0,))
+    await until(lambda: ("link", ("up",)) not in mind.present(), "nobody tells it any more")
 
 
 def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once(
@@ -126,21 +122,17 @@ def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once(
     assert "`inject: true`" in told[0]
 
 
-def test_an_agent_without_a_robot_perceives_by_hand_too(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        heard: list[tuple[str, tuple[Any, ...]]] = []
-        by_hand = hear_by_hand(
-            await connect("uav"), "uav", True, lambda one: heard.append((one.update, one.parameters))
-        )
-        person = await connect("operator")
-        await put(person, "victim", parameters=[1])
-        await put(person, "victim", parameters=[2], update="add")
-        await put(person, "victim", update="remove")
-        await until(lambda: len(heard) == 4, "all changes come")
-        assert heard == [("add", (1,)), ("add", (2,)), ("remove", (1,)), ("remove", (2,))]
-        assert by_hand.counters == {"by_hand": 3}
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_an_agent_without_a_robot_perceives_by_hand_too(connect: Connect) -> None:
+    heard: list[tuple[str, tuple[Any, ...]]] = []
+    by_hand = hear_by_hand(await connect("uav"), "uav", True, lambda one: heard.append((one.update, one.parameters)))
+    person = await connect("operator")
+    await put(person, "victim", parameters=[1])
+    await put(person, "victim", parameters=[2], update="add")
+    await put(person, "victim", update="remove")
+    await until(lambda: len(heard) == 4, "all changes come")
+    assert heard == [("add", (1,)), ("add", (2,)), ("remove", (1,)), ("remove", (2,))]
+    assert by_hand.counters == {"by_hand": 3}
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from commd.liveness.bridge_presence import BridgePresence
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Header, Health, Perception
-from tests.support.buses import FLEET, Connect, on_a_bus, until
+from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, until
 from tests.support.promises import kept
 
 
@@ -84,35 +84,31 @@ def test_a_late_agent_sees_every_present_percept_within_a_second(endpoint: str) 
     assert kept(knowing, 1.0)
 
 
-def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        _, heard = perceive(await connect("uav"))
-        bridge.tell("altitude", 1)
-        await until(lambda: ("came", "altitude", (1,)) in heard, "the first percept arrives")
-        bridge.tell("armed", True, lose=True)
-        bridge.tell("altitude", 2)
-        await until(lambda: ("came", "armed", (True,)) in heard, "the lost percept is repaired")
-        assert [change[2] for change in heard if change[1] == "armed"] == [(True,)]
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_percept_lost_on_the_bus_is_repaired_by_the_gap_in_seq(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    _, heard = perceive(await connect("uav"))
+    bridge.tell("altitude", 1)
+    await until(lambda: ("came", "altitude", (1,)) in heard, "the first percept arrives")
+    bridge.tell("armed", True, lose=True)
+    bridge.tell("altitude", 2)
+    await until(lambda: ("came", "armed", (True,)) in heard, "the lost percept is repaired")
+    assert [change[2] for change in heard if change[1] == "armed"] == [(True,)]
 
 
-def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_health(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        perceiving, heard = perceive(await connect("uav"))
-        bridge.tell("altitude", 1)
-        await until(lambda: len(heard) == 1, "the first percept arrives")
-        await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
-        bridge.report()
-        bridge.tell("altitude", 2, lose=True)
-        bridge.report()
-        await until(lambda: ("came", "altitude", (2,)) in heard, "the digest shows what was lost")
-        assert ("gone", "altitude", (1,)) in heard
-        assert perceiving.counters["repairs"] == 2
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_health(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    perceiving, heard = perceive(await connect("uav"))
+    bridge.tell("altitude", 1)
+    await until(lambda: len(heard) == 1, "the first percept arrives")
+    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    bridge.report()
+    bridge.tell("altitude", 2, lose=True)
+    bridge.report()
+    await until(lambda: ("came", "altitude", (2,)) in heard, "the digest shows what was lost")
+    assert ("gone", "altitude", (1,)) in heard
+    assert perceiving.counters["repairs"] == 2
 
 
 def test_a_percept_in_the_bridges_name_blinds_nobody(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
@@ -148,24 +144,22 @@ def test_a_percept_in_the_bridges_name_blinds_nobody(endpoint: str, caplog: pyte
     )
 
 
-def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        perceiving, heard = perceive(await connect("uav"))
-        person = await connect("operator")
-        bridge.tell("link", "up")
-        bridge.tell("link", "up", update="remove", key=(0,))
-        await until(lambda: len(heard) == 2, "nothing is perceived")
-        header = replace(bridge.bus.header("other"), seq=500)
-        person.put(keys.percept(FLEET, "uav", "flood"), Perception(header=header, name="flood"))
-        await until(lambda: heard[-1] == ("came", "flood", ()), "it is believed")
-        bridge.report()
-        await until(lambda: heard[-1] == ("gone", "flood", ()), "it is believed no more")
-        assert perceiving.percepts.seq == 2
-        bridge.tell("link", "up")
-        await until(lambda: heard[-1] == ("came", "link", ("up",)), "the bridge is heard")
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    perceiving, heard = perceive(await connect("uav"))
+    person = await connect("operator")
+    bridge.tell("link", "up")
+    bridge.tell("link", "up", update="remove", key=(0,))
+    await until(lambda: len(heard) == 2, "nothing is perceived")
+    header = replace(bridge.bus.header("other"), seq=500)
+    person.put(keys.percept(FLEET, "uav", "flood"), Perception(header=header, name="flood"))
+    await until(lambda: heard[-1] == ("came", "flood", ()), "it is believed")
+    bridge.report()
+    await until(lambda: heard[-1] == ("gone", "flood", ()), "it is believed no more")
+    assert perceiving.percepts.seq == 2
+    bridge.tell("link", "up")
+    await until(lambda: heard[-1] == ("came", "link", ("up",)), "the bridge is heard")
 
 
 def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
@@ -214,83 +208,75 @@ def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
     assert "a percept victim changes nothing: its header has source uav1 and seq 2, after seq 3" in caplog.text
 
 
-def test_equal_digests_ask_for_nothing(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        bridge.tell("altitude", 1)
-        perceiving, heard = perceive(await connect("uav"))
-        await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
-        asked = bridge.asked
-        for _ in range(5):
-            bridge.report()
-        bridge.tell("altitude", 2)
-        await until(lambda: len(heard) == 2, "the next percept arrives")
-        assert bridge.asked == asked
-        assert heard[-1] == ("came", "altitude", (2,))
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_equal_digests_ask_for_nothing(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    bridge.tell("altitude", 1)
+    perceiving, heard = perceive(await connect("uav"))
+    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    asked = bridge.asked
+    for _ in range(5):
+        bridge.report()
+    bridge.tell("altitude", 2)
+    await until(lambda: len(heard) == 2, "the next percept arrives")
+    assert bridge.asked == asked
+    assert heard[-1] == ("came", "altitude", (2,))
 
 
-def test_a_removed_percept_is_told_once_and_events_are_all_told(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        perceiving, heard = perceive(await connect("uav"))
-        await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
-        bridge.tell("link", "up")
-        for index in range(30):
-            bridge.tell("hit", index, update="add")
-        bridge.tell("link", "up", update="remove", key=(0,))
-        await until(lambda: len(heard) == 32, "every change arrives")
-        assert [change[2][0] for change in heard if change[1] == "hit"] == list(range(30))
-        assert heard[-1] == ("gone", "link", ("up",))
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_removed_percept_is_told_once_and_events_are_all_told(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    perceiving, heard = perceive(await connect("uav"))
+    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    bridge.tell("link", "up")
+    for index in range(30):
+        bridge.tell("hit", index, update="add")
+    bridge.tell("link", "up", update="remove", key=(0,))
+    await until(lambda: len(heard) == 32, "every change arrives")
+    assert [change[2][0] for change in heard if change[1] == "hit"] == list(range(30))
+    assert heard[-1] == ("gone", "link", ("up",))
 
 
-def test_when_the_bridge_dies_its_percepts_go_and_a_new_life_brings_them_back(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        first_bus = await connect("uav1", "bridged")
-        bridge = FakeBridge(first_bus)
-        await first_bus.claim("uav1")
-        bus = await connect("uav")
-        perceiving, heard = perceive(bus)
-        changes: list[str] = []
+@bus_test
+async def test_when_the_bridge_dies_its_percepts_go_and_a_new_life_brings_them_back(connect: Connect) -> None:
+    first_bus = await connect("uav1", "bridged")
+    bridge = FakeBridge(first_bus)
+    await first_bus.claim("uav1")
+    bus = await connect("uav")
+    perceiving, heard = perceive(bus)
+    changes: list[str] = []
 
-        def gone() -> None:
-            changes.append("gone")
-            perceiving.forget()
+    def gone() -> None:
+        changes.append("gone")
+        perceiving.forget()
 
-        watch = BridgePresence(bus, "uav1", lambda: (changes.append("up"), perceiving.doubt())[0], gone)
-        bridge.tell("altitude", 1)
-        await until(lambda: len(heard) == 1 and watch.up, "the bridge is there and tells")
-        await first_bus.close()
-        await until(lambda: watch.gone, "the bridge counts as dead")
-        assert heard[-1] == ("gone", "altitude", (1,))
-        assert len(perceiving.percepts) == 0
-        second_bus = await connect("uav1", "bridged")
-        again = FakeBridge(second_bus)
-        again.tell("altitude", 7)
-        await second_bus.claim("uav1")
-        await until(lambda: heard[-1] == ("came", "altitude", (7,)), "the new life's percepts arrive")
-        await until(lambda: len(changes) == 3, "the new life's token arrives, which may be after what it tells")
-        assert changes == ["up", "gone", "up"]
-
-    on_a_bus(endpoint, body)
+    watch = BridgePresence(bus, "uav1", lambda: (changes.append("up"), perceiving.doubt())[0], gone)
+    bridge.tell("altitude", 1)
+    await until(lambda: len(heard) == 1 and watch.up, "the bridge is there and tells")
+    await first_bus.close()
+    await until(lambda: watch.gone, "the bridge counts as dead")
+    assert heard[-1] == ("gone", "altitude", (1,))
+    assert len(perceiving.percepts) == 0
+    second_bus = await connect("uav1", "bridged")
+    again = FakeBridge(second_bus)
+    again.tell("altitude", 7)
+    await second_bus.claim("uav1")
+    await until(lambda: heard[-1] == ("came", "altitude", (7,)), "the new life's percepts arrive")
+    await until(lambda: len(changes) == 3, "the new life's token arrives, which may be after what it tells")
+    assert changes == ["up", "gone", "up"]
 
 
-def test_no_percept_expires_while_nothing_changes(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        bridge.tell("home", 1, 2)
-        perceiving, heard = perceive(await connect("uav"))
-        await until(lambda: len(heard) == 1, "the percept arrives")
-        for _ in range(20):
-            bridge.report()
-            await asyncio.sleep(0.1)
-        assert heard == [("came", "home", (1, 2))]
-        assert len(perceiving.percepts) == 1
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_no_percept_expires_while_nothing_changes(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    bridge.tell("home", 1, 2)
+    perceiving, heard = perceive(await connect("uav"))
+    await until(lambda: len(heard) == 1, "the percept arrives")
+    for _ in range(20):
+        bridge.report()
+        await asyncio.sleep(0.1)
+    assert heard == [("came", "home", (1, 2))]
+    assert len(perceiving.percepts) == 1
 
 
 def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
@@ -323,13 +309,11 @@ def test_without_a_router_for_long_what_the_bridge_told_is_believed_no_more(
     asyncio.run(everything())
 
 
-def test_one_percept_that_cannot_be_read_does_not_hide_the_others(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        bridge.tell("altitude", float("inf"))  # goes out as null: no term
-        bridge.tell("mode", "GUIDED")
-        perceiving, heard = perceive(await connect("uav"))
-        await until(lambda: ("came", "mode", ("GUIDED",)) in heard, "what can be read is perceived")
-        assert perceiving.counters["unreadable"] >= 1
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_one_percept_that_cannot_be_read_does_not_hide_the_others(connect: Connect) -> None:
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    bridge.tell("altitude", float("inf"))  # goes out as null: no term
+    bridge.tell("mode", "GUIDED")
+    perceiving, heard = perceive(await connect("uav"))
+    await until(lambda: ("came", "mode", ("GUIDED",)) in heard, "what can be read is perceived")
+    assert perceiving.counters["unreadable"] >= 1

@@ -16,7 +16,7 @@ from schemas.mission.model import Mission, Radio, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Header, Perception
 from schemas.wire.terms import Number, Term
-from tests.support.buses import FLEET, Connect, on_a_bus, subscribed, until
+from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, subscribed, until
 
 HOME = (-27.604033, -48.518363)
 MISSION = """
@@ -100,37 +100,33 @@ def told(*parameters: Term) -> Perception:
     return Perception(header=Header(seq=1, boot="b"), name="global_pos", parameters=parameters)
 
 
-def test_agents_hear_each_other_by_where_their_simulated_robots_are(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        async with on_air(connect, mission()) as (air, bridge):
-            assert await air.carries("scout", "rescuer", 100)
-            key = keys.percept(FLEET, "rescuer", "global_pos")
-            await subscribed(bridge, key)
-            bridge.put(key, told(Number("NaN"), "nonsense"))
-            bridge.put(key, told(*north(500)))
-            await until(lambda: not air._model.in_range("uav1", "uav2"), "the rescuer's robot is far away")
-            assert not await air.carries("scout", "rescuer", 100)
-            assert not await air.carries("rescuer", "mapper", 100)
-            assert await air.carries("scout", "mapper", 100)  # one robot
-            assert await air.carries("chief", "rescuer", 100)  # a station
-            assert air.counters == {"radio_sent": 4, "radio_out_of_range": 2, "radio_lost": 0}
-
-    on_a_bus(endpoint, body)
-
-
-def test_the_position_of_a_robot_that_stands_still_is_asked_for(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = await connect("uav2", "bridged")
+@bus_test
+async def test_agents_hear_each_other_by_where_their_simulated_robots_are(connect: Connect) -> None:
+    async with on_air(connect, mission()) as (air, bridge):
+        assert await air.carries("scout", "rescuer", 100)
         key = keys.percept(FLEET, "rescuer", "global_pos")
+        await subscribed(bridge, key)
+        bridge.put(key, told(Number("NaN"), "nonsense"))
+        bridge.put(key, told(*north(500)))
+        await until(lambda: not air._model.in_range("uav1", "uav2"), "the rescuer's robot is far away")
+        assert not await air.carries("scout", "rescuer", 100)
+        assert not await air.carries("rescuer", "mapper", 100)
+        assert await air.carries("scout", "mapper", 100)  # one robot
+        assert await air.carries("chief", "rescuer", 100)  # a station
+        assert air.counters == {"radio_sent": 4, "radio_out_of_range": 2, "radio_lost": 0}
 
-        async def answer(query: Query[Perception]) -> None:
-            query.reply(told(*north(500)), key)
 
-        bridge.serve(keys.percept(FLEET, "rescuer", "**"), Perception, answer)
-        async with on_air(connect, mission()) as (air, _):
-            await until(lambda: not air._model.in_range("uav1", "uav2"), "the robot's position is known")
+@bus_test
+async def test_the_position_of_a_robot_that_stands_still_is_asked_for(connect: Connect) -> None:
+    bridge = await connect("uav2", "bridged")
+    key = keys.percept(FLEET, "rescuer", "global_pos")
 
-    on_a_bus(endpoint, body)
+    async def answer(query: Query[Perception]) -> None:
+        query.reply(told(*north(500)), key)
+
+    bridge.serve(keys.percept(FLEET, "rescuer", "**"), Perception, answer)
+    async with on_air(connect, mission()) as (air, _):
+        await until(lambda: not air._model.in_range("uav1", "uav2"), "the robot's position is known")
 
 
 def test_a_degraded_air_is_said_at_the_start(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:

@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import pytest
 
 from commd.liveness.bridge_presence import BridgePresence
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 
 
 class Said:
@@ -29,21 +29,18 @@ class Said:
         self._router(up)
 
 
-def test_a_router_that_comes_and_goes_again_is_no_loss_of_the_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_a_router_that_comes_and_goes_again_is_no_loss_of_the_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
     monkeypatch.setattr("commd.liveness.presence.BUS_GRACE", 1.0)
     monkeypatch.setattr("commd.liveness.bridge_presence.BRIDGE_GRACE", 0.01)
-
-    async def body() -> None:
-        said = Said()
-        said.token(True)
-        said.router(False)
-        said.token(False)
-        for up in (True, False, True, False):  # the bridge is not back before the router is lost again
-            await asyncio.sleep(0.4)
-            said.router(up)
-            assert not said.watch.gone
-        await until(lambda: said.watch.gone, "the bridge is given up")
-        assert asyncio.get_running_loop().time() >= said.watch.router_since + 1.0
-
-    asyncio.run(body())
+    said = Said()
+    said.token(True)
+    said.router(False)
+    said.token(False)
+    for up in (True, False, True, False):  # the bridge is not back before the router is lost again
+        await asyncio.sleep(0.4)
+        said.router(up)
+        assert not said.watch.gone
+    await until(lambda: said.watch.gone, "the bridge is given up")
+    assert asyncio.get_running_loop().time() >= said.watch.router_since + 1.0

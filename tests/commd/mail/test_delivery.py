@@ -19,7 +19,7 @@ from commd.mail.store import Store, open_store
 from commd.mail.transport import NotTaken
 from schemas.wire.records import Receipt, Refusal
 from tests.commd.offices import message
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 
 Carry = Callable[[str, Sequence[StoredMessage]], Awaitable[Receipt | NotTaken]]
 
@@ -72,7 +72,8 @@ async def lanes_of(
             await asyncio.gather(task, return_exceptions=True)
 
 
-def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_away(tmp_path: Path) -> None:
+@async_test
+async def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_away(tmp_path: Path) -> None:
     tries: Counter[str] = Counter()
 
     async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
@@ -81,34 +82,32 @@ def test_lines_of_a_full_peer_do_not_wake_one_another_while_a_third_board_is_awa
             return NotTaken("z is away", certain=True, away=True)
         return Receipt(later=dict.fromkeys(range(len(batch)), Refusal(code="mailbox_full")))
 
-    async def body() -> None:
-        async with lanes_of(tmp_path, ["a>b", "c>b", "a>z"], carry):
-            await until(lambda: tries["a>b"] >= 4, "it is tried again, with pauses that double")
-            assert tries["c>b"] <= 6
-
-    asyncio.run(body())
+    async with lanes_of(tmp_path, ["a>b", "c>b", "a>z"], carry):
+        await until(lambda: tries["a>b"] >= 4, "it is tried again, with pauses that double")
+        assert tries["c>b"] <= 6
 
 
-def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what_is_new(tmp_path: Path) -> None:
+@async_test
+async def test_a_program_that_is_busy_with_one_message_is_soon_offered_more_after_what_is_new(tmp_path: Path) -> None:
     pauses: dict[int, list[float]] = {1: [], 2: []}
 
-    async def body() -> None:
-        async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
-            pauses[len(batch)].append(delivery_queues._lines[line].pause)
-            return Receipt(later=dict.fromkeys(range(len(batch)), ProgramInbox.NOT_DONE))
+    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
+        pauses[len(batch)].append(delivery_queues._lines[line].pause)
+        return Receipt(later=dict.fromkeys(range(len(batch)), ProgramInbox.NOT_DONE))
 
-        async with lanes_of(tmp_path, ["b"], carry) as (delivery_queues, tally, _):
-            await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")
-            more = [stored(message(2, "a", "b"), "b", None)]
-            await delivery_queues._store.write(lambda db: queries.put(db, tally, more, 0.0, None))
-            delivery_queues.added("b")
-            await until(lambda: len(pauses[2]) >= 3, "what is new is offered with it")
-        assert pauses[2][:3] == [pauses[1][-1] * 2, RETRY_FIRST * 2, RETRY_FIRST * 4]
-
-    asyncio.run(body())
+    async with lanes_of(tmp_path, ["b"], carry) as (delivery_queues, tally, _):
+        await until(lambda: len(pauses[1]) == 4, "it is offered again, with pauses that double")
+        more = [stored(message(2, "a", "b"), "b", None)]
+        await delivery_queues._store.write(lambda db: queries.put(db, tally, more, 0.0, None))
+        delivery_queues.added("b")
+        await until(lambda: len(pauses[2]) >= 3, "what is new is offered with it")
+    assert pauses[2][:3] == [pauses[1][-1] * 2, RETRY_FIRST * 2, RETRY_FIRST * 4]
 
 
-def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_others_trying(tmp_path: Path) -> None:
+@async_test
+async def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_others_trying(
+    tmp_path: Path,
+) -> None:
     tries: Counter[str] = Counter()
     there = asyncio.Event()
 
@@ -116,19 +115,17 @@ def test_a_line_that_is_empty_when_it_tries_for_a_peer_that_is_away_leaves_the_o
         tries[line] += 1
         return Receipt(taken=len(batch)) if there.is_set() else NotTaken("z is away", certain=True, away=True)
 
-    async def body() -> None:
-        async with lanes_of(tmp_path, ["a>z", "c>z"], carry) as (delivery_queues, tally, _):
-            await until(lambda: tries["a>z"] > 0 < tries["c>z"], "both know that it is away")
-            first = next(iter(delivery_queues._away["z"].queues))
-            empty = [place for place, line in ((1, "a>z"), (2, "c>z")) if line == first]
-            await delivery_queues._store.write(lambda db: queries.remove(db, tally, empty))
-            there.set()  # without a token that would tell
-            await until(lambda: not tally.lines, "the other one is tried again")
-
-    asyncio.run(body())
+    async with lanes_of(tmp_path, ["a>z", "c>z"], carry) as (delivery_queues, tally, _):
+        await until(lambda: tries["a>z"] > 0 < tries["c>z"], "both know that it is away")
+        first = next(iter(delivery_queues._away["z"].queues))
+        empty = [place for place, line in ((1, "a>z"), (2, "c>z")) if line == first]
+        await delivery_queues._store.write(lambda db: queries.remove(db, tally, empty))
+        there.set()  # without a token that would tell
+        await until(lambda: not tally.lines, "the other one is tried again")
 
 
-def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp_path: Path) -> None:
+@async_test
+async def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp_path: Path) -> None:
     hanging: set[str] = set()
     got: list[str] = []
 
@@ -139,16 +136,14 @@ def test_a_process_that_hangs_with_many_receivers_leaves_couriers_for_others(tmp
         got.append(line)
         return Receipt(taken=len(batch))
 
-    async def body() -> None:
-        lines = [f"n{number}h" for number in range(150)] + ["b"]
-        async with lanes_of(tmp_path, lines, carry):
-            await until(lambda: got == ["b"], "it is served beside them")
-            assert len(hanging) == OF_ONE
-
-    asyncio.run(body())
+    lines = [f"n{number}h" for number in range(150)] + ["b"]
+    async with lanes_of(tmp_path, lines, carry):
+        await until(lambda: got == ["b"], "it is served beside them")
+        assert len(hanging) == OF_ONE
 
 
-def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_path: Path) -> None:
+@async_test
+async def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_path: Path) -> None:
     got: list[str] = []
 
     async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
@@ -156,16 +151,14 @@ def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(tmp_pa
         got.append(line)
         return Receipt(taken=len(batch))
 
-    async def body() -> None:
-        lines = [f"n{number}h" for number in range(100)]
-        async with lanes_of(tmp_path, lines, carry) as (_, tally, _):
-            await until(lambda: not tally.lines, "all lines are empty")
-            assert sorted(got) == sorted(lines)
-
-    asyncio.run(body())
+    lines = [f"n{number}h" for number in range(100)]
+    async with lanes_of(tmp_path, lines, carry) as (_, tally, _):
+        await until(lambda: not tally.lines, "all lines are empty")
+        assert sorted(got) == sorted(lines)
 
 
-def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_path: Path) -> None:
+@async_test
+async def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_path: Path) -> None:
     taken: list[int] = []
 
     async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
@@ -175,39 +168,32 @@ def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_
         taken.extend(numbers)
         return Receipt(taken=len(batch))
 
-    async def body() -> None:
-        async with lanes_of(tmp_path, ["b"], carry, each=4) as (_, tally, refused):
-            await until(lambda: not tally.lines, "the line is empty")
-            assert taken == [1, 3, 4]
-            assert refused == {2: Refusal(code="unreadable", text="Mail: nested too deeply")}
-
-    asyncio.run(body())
+    async with lanes_of(tmp_path, ["b"], carry, each=4) as (_, tally, refused):
+        await until(lambda: not tally.lines, "the line is empty")
+        assert taken == [1, 3, 4]
+        assert refused == {2: Refusal(code="unreadable", text="Mail: nested too deeply")}
 
 
-def test_a_refusal_of_any_length_is_kept_cut(tmp_path: Path) -> None:
+@async_test
+async def test_a_refusal_of_any_length_is_kept_cut(tmp_path: Path) -> None:
     async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         return Receipt(taken=0, refused={0: Refusal(code="c" * 1000, text="t" * 1_000_000)})
 
-    async def body() -> None:
-        async with lanes_of(tmp_path, ["b"], carry, each=1) as (_, tally, refused):
-            await until(lambda: not tally.lines, "the line is empty")
-            assert refused == {1: Refusal(code="c" * MAX_CODE, text="t" * MAX_TEXT)}
-
-    asyncio.run(body())
+    async with lanes_of(tmp_path, ["b"], carry, each=1) as (_, tally, refused):
+        await until(lambda: not tally.lines, "the line is empty")
+        assert refused == {1: Refusal(code="c" * MAX_CODE, text="t" * MAX_TEXT)}
 
 
 @pytest.mark.parametrize(
     "wrong", [Receipt(taken=1, refused={9: Refusal(code="x")}), Receipt(taken=1, later={-1: Refusal(code="x")})]
 )
-def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path: Path, wrong: Receipt) -> None:
+@async_test
+async def test_a_receipt_for_messages_that_were_not_in_the_batch_is_no_answer(tmp_path: Path, wrong: Receipt) -> None:
     answers = [wrong]
 
     async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         return answers.pop() if answers else Receipt(taken=len(batch))
 
-    async def body() -> None:
-        async with lanes_of(tmp_path, ["b"], carry, each=2) as (delivery_queues, tally, _):
-            await until(lambda: not tally.lines, "it is sent again")
-            assert delivery_queues.counters["bad_receipts"] == 1
-
-    asyncio.run(body())
+    async with lanes_of(tmp_path, ["b"], carry, each=2) as (delivery_queues, tally, _):
+        await until(lambda: not tally.lines, "it is sent again")
+        assert delivery_queues.counters["bad_receipts"] == 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import random
 import shutil
 import sqlite3
@@ -15,6 +14,7 @@ from agentd.mind.persistence.rows import MindChanges
 from agentd.persistence.checkpoint import Checkpoint, Saving
 from commd.mail.page_checksums import PageChecksums, log_damage
 from commd.mail.store import open_store
+from tests.support.buses import async_test
 
 HITS = 15
 
@@ -78,23 +78,21 @@ def test_a_bit_of_the_log_of_a_killed_checkpoint_that_is_hit_is_told(tmp_path: P
 
 
 @pytest.mark.parametrize("seed", range(HITS))
-def test_a_bit_of_a_mail_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
+@async_test
+async def test_a_bit_of_a_mail_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "pi1.mail"
 
     def fill(db: sqlite3.Connection) -> None:
         row = (1, "b", "a", "b", "n", 1, 0.0, None, 3, b"abc")
         db.executemany("INSERT INTO mail VALUES(?,?,?,?,?,?,?,?,?,?)", [(n, *row[1:]) for n in range(1, 200)])
 
-    async def body() -> None:
-        async with open_store(path) as store:
-            await store.write(fill)
-        _hit(path, random.Random(seed))
-        async with open_store(path) as store:
-            assert store.set_aside == ["pi1.mail.corrupt-1"]
-        async with open_store(path) as store:
-            assert store.set_aside == store.damaged == []
-
-    asyncio.run(body())
+    async with open_store(path) as store:
+        await store.write(fill)
+    _hit(path, random.Random(seed))
+    async with open_store(path) as store:
+        assert store.set_aside == ["pi1.mail.corrupt-1"]
+    async with open_store(path) as store:
+        assert store.set_aside == store.damaged == []
 
 
 def test_a_long_log_is_carried_over_without_holding_it_in_memory(tmp_path: Path) -> None:

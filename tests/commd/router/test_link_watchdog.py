@@ -20,7 +20,7 @@ from commd.router.link_watchdog import PATIENCE, PATIENCE_MOST, RENEWED, open_li
 from schemas.wire import keys
 from schemas.wire.records import Receipt
 from tests.attacks.world import NAME, TEXT, World, ask
-from tests.support.buses import FLEET, session, until
+from tests.support.buses import FLEET, async_test, session, until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 from tests.support.relay import Relay
@@ -95,101 +95,85 @@ async def _holds(condition: Callable[[], Awaitable[bool]], wish: str) -> None:
     raise AssertionError(wish)
 
 
-def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(link_watchdog, "LOOK", 0.05)
     monkeypatch.setattr(link_watchdog, "PATIENCE", 0.3)
-
-    async def body() -> None:
-        async with boards() as fleet:
-            fleet.a.serve("served", Receipt, lambda query: query.reply(Receipt()))
-            for count in range(1, 4):
-                await fleet.become_deaf()
-                assert await ask(fleet.b, "served", None, Receipt) == []
-                async with open_link_watchdog(fleet.b, ["a", "c"]) as watchdog:
-                    await _holds(fleet.hears, f"b hears a again, {count}")
-                assert watchdog.counters["links_renewed"] >= 1
-                assert identities(watchdog.health().notes) == [(RENEWED, "a")]
-                assert await ask(fleet.b, "served", None, Receipt) == [Receipt()]
-
-    asyncio.run(body())
+    async with boards() as fleet:
+        fleet.a.serve("served", Receipt, lambda query: query.reply(Receipt()))
+        for count in range(1, 4):
+            await fleet.become_deaf()
+            assert await ask(fleet.b, "served", None, Receipt) == []
+            async with open_link_watchdog(fleet.b, ["a", "c"]) as watchdog:
+                await _holds(fleet.hears, f"b hears a again, {count}")
+            assert watchdog.counters["links_renewed"] >= 1
+            assert identities(watchdog.health().notes) == [(RENEWED, "a")]
+            assert await ask(fleet.b, "served", None, Receipt) == [Receipt()]
 
 
-def test_a_board_that_stays_silent_is_linked_anew_ever_more_seldom(monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_a_board_that_stays_silent_is_linked_anew_ever_more_seldom(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
-
-    async def body() -> None:
-        port = free_port()
-        async with (
-            session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True) as a,
-            session(
-                f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[f"tcp/127.0.0.1:{port}"]
-            ) as silent,
-            open_link_watchdog(a, ["b"]) as watchdog,
-        ):
-            await until(lambda: a.link_ends() != [], "b is linked")
-            now, patience = 0.0, PATIENCE
+    port = free_port()
+    async with (
+        session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True) as a,
+        session(f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[f"tcp/127.0.0.1:{port}"]) as silent,
+        open_link_watchdog(a, ["b"]) as watchdog,
+    ):
+        await until(lambda: a.link_ends() != [], "b is linked")
+        now, patience = 0.0, PATIENCE
+        watchdog.look(now)
+        for _ in range(9):
+            before = a.link_ends()
+            watchdog.look(now + patience - 0.1)
+            assert a.link_ends() == before
+            watchdog.look(now := now + patience)
+            await until(lambda before=before: a.link_ends() not in (before, []), "the link is made again")
             watchdog.look(now)
-            for _ in range(9):
-                before = a.link_ends()
-                watchdog.look(now + patience - 0.1)
-                assert a.link_ends() == before
-                watchdog.look(now := now + patience)
-                await until(lambda before=before: a.link_ends() not in (before, []), "the link is made again")
-                watchdog.look(now)
-                patience = min(2 * patience, PATIENCE_MOST)
-            await silent.claim("b")
+            patience = min(2 * patience, PATIENCE_MOST)
+        await silent.claim("b")
+        await _holds(_shows(a, "b"), "b is heard")
+        watchdog.look(now + patience)
+        assert watchdog.counters["links_renewed"] == 9
+
+
+@async_test
+async def test_a_router_that_is_slow_or_no_board_keeps_its_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
+    port = free_port()
+    foreign = session_config("router", f"tcp/127.0.0.1:{free_port()}", "zenohd", connect=[f"tcp/127.0.0.1:{port}"])
+    async with (
+        session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True) as a,
+        session(f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[f"tcp/127.0.0.1:{port}"]) as slow,
+        open_link_watchdog(a, ["b"]) as watchdog,
+    ):
+        with await asyncio.to_thread(zenoh.open, foreign):
+            await until(lambda: len(a.link_ends()) == 2, "both are linked")
+            before = sorted(a.link_ends())
+            watchdog.look(0.0)
+            watchdog.look(PATIENCE - 0.1)
+            await slow.claim("b")
             await _holds(_shows(a, "b"), "b is heard")
-            watchdog.look(now + patience)
-            assert watchdog.counters["links_renewed"] == 9
-
-    asyncio.run(body())
-
-
-def test_a_router_that_is_slow_or_no_board_keeps_its_link(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
-
-    async def body() -> None:
-        port = free_port()
-        foreign = session_config("router", f"tcp/127.0.0.1:{free_port()}", "zenohd", connect=[f"tcp/127.0.0.1:{port}"])
-        async with (
-            session(f"tcp/127.0.0.1:{port}", "a", "commd", router=True) as a,
-            session(
-                f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[f"tcp/127.0.0.1:{port}"]
-            ) as slow,
-            open_link_watchdog(a, ["b"]) as watchdog,
-        ):
-            with await asyncio.to_thread(zenoh.open, foreign):
-                await until(lambda: len(a.link_ends()) == 2, "both are linked")
-                before = sorted(a.link_ends())
-                watchdog.look(0.0)
-                watchdog.look(PATIENCE - 0.1)
-                await slow.claim("b")
-                await _holds(_shows(a, "b"), "b is heard")
-                watchdog.look(PATIENCE)
-                watchdog.look(10 * PATIENCE_MOST)
-                assert sorted(a.link_ends()) == before
-                assert not watchdog.counters
-
-    asyncio.run(body())
-
-
-def test_a_link_that_is_no_tcp_connection_is_not_judged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
-
-    async def body() -> None:
-        place = f"unixsock-stream/{tmp_path}/a.sock"
-        async with (
-            session(f"tcp/127.0.0.1:{free_port()}", "a", "commd", router=True, listen=[place]) as a,
-            session(f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[place]),
-            open_link_watchdog(a, ["b"]) as watchdog,
-        ):
-            await until(lambda: a.link_ends() != [], "b is linked")
-            for now in (0.0, PATIENCE, 10 * PATIENCE_MOST):
-                watchdog.look(now)
+            watchdog.look(PATIENCE)
+            watchdog.look(10 * PATIENCE_MOST)
+            assert sorted(a.link_ends()) == before
             assert not watchdog.counters
-            assert not watchdog.running.done()
 
-    asyncio.run(body())
+
+@async_test
+async def test_a_link_that_is_no_tcp_connection_is_not_judged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(link_watchdog, "LOOK", 3600.0)  # it looks when it is told to
+    place = f"unixsock-stream/{tmp_path}/a.sock"
+    async with (
+        session(f"tcp/127.0.0.1:{free_port()}", "a", "commd", router=True, listen=[place]) as a,
+        session(f"tcp/127.0.0.1:{free_port()}", "b", "commd", router=True, connect=[place]),
+        open_link_watchdog(a, ["b"]) as watchdog,
+    ):
+        await until(lambda: a.link_ends() != [], "b is linked")
+        for now in (0.0, PATIENCE, 10 * PATIENCE_MOST):
+            watchdog.look(now)
+        assert not watchdog.counters
+        assert not watchdog.running.done()
 
 
 def test_a_board_that_stood_still_for_longer_than_its_lease_takes_mail_again() -> None:

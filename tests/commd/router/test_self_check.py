@@ -15,7 +15,7 @@ from commd.router import self_check
 from commd.router.self_check import FILLER, SelfCheck, measure, measure_all, room
 from schemas.wire import keys
 from schemas.wire.records import BoardReport, Checkup
-from tests.support.buses import FLEET, Connect, on_a_bus, served, session
+from tests.support.buses import FLEET, Connect, async_test, bus_test, served, session
 from tests.support.ports import free_port
 
 AHEAD = 3600.0
@@ -38,25 +38,23 @@ async def pair(stack: AsyncExitStack, folder: Path) -> tuple[Bus, Bus]:
     return one, two
 
 
-def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(tmp_path: Path) -> None:
-    async def body() -> None:
-        async with asyncio.timeout(240), AsyncExitStack() as stack:
-            one, _ = await pair(stack, tmp_path)
-            report = await one.ask_one(keys.checkup(FLEET, "pi2"), Checkup(links=True), BoardReport, 20)
-            assert (report.board, report.state) == ("pi2", str(tmp_path))
-            assert report.disk_size is not None
-            assert report.disk_free is not None
-            assert 0 <= report.disk_free <= report.disk_size
-            (link,) = report.links
-            assert (link.board, link.problem) == ("pi1", "")
-            assert 1 <= link.answered <= link.asked
-            assert link.ahead is not None
-            assert link.round_trip is not None
-            assert abs(link.ahead + AHEAD) <= link.round_trip / 2 + 0.05
-            simple = await one.ask_one(keys.checkup(FLEET, "pi2"), Checkup(), BoardReport, 20)
-            assert (simple.links, simple.disk_free) == ((), None), "who only wants the clock loads nothing"
-
-    asyncio.run(body())
+@async_test
+async def test_a_board_measures_the_others_clocks_and_links_when_it_is_asked(tmp_path: Path) -> None:
+    async with asyncio.timeout(240), AsyncExitStack() as stack:
+        one, _ = await pair(stack, tmp_path)
+        report = await one.ask_one(keys.checkup(FLEET, "pi2"), Checkup(links=True), BoardReport, 20)
+        assert (report.board, report.state) == ("pi2", str(tmp_path))
+        assert report.disk_size is not None
+        assert report.disk_free is not None
+        assert 0 <= report.disk_free <= report.disk_size
+        (link,) = report.links
+        assert (link.board, link.problem) == ("pi1", "")
+        assert 1 <= link.answered <= link.asked
+        assert link.ahead is not None
+        assert link.round_trip is not None
+        assert abs(link.ahead + AHEAD) <= link.round_trip / 2 + 0.05
+        simple = await one.ask_one(keys.checkup(FLEET, "pi2"), Checkup(), BoardReport, 20)
+        assert (simple.links, simple.disk_free) == ((), None), "who only wants the clock loads nothing"
 
 
 def test_a_slow_link_shows_its_rate(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,33 +83,31 @@ def test_a_link_that_loses_some_round_trips_and_the_filler_says_so(monkeypatch: 
     assert report.problem == f"{FILLER} bytes: no answer within 4 s"
 
 
-def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited_for_beyond_the_bound(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_board_that_nobody_speaks_for_is_told_at_once_and_none_is_waited_for_beyond_the_bound(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def body(connect: Connect) -> None:
-        (report,) = await measure_all(await connect(), ["nobody"])
-        assert (report.answered, report.problem) == (0, "nobody answers")
+    (report,) = await measure_all(await connect(), ["nobody"])
+    assert (report.answered, report.problem) == (0, "nobody answers")
 
-        async def never(*_: object) -> tuple[float, float]:
-            await asyncio.Event().wait()
-            raise AssertionError
+    async def never(*_: object) -> tuple[float, float]:
+        await asyncio.Event().wait()
+        raise AssertionError
 
-        monkeypatch.setattr(self_check, "_round_trip", never)
-        reports = await measure_all(await connect("y"), ["pi1", "pi2"], 0.1)
-        assert [one.problem for one in reports] == ["not measured within 0.1 s"] * 2
-
-    on_a_bus(endpoint, body)
+    monkeypatch.setattr(self_check, "_round_trip", never)
+    reports = await measure_all(await connect("y"), ["pi1", "pi2"], 0.1)
+    assert [one.problem for one in reports] == ["not measured within 0.1 s"] * 2
 
 
-def test_a_question_that_does_not_decode_or_is_too_large_is_refused_in_words(endpoint: str, tmp_path: Path) -> None:
-    async def body(connect: Connect) -> None:
-        SelfCheck(await connect("pi1", "commd"), "pi1", ["pi1"], tmp_path)
-        backfill = await connect("asker")
-        await served(backfill, keys.checkup(FLEET, "pi1"))
-        with pytest.raises(QueryFailed, match="expected at most 65536"):
-            await backfill.ask_one(keys.checkup(FLEET, "pi1"), Checkup(filler="x" * 100_000), BoardReport, 10)
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_question_that_does_not_decode_or_is_too_large_is_refused_in_words(
+    connect: Connect, tmp_path: Path
+) -> None:
+    SelfCheck(await connect("pi1", "commd"), "pi1", ["pi1"], tmp_path)
+    backfill = await connect("asker")
+    await served(backfill, keys.checkup(FLEET, "pi1"))
+    with pytest.raises(QueryFailed, match="expected at most 65536"):
+        await backfill.ask_one(keys.checkup(FLEET, "pi1"), Checkup(filler="x" * 100_000), BoardReport, 10)
 
 
 def test_the_room_of_a_folder_that_is_not_there_is_not_known(tmp_path: Path) -> None:
