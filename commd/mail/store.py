@@ -274,7 +274,7 @@ class Store:
             await asyncio.to_thread(self._open)
         except (TooNew, OSError, sqlite3.Error) as error:
             if not may_pass(self.path, error):
-                raise Findings([Finding(str(self.path), 0, 0, f"cannot keep mail in this file: {error}")]) from None
+                raise Findings([Finding(str(self.path), 0, 0, f"cannot store mail in this file: {error}")]) from None
             self._failed(error)
         self._writer.start()
 
