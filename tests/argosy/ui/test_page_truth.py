@@ -243,7 +243,7 @@ def test_a_defect_of_the_server_is_a_banner_and_orders_go_on(
         async with AsyncExitStack() as stack:
             _, browser, seen = await paged(stack, endpoint, "uav1")
 
-            def broken(_model: FleetModel, _beliefs: object) -> None:
+            def broken(_model: FleetModel) -> None:
                 raise OverflowError("cannot convert float infinity to integer")
 
             monkeypatch.setattr("argosy.ui.fleet_session.marks", broken)
