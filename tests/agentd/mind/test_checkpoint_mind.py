@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -180,22 +181,16 @@ def test_a_percept_is_not_kept_and_comes_anew_with_its_event() -> None:
     assert again.feed(PerceptAdded(term("at(1)"))).prints == ["at(1)"]
 
 
-def test_percepts_that_change_are_nothing_to_save() -> None:
+@pytest.mark.parametrize(
+    "made",
+    [lambda value: term(f"at({value:g})"), lambda value: perceived(Perception(name="at", parameters=(value,)))],
+    ids=["as terms", "as records of the bus"],
+)
+def test_percepts_that_change_are_nothing_to_save(made: Callable[[float], Any]) -> None:
     life = begun("a.")
-    life.feed(PerceptAdded(term("at(1)"))).save()
+    life.feed(PerceptAdded(made(1.0))).save()
     for n in range(5):
-        life.feed(PerceptReplaced(term(f"at({n})")))
-        assert not life.save()
-
-
-def test_percepts_that_come_by_the_bus_are_nothing_to_save_either() -> None:
-    def heard(value: float) -> PerceptReplaced:
-        return PerceptReplaced(perceived(Perception(name="at", parameters=(value,))))
-
-    life = begun("a.")
-    life.feed(heard(0.0)).save()
-    for n in range(1, 5):
-        life.feed(heard(float(n)))
+        life.feed(PerceptReplaced(made(float(n))))
         assert not life.save()
 
 
@@ -234,17 +229,12 @@ def test_a_belief_that_is_a_percept_too_is_kept_without_that_source_in_its_place
     assert beliefs(life.next(), "at/1") == ["at(2)[source(self)]", "at(1)[mine,source(self)]"]
 
 
-def test_a_belief_that_is_but_a_percept_any_more_is_kept_no_longer() -> None:
+@pytest.mark.parametrize("percept_ends", [False, True])
+def test_a_belief_that_is_but_a_percept_or_not_even_that_is_kept_no_longer(percept_ends: bool) -> None:
     life = begun("+!add(B) <- +B. +!del(B) <- -B.")
     life.feed(GoalAdded(term("add(at(1))")), PerceptAdded(term("at(1)"))).save()
-    life.feed(GoalAdded(term("del(at(1)[source(self)])"))).save()
-    assert beliefs(life.next(), "at/1") == []
-
-
-def test_a_belief_that_lost_its_own_source_and_then_its_percept_between_two_saves_is_kept_no_longer() -> None:
-    life = begun("+!add(B) <- +B. +!del(B) <- -B.")
-    life.feed(GoalAdded(term("add(at(1))")), PerceptAdded(term("at(1)"))).save()
-    life.feed(GoalAdded(term("del(at(1)[source(self)])")), PerceptRemoved(term("at(1)"))).save()
+    end = [PerceptRemoved(term("at(1)"))] if percept_ends else []
+    life.feed(GoalAdded(term("del(at(1)[source(self)])")), *end).save()
     assert beliefs(life.next(), "at/1") == []
 
 
