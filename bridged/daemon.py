@@ -174,7 +174,7 @@ async def leave(bridge: Bridge, mission: Mission, stay: float, told_again: async
         left = await bridge.orders.shut_down(mission.robots[bridge.name].on_shutdown, stay, told_again)
     except Exception as error:  # one robot's defect must not keep the others from their way home
         asyncio.get_running_loop().call_exception_handler({"message": f"leaving {bridge.name}", "exception": error})
-        left = RobotLeft(robot=bridge.name, state="unconfirmed", text="not known, for a defect")
+        left = RobotLeft(robot=bridge.name, state="unconfirmed", text="unknown because of a defect")
     log.info("leaving %s: %s", left.robot, left.text, extra={"event": left})
 
 

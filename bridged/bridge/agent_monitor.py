@@ -108,7 +108,7 @@ async def watch_agents(bus: Bus, part: RobotSetup, boards: Mapping[str, str], br
     while True:
         now_lost = presence.lost(clock.wall())
         for agent in silence.silent(clock.wall()):
-            now_lost.setdefault(agent, f"it is there and has said nothing for {patience:g} s: it hangs")
+            now_lost.setdefault(agent, f"it is present and has been silent for {patience:g} s: it hangs")
         bridge.lease.present = presence.there() - set(now_lost)
         for agent, why in now_lost.items():
             if agent not in lost and agent == bridge.lease.answers:

@@ -114,14 +114,14 @@ class SafetyOrders:
         if action_server.ordered:
             standing = by_operator(action_server.ordered)
             action_server.block(standing)
-            told = "as a former life of the bridge was told: no action is taken until `release`"
+            told = "as ordered before the bridge restarted: no action is accepted until `release`"
             log.warning("robot=%s %s, %s", action_server.robot, standing.reason, told)
 
     def notes(self) -> list[Note]:
         """Return the warnings that hold now."""
         left, blocked = self._left if self._driver.overridden else None, None
         if self._server.blocked:
-            text = f"no action is taken: {self._server.blocked.reason}"
+            text = f"no action is accepted: {self._server.blocked.reason}"
             ordered = Note("operator_order", text, self._server.ordered or "")
             blocked = Note("bridge_stops", text) if self._stopping else ordered
         return [note for note in (left, self._unheard, self._deferred, self._alarm, blocked) if note is not None]
@@ -201,14 +201,14 @@ class SafetyOrders:
     def release(self) -> Outcome:
         """Let the agents act again, but not while the bridge leaves the robot."""
         if self._stopping:
-            return Outcome("refused", "the bridge stops: it takes no action any more")
+            return Outcome("refused", "the bridge stops: it accepts no more actions")
         self._server.blocked = None
         self._server.stand(None)
         released = RobotReleased(robot=self._robot)
-        log.info("robot=%s released: actions are taken again", self._robot, extra={"event": released})
+        log.info("robot=%s released: actions are accepted again", self._robot, extra={"event": released})
         waits = "; it is paused: they begin when it is told to `continue`" if self._server.paused else ""
         lost = f"; {self._server.lease.closed}" if self._loss else ""
-        return Outcome("succeeded", f"actions are taken again{waits}{lost}")
+        return Outcome("succeeded", f"actions are accepted again{waits}{lost}")
 
     async def pause(self) -> Outcome:
         """Pause the robot for the operator: it holds, its actions are kept and wait for `resume`."""
@@ -225,7 +225,7 @@ class SafetyOrders:
         It stays paused if it does not confirm its mode. An order of the operator is given again instead.
         """
         if self._stopping:
-            return Outcome("refused", "the bridge stops: it takes no action any more")
+            return Outcome("refused", "the bridge stops: it accepts no more actions")
         if not self._server.paused and (blocked := self._server.blocked):
             return Outcome("refused", f"it is not paused: {blocked.reason}; `release` gives it back to its agents")
         if not self._server.paused:

@@ -62,11 +62,11 @@ def test_a_robot_held_by_the_operator_stays_held_when_its_bridge_is_killed_and_s
     running.family["bridged serve"].kill()
     running.until("restart 1 in this run")
     running.until("up again after")
-    running.until("operator: hold, as a former life of the bridge was told: no action is taken until `release`")
-    assert "no action is taken: operator: hold" in daemons(endpoint)
+    running.until("operator: hold, as ordered before the bridge restarted: no action is accepted until `release`")
+    assert "no action is accepted: operator: hold" in daemons(endpoint)
     assert stop("continue", endpoint)[1].startswith("uav1: continue NOT confirmed (it is not paused: operator: hold")
     code, said = stop("release", endpoint)
-    assert (code, said.startswith("uav1: release confirmed (actions are taken again")) == (0, True), said
+    assert (code, said.startswith("uav1: release confirmed (actions are accepted again")) == (0, True), said
     assert "no action is taken" not in daemons(endpoint)
     assert running.wait(120) == 1, running.stdout + running.stderr
     assert "uav1: disarmed" in running.stdout

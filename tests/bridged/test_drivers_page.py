@@ -36,6 +36,6 @@ def test_the_room_of_the_page_is_a_robot(endpoint: str, tmp_path: Path) -> None:
             finally:
                 process.kill()
         await until(lambda: not studio.values("climate"), "the climate is gone")
-        assert (await studio.do("heat", True)).reason == "nobody listens on room1/heater"
+        assert (await studio.do("heat", True)).reason == "nobody subscribes to room1/heater"
 
     in_the_studio(endpoint, tmp_path, body, mission=read_mission(mission, tmp_path / "heating.yaml"), simulated=False)

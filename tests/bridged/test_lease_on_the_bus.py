@@ -97,4 +97,4 @@ def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_its_toke
 
     mission = MISSION.replace("    link:", "    agent_silence: 3s\n    on_agent_loss: [hold 5min, rtl]\n    link:")
     on_the_airfield(endpoint, tmp_path, body, mission=mission)
-    assert "agent uav is lost (it is there and has said nothing for 3 s: it hangs)" in caplog.text
+    assert "agent uav is lost (it is present and has been silent for 3 s: it hangs)" in caplog.text

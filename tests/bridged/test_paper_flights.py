@@ -220,4 +220,4 @@ def test_parameters_that_are_lost_on_the_way_are_asked_for_again(full: Sky) -> N
     assert pulled.feedback["params"] > 20
     full.we_hear = others
     silent = full.do("pull_parameters")
-    assert (silent.state, silent.reason) == ("failed", "the vehicle does not tell its parameters")
+    assert (silent.state, silent.reason) == ("failed", "the vehicle does not send its parameters")

@@ -85,7 +85,7 @@ def hung_and_watched(folder: Path) -> Row:
         at = scene.hang()
         row.figure("hold", scene.until_shown("BRAKE", at), *HUNG)
         # It holds for the silence, not because the watchdog has ended the agent.
-        words = "it is there and has said nothing for 5 s: it hangs"
+        words = "it is present and has been silent for 5 s: it hangs"
         scene.until(lambda: words in scene.daemons["bridged"].text, "the bridge says why", 90)
         watched(row, scene, at)
     return row

@@ -98,7 +98,7 @@ class MavlinkDriver:
                         await self._asked.wait()
                 if (late := loop.time() - due) > STALL:
                     self.stalls += 1
-                    log.warning("this process stood still for %.1f s", late)
+                    log.warning("this process was blocked for %.1f s", late)
                     await asyncio.sleep(CATCH_UP)
 
     def receive(self, message: dialect.MAVLink_message) -> None:

@@ -102,7 +102,7 @@ def _action_problems(entry: ActionEntry) -> Iterator[Problem]:
         yield f"the mavlink driver acts by {', '.join(f'`{way}`' for way in WAYS)}", next(iter(entry.ways()), "command")
     for figure in entry.feedback or ():
         if offer is not None and figure not in offer.feedback:
-            yield f"`{figure}` is not told; there is {_list(offer.feedback)}", "feedback"
+            yield f"`{figure}` is not reported; there is {_list(offer.feedback)}", "feedback"
 
 
 def _message_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | None]:

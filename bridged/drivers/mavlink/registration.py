@@ -64,5 +64,5 @@ def _forward_problems(robot: Robot, link: LinkAddress | None) -> Iterator[tuple[
         if link is not None and (address.host, address.port) == (link.host, link.port):
             yield "forward", f"forward: `{text}` is the vehicle's own link: packets would go round for ever"
         if address in seen:
-            yield "forward", f"forward: `{text}` stands there twice"
+            yield "forward", f"forward: `{text}` is listed twice"
         seen.add(address)

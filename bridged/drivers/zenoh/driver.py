@@ -161,16 +161,16 @@ class ZenohDriver(SimpleDriver):
         return Outcome("succeeded")
 
     async def _put_when_heard(self, execution: Execution, entry: ActionEntry, topic: Topic, payload: bytes) -> Outcome:
-        execution.waits_for = f"somebody to listen on {topic.key}"
+        execution.waits_for = f"a subscriber of {topic.key}"
         if not await self._seen(lambda: topic.heard, entry):
-            return self._nobody(f"nobody listens on {topic.key}")
+            return self._nobody(f"nobody subscribes to {topic.key}")
         return self._put(topic, payload)
 
     async def _ask(self, execution: Execution, entry: ActionEntry, querier: Querier, payload: bytes) -> Outcome:
         """Query all that serve a key: the first failure decides, otherwise all must succeed."""
         name = entry.service
         key = self._key(name)
-        execution.waits_for = f"somebody to serve {key}"
+        execution.waits_for = f"a server of {key}"
         if not await self._seen(lambda: querier.matching, entry):
             return self._nobody(f"nobody serves {key}")
         execution.waits_for = f"the reply of {key}"

@@ -366,7 +366,7 @@ def test_a_robot_that_cannot_be_left_for_a_defect_does_not_keep_others_from_bein
     mission = read_mission(workshop_mission, tmp_path / "workshop.yaml")
     caplog.set_level("INFO")
     asyncio.run(leave(workshop.bridge, mission, 0.0, asyncio.Event()))
-    assert "leaving bench: not known, for a defect" in caplog.text
+    assert "leaving bench: unknown because of a defect" in caplog.text
 
 
 def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_missed_meanwhile(

@@ -139,7 +139,7 @@ def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(endpoin
         status = turtle.bridge.action_server.cancel("a", going[-1].id)
         assert status.reason == "cancelled by a; hold is not confirmed yet"
         await until(lambda: "may_be_moving" in turtle.notes(), "the failure is told")
-        assert turtle.notes()["may_be_moving"].endswith("`stop` failed: nobody listens on t/cmd")
+        assert turtle.notes()["may_be_moving"].endswith("`stop` failed: nobody subscribes to t/cmd")
         assert turtle.bridge.driver.active, "it is not left alone"
 
     with_a_turtle(endpoint, tmp_path, body)

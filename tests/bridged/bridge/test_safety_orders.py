@@ -243,7 +243,7 @@ def test_a_lost_agent_is_answered_for_when_the_operator_releases_the_robot(sky: 
         await passing(sky, 20)
         assert mode_of(sky) == "BRAKE"
         assert {("safety_deferred", ""), ("operator_order", "hold")} <= set(identities(sky.bridge.health().notes))
-        said = "actions are taken again; agent uav is lost: the bridge brings the robot to safety first"
+        said = "actions are accepted again; agent uav is lost: the bridge brings the robot to safety first"
         assert sky.bridge.orders.release().reason == said
         await until_mode(sky, "RTL")
 
@@ -409,7 +409,7 @@ def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky: Sky)
         await passing(sky, 3)
         await asyncio.sleep(0.5)
         assert "safety_deferred" not in {note.code for note in sky.bridge.health().notes}
-        assert sky.bridge.orders.release().reason == "actions are taken again"
+        assert sky.bridge.orders.release().reason == "actions are accepted again"
         assert sky.begin("set_mode", "GUIDED", agent="other")[-1].state == "accepted"
 
     flown(body, sky)
@@ -680,7 +680,7 @@ def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_agents_ac
         left = asyncio.ensure_future(sky.bridge.orders.shut_down("rtl"))
         await passing(sky, 0.1)
         released = sky.bridge.orders.release()
-        assert (released.state, released.reason) == ("refused", "the bridge stops: it takes no action any more")
+        assert (released.state, released.reason) == ("refused", "the bridge stops: it accepts no more actions")
         refused = sky.begin("goto", 0.0, 0.0, 20)[-1]
         assert (refused.state, refused.cause, refused.order) == ("refused", "shutdown", "rtl")
         assert (await leaving(sky, left)).order == "rtl"

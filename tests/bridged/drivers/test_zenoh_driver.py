@@ -141,7 +141,7 @@ def test_a_put_reaches_who_listens_nested_as_the_paths_say(endpoint: str) -> Non
 def test_nobody_listens_until_a_listener_appears(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     async def body(pond: Pond) -> None:
         outcome = await pond.do("set_light", on=True, colour="red")
-        assert (outcome.state, outcome.reason) == ("failed", "nobody listens on lamp/set")
+        assert (outcome.state, outcome.reason) == ("failed", "nobody subscribes to lamp/set")
         monkeypatch.setattr("bridged.drivers.zenoh.driver.DISCOVERY", 10)
         waiting = pond.begin("set_light", on=True, colour="red")
         assert waiting.outcome is None
@@ -160,7 +160,7 @@ def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge_as_ei
 
     async def body(pond: Pond) -> None:
         outcome = await pond.do("set_light", on=True, colour="red")
-        assert outcome.reason == "nobody listens on lamp/set"
+        assert outcome.reason == "nobody subscribes to lamp/set"
         heard: list[Sample] = []
         pond.robot.raw.subscribe("lamp/set", heard.append)
         assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
@@ -310,7 +310,7 @@ def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
         asked = pond.serve("hall/two/lamp/blink", b"")
         assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
         assert (await pond.do("blink", times=1)).state == "succeeded"
-        assert (await pond.do("tell", text="x")).reason == "nobody listens on hall/two/lamp/text"
+        assert (await pond.do("tell", text="x")).reason == "nobody subscribes to hall/two/lamp/text"
         await until(lambda: bool(heard) and bool(asked), "the lamp of the hall hears it")
         await pond.publish("hall/two/lamp/state", b'{"on": true}')
         await until(lambda: bool(pond.readings), "the lamp of the hall is heard")
@@ -370,7 +370,7 @@ def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> None:
         assert pond.driver._sources.by_name["lamp/state"].subscription is before
         await pond.publish("lamp/heat", b"40")
         await until(lambda: bool(pond.readings), "the heat is read")
-        assert (await pond.do("tell", text="x")).reason == "nobody listens on lamp/words"
+        assert (await pond.do("tell", text="x")).reason == "nobody subscribes to lamp/words"
         pond.driver.adopt(read_manifest(MANIFEST, "lamp.toml"))
         assert list(pond.driver._sources.by_name) == ["lamp/state"]
 
@@ -399,7 +399,7 @@ def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_in_word
         await asyncio.sleep(0)
         pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.tell]")[0], "lamp.toml"))
         await until(lambda: told.over and asked.over, "both end")
-        assert told.outcome == Outcome("failed", "nobody listens on lamp/text")
+        assert told.outcome == Outcome("failed", "nobody subscribes to lamp/text")
         assert asked.outcome == Outcome("failed", "nobody serves lamp/blink")
 
     in_a_pond(endpoint, body)
@@ -466,7 +466,7 @@ def test_a_router_that_is_away_is_named(endpoint: str) -> None:
             await router.close()
             await until(lambda: not lamp.router_up, "the router is missed")
             outcome = await pond.do("set_light", on=True, colour="red")
-            assert outcome.reason == "nobody listens on lamp/set: the router is away"
+            assert outcome.reason == "nobody subscribes to lamp/set: the router is away"
             async with _bus(endpoint, "router"):
                 await until(lambda: lamp.router_up and robot.router_up, "the router is back")
                 await until(lambda: pond.driver._topics["lamp/set", False].heard, "the lamp is seen again")

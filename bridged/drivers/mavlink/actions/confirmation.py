@@ -189,7 +189,7 @@ def ready(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome
         task.waits_for = "readiness: " + "; ".join([*missing, *said])
         faults = named_before.intersection(said if answered else ())
         if lasting := [one for one in said if _names(LASTING, one) or (one in faults and _names(FAULTS, one))]:
-            return Outcome("refused", f"the vehicle refuses to arm until somebody sees to it: {'; '.join(lasting)}")
+            return Outcome("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(lasting)}")
         if flight.now >= ask_at and flight.vehicle.connected:
             named_before = set(flight.texts.beginning(PRE_ARM, asked))
             before, asked, ask_at = asked, flight.now, flight.now + flight.wait(*ASK_REASONS_EVERY)
@@ -240,7 +240,7 @@ def within_limits(flight: ProcedureContext, call: Call) -> Outcome | None:
     if flight.altitude_of_home() is None:
         return Outcome("refused", "the vehicle's altitude is not known yet")
     if call.limited and flight.limited and not flight.vehicle.placed:
-        said = "the vehicle has not told lately where it is, so the mission's limits cannot be kept"
+        said = "the vehicle has not reported its position lately, so the mission's limits cannot be kept"
         return Outcome("refused", said, "limits")
     broken = flight.outside_limits(above_home(flight, call)) if call.limited else ""
     return Outcome("refused", broken, "limits") if broken else None
@@ -336,7 +336,7 @@ def stands(
     if vehicle.armed:
         return Outcome("failed", f"the vehicle was armed again{where}; {flight.state_in_words()}")
     if vehicle.positions == seen:
-        said = f"the motors have stopped{where}, and the vehicle does not tell where it is"
+        said = f"the motors have stopped{where}, and the vehicle does not report where it is"
         return Outcome("failed", flight.with_texts(said, asked))
     if asked - fast_at <= flight.wait(*STANDS_FOR):
         return Outcome("failed", flight.with_texts(f"the motors stopped in the air{where}", asked))

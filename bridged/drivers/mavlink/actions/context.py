@@ -287,7 +287,7 @@ class ProcedureContext:
         if here is None:
             return "the vehicle's position is not known yet" if self.limited else ""
         if self.limited and not self.vehicle.placed:
-            return "the vehicle has not told lately where it is, so the mission's limits cannot be kept"
+            return "the vehicle has not reported its position lately, so the mission's limits cannot be kept"
         north, east, down = (speed * GUIDED_TIMEOUT for speed in velocity)
         there = here.moved(north, east, -down)
         broken = self.outside_limits(there)

@@ -127,7 +127,7 @@ def _climb_on(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     """Continue a takeoff that was paused in the air, where NAV_TAKEOFF is refused: by a target above."""
     vehicle, wanted, asked = flight.vehicle, call.parameters[6], flight.now
     if vehicle.position is None:
-        return Outcome("refused", "the vehicle has not told where it is")
+        return Outcome("refused", "the vehicle has not reported where it is")
     above = replace(vehicle.position, altitude=wanted)
     target = replace(call, target=above, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, limited=False)
     failure = yield from target_taken(flight, task, target)

@@ -53,7 +53,7 @@ def upload(flight: ProcedureContext, task: Task, items: tuple[Item, ...]) -> Gen
         if not sent and flight.now >= again_at:
             if tries >= TRIES:
                 task.leaves = ""
-                return Outcome("failed", f"the vehicle did not ask for the mission, told of it {TRIES} times")
+                return Outcome("failed", f"the vehicle did not request the mission, announced {TRIES} times")
             tries, again_at = tries + 1, flight.now + flight.wait(*TRY_EVERY)
             flight.send(dialect.MAVLink_mission_count_message(*_peer(flight), count))
         task.feedback = {"item": float(max(0, sent - 1)), "items": float(count - 1)}
@@ -85,7 +85,9 @@ def upload(flight: ProcedureContext, task: Task, items: tuple[Item, ...]) -> Gen
     held_count = yield from count_items(flight, task)
     uncounted = flight.vehicle.home is None  # home counts as an item once the vehicle has one
     if held_count != count and not (uncounted and held_count == count - 1):
-        said = "does not tell how many items it holds" if held_count is None else f"holds {held_count} items with home"
+        said = (
+            "does not report how many items it holds" if held_count is None else f"holds {held_count} items with home"
+        )
         return Outcome("failed", f"the mission of {count} items with home was acknowledged, but the vehicle {said}")
     plan.items, plan.broken = items, ""
     return None
@@ -95,9 +97,9 @@ def download(flight: ProcedureContext, task: Task) -> Generator[None, None, tupl
     """Read the vehicle's mission. Returns its items, home first, or the failure."""
     count = yield from count_items(flight, task)
     if count is None:
-        return Outcome("failed", f"the vehicle did not tell its mission, asked {TRIES} times")
+        return Outcome("failed", f"the vehicle did not send its mission, asked {TRIES} times")
     if count > MAX_ITEMS + 1:
-        return Outcome("failed", f"the vehicle tells of {count} items; {MAX_ITEMS} are read at most")
+        return Outcome("failed", f"the vehicle reports {count} items; {MAX_ITEMS} are read at most")
     items: list[Item] = []
     for seq in range(count):
         task.feedback = {"item": float(seq), "items": float(max(0, count - 1))}
@@ -112,7 +114,7 @@ def download(flight: ProcedureContext, task: Task) -> Generator[None, None, tupl
 
 def count_items(flight: ProcedureContext, task: Task) -> Generator[None, None, int | None]:
     """Request how many items the vehicle holds, with home. Returns None without an answer."""
-    task.waits_for = "the vehicle to tell how many items it holds"
+    task.waits_for = "the vehicle to report how many items it holds"
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_request_list_message(*_peer(flight)))
         message = yield from next_message(flight, "MISSION_COUNT", TRY_EVERY, lambda one: ours(flight, one))
@@ -132,7 +134,7 @@ def clear(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome
         held = yield from count_items(flight, task)
         if held is not None and held <= 1:
             return None
-    return Outcome("failed", "the vehicle still holds a mission, or does not tell")
+    return Outcome("failed", "the vehicle still holds a mission, or does not report it")
 
 
 def break_off(flight: ProcedureContext) -> None:
@@ -153,8 +155,8 @@ def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item | Ou
                 case "MISSION_ITEM_INT" | "MISSION_ITEM" if message.seq == seq:
                     return item_of(message)
                 case "MISSION_ACK" if message.type != dialect.MAV_MISSION_ACCEPTED:
-                    return Outcome("failed", f"the vehicle did not tell item {seq}: {_result(message)}")
-    return Outcome("failed", f"the vehicle did not tell item {seq} of its mission, asked {TRIES} times")
+                    return Outcome("failed", f"the vehicle did not send item {seq}: {_result(message)}")
+    return Outcome("failed", f"the vehicle did not send item {seq} of its mission, asked {TRIES} times")
 
 
 def _broken(sent: int, count: int) -> str:
@@ -258,7 +260,7 @@ def set_current(flight: ProcedureContext, task: Task, call: Call) -> Steps:
 
 def go_to_item(flight: ProcedureContext, task: Task, wanted: int) -> Generator[None, None, Outcome | None]:
     identity, poll = flight.commands.identity, Poll(flight, task, "MISSION_CURRENT")
-    task.waits_for = f"the vehicle to tell that item {wanted} is its current one"
+    task.waits_for = f"the vehicle to report that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):
         flight.send(dialect.MAVLink_mission_set_current_message(identity.vehicle, identity.autopilot, wanted))
         until = flight.now + flight.wait(*TRY_EVERY)

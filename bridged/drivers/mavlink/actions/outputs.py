@@ -64,7 +64,7 @@ def grip(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     outputs = [output for output, name in enumerate(FUNCTIONS, 1) if functions.get(name) == GRIPPER]
     if not outputs:
         return Outcome(
-            "failed", f"none of the {len(functions)} outputs that were told is a gripper (SERVOn_FUNCTION = 28)"
+            "failed", f"none of the {len(functions)} outputs that were reported is a gripper (SERVOn_FUNCTION = 28)"
         )
     wanted, named = found[1], " and ".join(map(str, outputs))
     return (

@@ -115,7 +115,7 @@ def pull_parameters(flight: ProcedureContext, task: Task, call: Call) -> Steps:
             task.waits_for = f"the rest of {count} parameters; {len(told)} came"
             if len(told) == count:
                 return SUCCEEDED
-    came = f"{len(told)} of {count} parameters came" if count else "the vehicle does not tell its parameters"
+    came = f"{len(told)} of {count} parameters came" if count else "the vehicle does not send its parameters"
     return Outcome("failed", came)
 
 
@@ -167,7 +167,7 @@ def write_parameter(
         if told == wanted:
             break
     if told is None:
-        return Outcome("failed", f"{name}: {wanted:g} was asked for, and the vehicle does not tell what it has")
+        return Outcome("failed", f"{name}: {wanted:g} was asked for, and the vehicle does not report its value")
     flight.learn(name, told)
     return None if told == wanted else Outcome("failed", f"{name}: {wanted:g} was asked for, the vehicle has {told:g}")
 

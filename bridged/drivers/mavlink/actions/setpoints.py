@@ -129,7 +129,7 @@ def _place_taken(flight: ProcedureContext, task: Task, call: Call) -> Generator[
         return refusal
     here = yield from asked_message(flight, task, "LOCAL_POSITION_NED", (5.0, 3.0))
     if here is None or flight.vehicle.position is None or target.position is None:
-        return Outcome("refused", "the vehicle does not tell its local position")
+        return Outcome("refused", "the vehicle does not report its local position")
     goal = _from_origin(flight, target, here)
     if goal is None:
         return Outcome("refused", "the vehicle's heading is not known yet")

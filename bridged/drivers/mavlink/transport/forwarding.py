@@ -72,7 +72,7 @@ class GroundStation:
     def attach(self, vehicle: int, pass_on: PassOn) -> None:
         """Add a vehicle; the first one opens the link. Raises LinkError for a second one of an id."""
         if vehicle in self._vehicles:
-            raise LinkError(f"forward {self.address}: system {vehicle} of another link goes there already")
+            raise LinkError(f"forward {self.address}: system {vehicle} of another link is forwarded there already")
         self._vehicles[vehicle] = pass_on
         if self._opening is None:
             self._opening = asyncio.create_task(self._open(), name=f"forward {self.address}")

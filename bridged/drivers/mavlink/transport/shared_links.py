@@ -189,7 +189,7 @@ class SharedLink:
                 notes.append(Note("other_system", text, str(system)))
         for (system, objection, where), at in self._refused.items():
             if at > since and system == link_client.vehicle:
-                text = f"{objection} packets of system {system} from {where} are not taken"
+                text = f"{objection} packets of system {system} from {where} are refused"
                 notes.append(Note("packets_refused", text, f"{objection} {where}"))
         if link_client.signs and link_client.signing is None:
             text = (
@@ -248,7 +248,7 @@ class SharedLink:
             self._refused = {other: at for other, at in self._refused.items() if at > now - STRANGE_FOR}
             if len(self._refused) >= MAX_NOTED:
                 return
-            log.warning("%s packets of system %d from %s are not taken", objection, system, peer)
+            log.warning("%s packets of system %d from %s are refused", objection, system, peer)
         self._refused[what] = now
 
     def _tell_time(self, system: int, peer: Peer) -> None:

@@ -65,7 +65,7 @@ class VehicleAddress:
             return True
         self.foreign += 1
         known = "no HEARTBEAT was heard yet" if self.peer is None else f"its HEARTBEATs come from {self.peer}"
-        said = f"packets of system {self._system} from {peer} are not taken: {known}"
+        said = f"packets of system {self._system} from {peer} are refused: {known}"
         if now >= self._foreign_until:  # a sender at ever new ports does not fill the log
             log.warning("%s", said)
         self._foreign, self._foreign_until = said, now + NOTED_FOR

@@ -248,4 +248,4 @@ def contradiction(declared: ModeTable, kind: int) -> str:
     entry = dialect.enums["MAV_TYPE"].get(kind)
     name = entry.name if entry else f"MAV_TYPE {kind}"
     instead = f'; `vehicle = "{known.vehicle}"` would fit' if known is not None else ""
-    return f"the vehicle says that it is a {name}, the manifest says {declared.vehicle}{instead}"
+    return f"the vehicle reports that it is a {name}, the manifest says {declared.vehicle}{instead}"

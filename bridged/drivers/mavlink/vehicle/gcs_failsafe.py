@@ -97,7 +97,7 @@ class FailsafeCheck:
             case "none", _:
                 return [Note("failsafe_none", "failsafe: none: if this bridge dies, nothing brings the vehicle home")]
             case _, None if self._tries >= TRIES and self._next_at == math.inf:
-                return [Note("failsafe_unknown", f"failsafe: the vehicle does not tell {PARAMETER}")]
+                return [Note("failsafe_unknown", f"failsafe: the vehicle does not report {PARAMETER}")]
             case _, value if value is not None and value == 0:
                 text = f"failsafe: {PARAMETER} is 0 on the vehicle: its ground-station failsafe is off"
                 return [Note("failsafe_off", text)]

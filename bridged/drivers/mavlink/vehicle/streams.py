@@ -143,7 +143,9 @@ class Streams:
         """Return what the vehicle was asked for and does not send."""
         denied = [stream.name for stream in self._streams.values() if stream.denied]
         notes = [Note("message_unknown", f"the vehicle does not know {name}", name) for name in denied]
-        return notes + [Note("message_late", f"{name} comes too seldom; asked again", name) for name in self._starved]
+        return notes + [
+            Note("message_late", f"{name} arrives too rarely; requested again", name) for name in self._starved
+        ]
 
     def _rate(self, stream: _Stream) -> float:
         return stream.rate if self.at_work else min(stream.rate, IDLE_RATE / self._scale)

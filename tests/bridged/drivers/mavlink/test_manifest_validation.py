@@ -75,11 +75,11 @@ def problems(text: str) -> list[str]:
         ),
         (
             '[actions.a]\ncommand = "MAV_CMD_NAV_LAND"\nconfirm = "landed"\nfeedback = ["altitude", "mood"]\n',
-            ["7: actions.a.feedback: `mood` is not told; there is altitude, distance"],
+            ["7: actions.a.feedback: `mood` is not reported; there is altitude, distance"],
         ),
         (
             '[actions.a]\ncommand = "MAV_CMD_DO_GRIPPER"\nconfirm = "gripper"\nfeedback = ["pwm"]\n',
-            ["7: actions.a.feedback: `pwm` is not told; there is none"],
+            ["7: actions.a.feedback: `pwm` is not reported; there is none"],
         ),
         (
             '[actions.a]\ntopic = "cmd_vel"\n',

@@ -117,7 +117,7 @@ def test_a_vehicle_that_says_nothing_after_the_change_is_not_said_to_have_the_ol
     answers = iter([True])
     sky.we_hear = lambda message: message.get_type() != "PARAM_VALUE" or next(answers, False)
     final = sky.do("set_param", "RTL_ALT", 2000)
-    said = "RTL_ALT: 2000 was asked for, and the vehicle does not tell what it has"
+    said = "RTL_ALT: 2000 was asked for, and the vehicle does not report its value"
     assert (final.state, final.reason) == ("failed", said)
 
 

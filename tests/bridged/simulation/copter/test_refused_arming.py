@@ -62,7 +62,7 @@ def test_what_does_not_mend_itself_fails_at_once_with_the_vehicles_words(tmp_pat
     heard = sky.begin("arm_motors", True)
     sky.forward(lambda: heard[-1].final, "the end of arming", 3)
     assert heard[-1].state == "refused"
-    assert heard[-1].reason == f"the vehicle refuses to arm until somebody sees to it: {text}"
+    assert heard[-1].reason == f"the vehicle refuses to arm until a person mends it: {text}"
 
 
 def test_a_hardware_fault_fails_when_two_checks_have_named_it(tmp_path: Path) -> None:

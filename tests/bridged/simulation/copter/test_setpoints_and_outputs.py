@@ -354,7 +354,7 @@ def test_a_motor_that_idles_at_the_width_of_a_gripper_is_no_gripper(sky: Sky) ->
 def test_a_vehicle_none_of_whose_outputs_is_a_gripper_says_so(sky: Sky) -> None:
     sky.wait(1)
     final = sky.do("gripper", True)
-    said = "none of the 16 outputs that were told is a gripper (SERVOn_FUNCTION = 28)"
+    said = "none of the 16 outputs that were reported is a gripper (SERVOn_FUNCTION = 28)"
     assert (final.state, final.reason) == ("failed", said)
 
 

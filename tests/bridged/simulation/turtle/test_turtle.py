@@ -167,7 +167,7 @@ def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint:
         studio.leave.set()
         await until(lambda: not studio.values("pose"), "the pose is gone")
         status = await studio.do("cmd_vel", 1, 0, 0)
-        assert (status.state, status.reason) == ("failed", "nobody listens on turtle1/cmd_vel")
+        assert (status.state, status.reason) == ("failed", "nobody subscribes to turtle1/cmd_vel")
         status = await studio.do("clear")
         assert (status.state, status.reason) == ("failed", "nobody serves turtle1/clear")
 

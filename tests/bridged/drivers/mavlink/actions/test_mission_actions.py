@@ -93,7 +93,7 @@ def test_an_upload_that_the_vehicle_does_not_ask_for_fails_and_leaves_what_was(s
     sky.wait(3)
     sky.hears_us = lambda message: not message.get_type().startswith("MISSION_")
     final = sky.do("upload_mission", TOUR)
-    assert (final.state, final.reason) == ("failed", "the vehicle did not ask for the mission, told of it 6 times")
+    assert (final.state, final.reason) == ("failed", "the vehicle did not request the mission, announced 6 times")
 
 
 def test_an_upload_that_falls_silent_says_what_it_leaves_and_no_mission_is_started_on_it(sky: Sky) -> None:

@@ -261,7 +261,7 @@ def test_ids_that_undo_the_failsafe_are_a_finding(fields: str, problem: str) -> 
     ("forward", "problem"),
     [
         ("'udp:1'", "forward: link 'udp:1': expected udpin:HOST:PORT, udpout:"),
-        ("['udpout:127.0.0.1:14551', 'udpout:127.0.0.1:14551']", "`udpout:127.0.0.1:14551` stands there twice"),
+        ("['udpout:127.0.0.1:14551', 'udpout:127.0.0.1:14551']", "`udpout:127.0.0.1:14551` is listed twice"),
         ("'udpout:127.0.0.1:14550'", "is the vehicle's own link: packets would go round for ever"),
         ("['udpout:127.0.0.1:14551', 'tcpin:0.0.0.0:5760']", ""),
     ],

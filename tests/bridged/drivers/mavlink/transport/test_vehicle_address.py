@@ -146,7 +146,7 @@ def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_ve
             said = [note for note in ride.driver.notes() if note.code == "foreign_packets"]
             assert [(note.text, note.value) for note in said] == [
                 (
-                    f"packets of system 1 from udp:127.0.0.1:{forger.port} are not taken: "
+                    f"packets of system 1 from udp:127.0.0.1:{forger.port} are refused: "
                     f"its HEARTBEATs come from udp:127.0.0.1:{vehicle.port}",
                     4.0,
                 )

@@ -78,7 +78,7 @@ def test_a_vehicle_that_is_not_what_the_manifest_says_is_not_armed(tmp_path: Pat
     sky = sky_of(tmp_path, "arducopter", PLANE, ARDUPLANE)
     sky.wait(3)
     said = (
-        "the vehicle says that it is a MAV_TYPE_FIXED_WING, the manifest says arducopter; "
+        "the vehicle reports that it is a MAV_TYPE_FIXED_WING, the manifest says arducopter; "
         '`vehicle = "arduplane"` would fit'
     )
     assert Note("other_vehicle_kind", said) in sky.driver.notes()
