@@ -249,10 +249,6 @@ class ActionServer:
         self._by_hand += 1
         return replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
 
-    def _asker(self, action: Action) -> str:
-        """Return who requested an action, for people: an agent, or somebody by hand in its name."""
-        return f"{action.agent}, by hand" if self._is_by_hand(action) else action.agent
-
     def _is_by_hand(self, action: Action) -> bool:
         unsigned = action.id.startswith(f"{action.agent}:{self._boot}:hand")
         return unsigned or action.header.source not in ("", action.agent)
@@ -313,7 +309,8 @@ class ActionServer:
             )  # a way down must stay
         taken = self._take(action, entry) if rival else []
         for other in self._superseded(entry):
-            said = f"superseded by {action.name} of {self._asker(action)}"
+            by_hand = ", by hand" if self._is_by_hand(action) else ""
+            said = f"superseded by {action.name} of {action.agent}{by_hand}"
             self._end(other, Outcome("cancelled", said, "superseded"), hold=False)
         self.lease.take(action.agent, now)
         if entry.motion or entry.supersedes or entry.confirm == "mode":

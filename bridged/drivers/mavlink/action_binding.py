@@ -184,7 +184,7 @@ def call_of(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeTable
         return _command(call, entry, _raw(entry, arguments), modes)
     if entry.call:
         frame = GLOBAL_FRAMES[entry.frame or "relative"] if entry.frame in (None, *GLOBAL_FRAMES) else call.frame
-        return replace(call, arguments=_given(entry, arguments), frame=frame)
+        return replace(call, arguments=_raw(entry, arguments), frame=frame)
     if entry.message == CHANNELS:
         return replace(call, channels=_channels(_raw(entry, arguments)))
     values = {field: _value(value, arguments, modes) for field, value in entry.fields.items()}
@@ -245,11 +245,6 @@ def _channels(values: Mapping[str, object]) -> tuple[int, ...]:
             raise ValueError(f"channel {index}: expected whole microseconds, 0 to release or 65535 to ignore it")
         channels.append(int(value))
     return tuple(channels)
-
-
-def _given(entry: ActionEntry, arguments: Mapping[str, Value]) -> dict[str, Value]:
-    """Return the arguments of a call: by its fields, or by the parameters' names if the entry has none."""
-    return _raw(entry, arguments) if entry.fields else dict(arguments)
 
 
 def _raw(entry: ActionEntry, arguments: Mapping[str, Value]) -> dict[str, Value]:

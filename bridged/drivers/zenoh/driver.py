@@ -182,7 +182,7 @@ class ZenohDriver(SimpleDriver):
                 aclosing(querier.ask(payload, self._codec.encoding)) as replies,
             ):
                 async for reply in replies:
-                    outcome, fields = read_reply(key, reply, self._codec_name)
+                    outcome, fields = read_reply(key, reply, self.manifest.robot.payload or DEFAULT)
                     if outcome.state != "succeeded":
                         return outcome
                     self._sources.answered(name, fields)
@@ -209,10 +209,6 @@ class ZenohDriver(SimpleDriver):
         self._counts["unheard"] += 1
         away = "" if self._bus.router_up else ": the router is away"
         return Outcome("failed", said + away)
-
-    @property
-    def _codec_name(self) -> str:
-        return self.manifest.robot.payload or DEFAULT
 
 
 def _tell_defect(what: str, error: Exception) -> None:

@@ -294,17 +294,6 @@ def test_a_flood_of_different_events_stays_bounded(board: Board) -> None:
     assert board.board.dropped == 50
 
 
-def test_an_agents_copy_follows_and_its_digest_agrees(board: Board) -> None:
-    copy = PerceptSet()
-    board.hear("MODE", name="GUIDED", armed=False)
-    board.hear("BATTERY", id=0, volts=[12600])
-    board.hear("POSITION", alt=1000)
-    board.wait(5)
-    assert all(copy.apply(one) for one in board.told)
-    assert not copy.needs_repair(board.board.sets["uav"].digest())
-    assert copy.digest() == board.board.sets["uav"].digest()
-
-
 def test_a_lost_percept_is_noticed_by_the_gap_and_repaired(board: Board) -> None:
     copy = PerceptSet()
     board.hear("MODE", name="GUIDED", armed=False)
@@ -319,19 +308,6 @@ def test_a_lost_percept_is_noticed_by_the_gap_and_repaired(board: Board) -> None
     assert changes is not None
     assert [(one.update, one.name, one.parameters) for one in changes] == [("add", lost.name, lost.parameters)]
     assert not copy.needs_repair(board.board.sets["uav"].digest())
-
-
-def test_the_loss_of_the_last_percept_is_noticed_by_the_digest(board: Board) -> None:
-    copy = PerceptSet()
-    board.hear("MODE", name="GUIDED", armed=False)
-    copy.apply(board.told[0])
-    before = board.board.sets["uav"].digest()
-    board.hear("MODE", name="RTL", armed=True)
-    assert not copy.needs_repair(before)
-    assert copy.needs_repair(board.board.sets["uav"].digest())
-    changes = copy.restore(board.board.sets["uav"].snapshot())
-    assert changes is not None
-    assert [(one.update, one.parameters) for one in changes] == [("remove", ("GUIDED", False)), ("add", ("RTL", True))]
 
 
 def test_an_older_digest_is_asked_about_and_what_is_newer_stays(board: Board) -> None:
