@@ -32,6 +32,8 @@ TICK, TICKS = 0.05, 20.0
 """Most wall seconds between two steps, and least steps in a mission second."""
 TICK_IDLE = 1.0
 """Wall seconds between two steps while nothing is due soon: each step wakes the process."""
+STALL, CATCH_UP = 1.0, 0.2
+"""Wall seconds that a step may be late, and to read what the robot sent while this process was blocked."""
 UNREADABLE = ("bad_checksums", "unreadable_packets", "samples_unreadable")
 """Counters of drivers that are bad input."""
 log = logging.getLogger("bridged")
@@ -150,10 +152,13 @@ class Bridge:
             except Exception as error:  # a defect must not end the bridge, and with it the way home
                 what = {"message": f"looking at {self.name}", "exception": error}
                 asyncio.get_running_loop().call_exception_handler(what)
+            due = self._clock.wall() + (pause if soon else TICK_IDLE)
             if soon:
                 await asyncio.sleep(pause)
             else:
                 await wait_at_most(self._wake, TICK_IDLE)
+            if self._clock.wall() - due > STALL:  # what the robot sent meanwhile is read before time is judged
+                await asyncio.sleep(CATCH_UP)
 
     def step(self) -> bool:
         """Let time pass for orders, percepts and actions. Returns whether the next step is due soon."""

@@ -67,6 +67,6 @@ def test_a_robot_held_by_the_operator_stays_held_when_its_bridge_is_killed_and_s
     assert stop("continue", endpoint)[1].startswith("uav1: continue NOT confirmed (it is not paused: operator: hold")
     code, said = stop("release", endpoint)
     assert (code, said.startswith("uav1: release confirmed (actions are accepted again")) == (0, True), said
-    assert "no action is taken" not in daemons(endpoint)
+    assert "no action is accepted" not in daemons(endpoint)
     assert running.wait(120) == 1, running.stdout + running.stderr
     assert "uav1: disarmed" in running.stdout
