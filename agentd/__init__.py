@@ -10,7 +10,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from agentd.embedding import compile_file, compile_text
     from agentd.environment import ActionFailed, Deferred, Environment
     from agentd.language.terms.terms import Literal, atom, deref
     from agentd.mind import Mind
@@ -19,10 +18,11 @@ if TYPE_CHECKING:
     from agentd.mind.data.registry import function, internal_action
     from agentd.mind.execution.waiting import suspend
     from agentd.mind.state import MindState
+    from agentd.runtime.program_paths import compile_file, compile_text
     from agentd.values import literal, term_of, value_of
 
 _PLACES = {
-    "agentd.embedding": ("compile_file", "compile_text"),
+    "agentd.runtime.program_paths": ("compile_file", "compile_text"),
     "agentd.environment": ("ActionFailed", "Deferred", "Environment"),
     "agentd.language.terms.terms": ("Literal", "atom", "deref"),
     "agentd.mind": ("Mind",),

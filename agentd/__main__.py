@@ -6,7 +6,7 @@ import argparse
 import importlib
 import sys
 
-from agentd.exit_handling import guarded
+from agentd.process import guarded
 from commd.process.command_line import Help, check_command
 
 _COMMANDS = {

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import logging
-import sys
 from argparse import ArgumentParser, Namespace
 
 from agentd.extensions.file_access import state_folder
-from agentd.language.compiler.compile import CompiledProgram, DirectiveError, Load, compile_program
-from agentd.language.parse import parse_file
-from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import Program
 from agentd.persistence.checkpoint import CheckpointError
+from agentd.process import allow_deep_calls
 from agentd.runtime.agent_group import AgentGroup
-from agentd.runtime.agent_host import DECISIONS, Part
-from agentd.runtime.program_loader import compose, endings, restart_goal
-from agentd.trace.program_sources import Sources
+from agentd.runtime.program_loader import DECISIONS, prepare
 from commd.bus.bus import open_bus
 from commd.common.clock import Clock
 from commd.process.output import ERROR, stderr
@@ -25,11 +18,8 @@ from commd.process.process import EXIT_DONE, EXIT_FAILED, add_router_argument, g
 from commd.process.restart_counter import begin_life
 from commd.process.systemd import Member, Unit
 from schemas.files.findings import Finding, Findings
-from schemas.manifest.loader import load_manifest
 from schemas.mission.model import Mission, load_mission
 
-DEEPEST_CALLS = 9000
-"""How deep rules may call one another; a computation beyond fails its plan."""
 log = logging.getLogger("agentd")
 
 
@@ -62,7 +52,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Run the daemon until it is told to stop, or a program stops the team. Returns the exit code."""
-    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
+    allow_deep_calls()
     return run_daemon("agentd", lambda stop: serve(load_mission(args.mission), args, stop))
 
 
@@ -107,61 +97,3 @@ def chosen(mission: Mission, args: Namespace) -> list[str]:
         known = f"; the agents are {', '.join(mission.agents)}"
         raise Findings([Finding(str(mission.path), 0, 0, what + known)])
     return list(dict.fromkeys(agents))
-
-
-def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS) -> Part:
-    """Read and compile what an agent is made of. Raises Findings with everything that is wrong with it."""
-    robot = mission.agents[agent].robot
-    as_text = robot is not None and not isinstance(mission.robots[robot].manifest, str)
-    if robot is not None and isinstance(named := mission.robots[robot].manifest, str):
-        as_text = load_manifest(named, mission.path.parent).robot.values == "text"
-    elsewhere = None if robot is None else mission.robots[robot].board
-    sources = sources_of(mission, agent)
-    program = compiled(compose(mission, agent, sources.parse_file), sources.parse_file)
-    done, failed = endings(mission, agent, "done"), endings(mission, agent, "failed")
-    return Part(
-        agent,
-        program,
-        robot,
-        done,
-        failed,
-        seed,
-        restart_goal(mission, agent),
-        decisions,
-        as_text,
-        digest_of(program),
-        elsewhere if elsewhere != mission.agents[agent].board else None,
-        mission.agents[agent].presence,
-        mission.inject,
-        sources,
-    )
-
-
-def sources_of(mission: Mission, agent: str) -> Sources:
-    """Return what the program of an agent is read with, so that its texts are kept."""
-    spec, endings = mission.agents[agent], (*mission.done, *mission.failed)
-    return Sources(
-        main=str(mission.relative(spec.program)),
-        mission=mission.positions.file,
-        beliefs=tuple(spec.beliefs),
-        goals=tuple(spec.goals),
-        on_restart=spec.on_restart if spec.on_restart.strip().startswith("goal(") else "",
-        formulas=tuple(ending.formula for ending in endings if ending.agent == agent),
-    )
-
-
-def digest_of(program: CompiledProgram) -> bytes:
-    """Return what stands for a program: an edited one has another digest."""
-    text = repr((program.beliefs, program.goals, program.plans))
-    return hashlib.sha256(text.encode(errors="replace")).digest()
-
-
-def compiled(program: Program, load: Load = parse_file) -> CompiledProgram:
-    """Carry out the directives of a program. Raises Findings for one that is wrong, or a file that does not parse."""
-    try:
-        return compile_program(program, load)
-    except SyntaxErrors as errors:
-        raise Findings(errors.findings) from None
-    except DirectiveError as error:
-        where = error.position
-        raise Findings([Finding(where.file, where.line, where.column, error.message)]) from None

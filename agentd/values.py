@@ -24,7 +24,7 @@ _TERMS = (Literal, List, Var, Expression, Code, Collection)
 
 
 def term_of(value: Any) -> Any:
-    """The term for a Python value: numbers, strings, booleans (atoms), lists and tuples; terms are as they are.
+    """Return the term for a Python value: numbers, strings, booleans (atoms), lists and tuples; terms stay unchanged.
 
     Raises TypeError for any other value.
     """
@@ -45,7 +45,7 @@ def term_of(value: Any) -> Any:
 
 
 def literal(functor: str, *arguments: Any) -> Literal:
-    """A structure, or an atom without arguments; the arguments are Python values (see `term_of`) or terms."""
+    """Make a structure, or an atom if there are no arguments; arguments are Python values (`term_of`) or terms."""
     made = Literal(plain_signature(functor, len(arguments)), tuple(map(term_of, arguments)) if arguments else ())
     for argument in made.args:
         if type(argument) is not float and type(argument) is not str:
@@ -56,12 +56,12 @@ def literal(functor: str, *arguments: Any) -> Literal:
 
 @lru_cache(maxsize=4096)
 def plain_signature(functor: str, arity: int) -> Signature:
-    """The signature of a positive literal in the default namespace."""
+    """Return the signature of a positive literal in the default namespace."""
     return signature(functor, arity)
 
 
 def value_of(term: Any) -> Any:
-    """The Python value of a term: float, str, bool for ``true`` and ``false``, a list; all else stays a term."""
+    """Return the Python value of a term: float, str, bool for ``true`` and ``false``, list; others stay terms."""
     term = deref(term)
     if type(term) is Literal and not term.annots:
         return True if term == TRUE else False if term == FALSE else term

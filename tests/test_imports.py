@@ -62,14 +62,13 @@ FOLDERS: Final[dict[str, set[str]]] = {
 """Our own folders that each kind of process loads modules from; those of `argosy board` are those of all three."""
 ELSEWHERE: Final = {
     "agentd.check.command": "agentd check",
-    "agentd.embedding": "programs that embed a mind",
     "agentd.environment": "agentd run",
     "agentd.replay.replay": "argosy replay",
     "agentd.standalone.command": "agentd run",
     "agentd.replay.replayed_mind": "argosy replay",
     "agentd.standalone.standalone_team": "agentd run",
     "agentd.standalone.decision_printer": "argosy why",
-    "agentd.environment.environment_host": "agentd run",
+    "agentd.standalone.environment_host": "agentd run",
     "bridged.paper_format.ini_manifests": "manifests in the paper's format",
     "commd.client.blocking": "programs without asyncio",
     "commd.gateway.paper_node": "CommNode",

@@ -34,9 +34,9 @@ from agentd.check.rules_events import (
 )
 from agentd.check.rules_loops import busy_loops, endless_asks
 from agentd.check.rules_variables import named_variables, singletons, unbound_variables
-from agentd.conversion.slow_notice import loading, told_if_long
 from agentd.language.syntax_tree.nodes import Program
 from agentd.mind.data.registry import find_action
+from agentd.process import loading_notice
 from agentd.runtime.program_paths import SourcePaths, read_folders
 from agentd.standalone.command import add_path_argument
 from agentd.testing.discovery import TestPaths
@@ -165,7 +165,7 @@ def run(args: Namespace) -> int:
     except (Findings, ValueError) as error:
         print(error, file=sys.stderr)
         return EXIT_BAD_INPUT
-    with told_if_long(loading(args.files)):
+    with loading_notice(args.files):
         shown = _check(args.files, robot, paths)
     if args.json:
         print(json.dumps([_fields(one) for one in shown], indent=2, ensure_ascii=False))

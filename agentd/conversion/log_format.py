@@ -1,4 +1,4 @@
-"""How the notes of a mind are shown: with the line of the program that they are about, or in one line for a log."""
+"""Format the notes of a mind: with an excerpt of the program, or in one line for a log."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from schemas.files.findings import Finding
 
 
 def lines_of(note: Log) -> list[str]:
-    """A note as people read it: what and where, the line of the program with a caret, then what else is known."""
+    """Return a note for people: text and position, the line of the program with a caret, then details."""
     return [
         f"{note.level}: {_where(note.at)}{note.text}",
         *_excerpt(note.at),
@@ -20,7 +20,7 @@ def lines_of(note: Log) -> list[str]:
 
 
 def line_of(note: Log) -> str:
-    """A note in one line."""
+    """Return a note in one line."""
     return _where(note.at) + "; ".join((note.text, *note.details))
 
 
@@ -31,7 +31,7 @@ def _where(at: Position | None) -> str:
 
 
 def _excerpt(at: Position | None) -> list[str]:
-    """The line that a position is on, if its file can (still) be read."""
+    """Return the line of a position with a caret, if its file can (still) be read."""
     if at is None or not at.line:
         return []
     linecache.checkcache(at.file)

@@ -1,4 +1,4 @@
-"""Run-time terms to wire terms and back: what percepts, actions and mail carry."""
+"""Convert run-time terms to wire terms and back, for percepts, actions and mail."""
 
 from __future__ import annotations
 
@@ -32,15 +32,13 @@ from schemas.wire import terms as wire
 from schemas.wire.records import Perception
 
 MAX_DEPTH = 100
-"""Terms nested deeper are not sent: JSON readers have limits of their own."""
-
-
+"""Nesting of terms that are sent: JSON readers have limits of their own."""
 MOST_NAMES = 1024
-"""Names of percepts that are remembered as such."""
+"""Names of percepts in the cache."""
 
 
 class BadTerm(ValueError):
-    """A term that cannot cross the bus; says why."""
+    """A term that cannot be sent or received; the text says why."""
 
 
 def to_wire(term: Any) -> wire.Term:
@@ -56,27 +54,27 @@ def to_wire(term: Any) -> wire.Term:
 def from_wire(term: wire.Term) -> Any:
     """Return the run-time form of a wire term; equal variable names become one variable. Raises BadTerm."""
     kind = type(term)
-    if kind is float or kind is str:  # as what robots tell mostly is
+    if kind is float or kind is str:  # most values of percepts
         return term
     return float(term) if kind is int else _FromWire().term(term)  # type: ignore[arg-type]
 
 
 def perceived(perception: Perception) -> Literal:
-    """Return the belief that a perception tells, with source(percept). Raises BadTerm for a name that is none."""
+    """Return the belief of a perception, with source(percept). Raises BadTerm for an invalid name."""
     arguments = tuple(map(from_wire, perception.parameters))
     return Literal(_belief(perception.name, len(arguments)), arguments, PERCEPT)
 
 
 @lru_cache(MOST_NAMES)
 def _belief(name: str, arity: int) -> Signature:
-    """The signature of a belief that is perceived."""
+    """Return the signature of a percept. Raises BadTerm for an invalid name."""
     if not (name[:1].islower() and name.replace("_", "a").isalnum()):
         raise BadTerm(f"`{name}` is no name of a belief")
     return signature(name, arity)
 
 
 class _ToWire:
-    """Writes one message; its variables are named apart."""
+    """Converts one message; different variables get different names."""
 
     def __init__(self) -> None:
         self._syntax = ToSyntax(MAX_DEPTH)
@@ -156,7 +154,7 @@ class _ToWire:
 
 
 class _FromWire:
-    """Reads one term; its variables are shared by name, and new for each term read."""
+    """Converts one term; its variables are shared by name within it."""
 
     def __init__(self) -> None:
         self._values: dict[str, Any] = {}

@@ -14,8 +14,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import Problem, SyntaxErrors
 from agentd.language.syntax_tree.source import read_source
 from agentd.mind.data.registry import FUNCTIONS, find_action
-from agentd.runtime.agent_setup import Setup
-from agentd.runtime.program_paths import SourcePaths
+from agentd.runtime.program_paths import Setup, SourcePaths
 from schemas.files.findings import Finding, Findings
 
 _OF_JASON = (

@@ -1,1 +1,1 @@
-"""Mail of an agent: `inbox` takes each message once, `outbox` sends each once, `mail_client` joins both to a mind."""
+"""Mail of an agent: `mail_client` joins it to a mind and receives each message once, `outbox` sends each once."""

@@ -1,7 +1,7 @@
 """An agent's outgoing mail: numbered per receiver, held until it is on disk, then handed to commd in batches, in order.
 
-Nothing here touches the disk. What is new since the last save (`unsaved`) and what commd has taken (`gone`) goes into
-the agent's next checkpoint; `saved` says that it is on disk, and only then a message leaves.
+Nothing here touches the disk. New messages (`unsaved`) and those that commd has accepted (`gone`) go into the agent's
+next checkpoint; `saved` is called when it is on disk, and only then a message leaves.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import Any, Final, NamedTuple, cast
 from weakref import WeakKeyDictionary
 
 import msgspec
+from msgspec.structs import replace
 
 from commd.bus.bus import Bus, boot_id
 from commd.bus.errors import BusError
-from commd.client.send_mail import ANSWER_TIMEOUT, hand_to_commd
+from commd.client.send_mail import ANSWER_TIMEOUT, Unsendable, hand_to_commd, size_of
 from commd.common.tasks import wait_at_most
-from commd.mail.message import LARGEST
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, Wire, codec
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
@@ -29,62 +29,53 @@ from schemas.wire.terms import Term
 log = logging.getLogger("mail")
 
 MOST_FOR_ONE = 10_000
-"""Messages of an agent that may wait for one receiver here, before commd has taken them; to send more fails."""
+"""Messages for one receiver that may wait here until commd accepts them; sending more fails."""
 MOST_BYTES = 64 * 2**20
 """Bytes of all messages of an agent that may wait here."""
 BATCH = 500
 """Messages in one query to commd."""
 BATCH_BYTES = 2**20
-"""Bytes of them after which a batch is closed."""
+"""Bytes of messages after which a batch is closed."""
 RETRY_FIRST, RETRY_MOST = 0.1, 2.0
 """Wall seconds between two attempts to hand over mail, doubling."""
 AT_ONCE: Final = 48
-"""Batches of all agents of a process that are on their way to commd at the same time; the others wait for their turn.
-commd serves 256 queries at a time and turns further ones away: were a thousand agents to ask at once, they would spend
-their time asking again."""
-
-
-class Unsendable(ValueError):
-    """A message that is not sent: ``error`` is the name that the plan's handler sees, the text says why."""
-
-    def __init__(self, error: str, why: str) -> None:
-        super().__init__(why)
-        self.error = error
+"""Batches of all agents of a process on their way to commd at a time. commd serves 256 queries at a time and refuses
+further ones: a thousand agents would spend their time repeating queries."""
 
 
 class OutgoingMessage(NamedTuple):
     """A message that waits for commd."""
 
     place: int
-    """Its place among all messages of the agent, by which the checkpoint knows it."""
+    """Its number among all messages of the agent, also in the checkpoint."""
     message: Message
     size: int
     """Bytes."""
 
 
 class Outbox:
-    """What one agent has sent and commd has not taken yet."""
+    """The messages of one agent that commd has not accepted yet."""
 
     def __init__(self, bus: Bus, agent: str, on_refused: Callable[[Message, Refusal], None]) -> None:
-        """`on_refused` hears of each message that commd refuses for good, and why."""
+        """`on_refused` gets each message that commd refuses permanently, and the reason."""
         self.numbering = boot_id() + boot_id()
-        """Each life has another one: a checkpoint that has gone back in time (a power cut, a backup) would give numbers
-        again that boards know, and what bore them would pass for repeated."""
+        """Different in each life. After a power cut or a backup an old checkpoint would reuse numbers that boards know,
+        and new messages would pass for repeated ones."""
         self.numbers: Counter[str] = Counter()
         """The number of the last message to each receiver."""
         self.counters: Counter[str] = Counter()
         self.unsaved: list[OutgoingMessage] = []
-        """What was sent since the last save began."""
+        """Messages since the last save began."""
         self.gone: list[int] = []
-        """The places of what commd has taken since the last save began."""
+        """Places of the messages that commd has accepted since the last save began."""
         self._bus, self._agent, self._on_refused = bus, agent, on_refused
         self._room: Counter[str] = Counter()
         """Messages that wait, by receiver, on disk or not."""
         self._bytes = self._place = 0
         self._ready: OrderedDict[str, deque[OutgoingMessage]] = OrderedDict()
-        """What is on disk and may leave, by receiver; whose turn it is first."""
+        """Messages on disk that may leave, by receiver; the receiver whose turn it is comes first."""
         self._not_before: dict[str, float] = {}
-        """Until when a receiver is left alone for which commd has no room."""
+        """Loop times until which nothing is sent to receivers for which commd has no room."""
         self._pauses: dict[str, float] = {}
         self._empty = asyncio.Event()
         self._empty.set()
@@ -99,35 +90,10 @@ class Outbox:
     # --- in ---
 
     def post(self, receivers: Sequence[str], performative: str, content: Term, identity: str, answers: str) -> None:
-        """Take one message for each receiver, all or none. Raises Unsendable."""
-        encoded, size = self._encode(performative, content, identity, answers)
-        for receiver in receivers:
-            if self._room[receiver] >= MOST_FOR_ONE:
-                raise Unsendable("mailbox_full", f"{MOST_FOR_ONE} messages to '{receiver}' wait to leave already")
-        if self._bytes + size * len(receivers) > MOST_BYTES:
-            waiting = f"{len(self)} messages of {self._bytes / 2**20:.0f} MB wait to leave already"
-            raise Unsendable("mailbox_full", f"{waiting}, at most {MOST_BYTES / 2**20:.0f} MB may")
-        stamp = self._bus.header("mail", self._agent).stamp
-        for receiver in receivers:
-            self.numbers[receiver] += 1
-            message = Message(
-                header=Header(seq=self.numbers[receiver], stamp=stamp, source=self._agent, boot=self.numbering),
-                id=identity,
-                sender=self._agent,
-                performative=performative,
-                receiver=receiver,
-                content=encoded,
-                in_reply_to=answers,
-            )
-            self._room[receiver] += 1
-            self._bytes += size
-            self._place += 1
-            self.unsaved.append(OutgoingMessage(self._place, message, size))
-
-    def _encode(self, performative: str, content: Term, identity: str, answers: str) -> tuple[Term, int]:
-        """Encode a content once for all its receivers; return it with the bytes of its message. Raises Unsendable."""
-        sample = Message(
-            header=Header(seq=2**53, stamp=2**62, source=self._agent, boot=self.numbering),
+        """Accept one message for each receiver, all or none. Raises Unsendable."""
+        longest = Header(seq=2**53, stamp=2**62, source=self._agent, boot=self.numbering)
+        message = Message(
+            header=longest,
             id=identity,
             sender=self._agent,
             performative=performative,
@@ -135,16 +101,26 @@ class Outbox:
             content=content,
             in_reply_to=answers,
         )
-        try:
-            size = len(codec(Message).encode(sample, self._bus.wire))
-        except BadRecord as bad:
-            raise Unsendable("not_sendable", str(bad)) from None
-        if size > LARGEST:
-            raise Unsendable("message_too_large", f"{size} bytes, expected at most {LARGEST} (1 MB)")
-        return cast(Term, encoded(content, self._bus.wire)), size
+        size = size_of(message, self._bus.wire)
+        for receiver in receivers:
+            if self._room[receiver] >= MOST_FOR_ONE:
+                raise Unsendable("mailbox_full", f"{MOST_FOR_ONE} messages to '{receiver}' wait to leave already")
+        if self._bytes + size * len(receivers) > MOST_BYTES:
+            waiting = f"{len(self)} messages of {self._bytes / 2**20:.0f} MB wait to leave already"
+            raise Unsendable("mailbox_full", f"{waiting}, at most {MOST_BYTES / 2**20:.0f} MB may")
+        stamp = self._bus.header("mail", self._agent).stamp
+        message = replace(message, content=cast(Term, encoded(content, self._bus.wire)))  # once for all receivers
+        for receiver in receivers:
+            self.numbers[receiver] += 1
+            header = Header(seq=self.numbers[receiver], stamp=stamp, source=self._agent, boot=self.numbering)
+            self._room[receiver] += 1
+            self._bytes += size
+            self._place += 1
+            sent = replace(message, header=header, receiver=receiver)
+            self.unsaved.append(OutgoingMessage(self._place, sent, size))
 
     def restore(self, messages: Sequence[OutgoingMessage]) -> None:
-        """Go on with what a former life of this agent had not handed over, under the numbers that it has."""
+        """Continue with the messages that a former life has not handed over, under their numbers."""
         for one in messages:
             self._room[one.message.receiver] += 1
             self._bytes += one.size
@@ -152,17 +128,17 @@ class Outbox:
         self.saved(messages)
 
     def take_unsaved(self) -> list[OutgoingMessage]:
-        """Return what a save that begins now has to hold; `saved` is to be called when it does."""
+        """Return the messages for a save that begins now; `saved` is to be called when it is on disk."""
         found, self.unsaved = self.unsaved, []
         return found
 
     def take_gone(self) -> list[int]:
-        """Return what commd has taken since the last call: it need not be kept any more."""
+        """Return the places of messages that commd has accepted since the last call: the save removes them."""
         found, self.gone = self.gone, []
         return found
 
     def saved(self, messages: Sequence[OutgoingMessage]) -> None:
-        """These messages are on disk and may leave."""
+        """Let these messages leave: they are on disk."""
         for one in messages:
             self._ready.setdefault(one.message.receiver, deque()).append(one)
         if messages:
@@ -171,15 +147,15 @@ class Outbox:
 
     # --- out ---
 
-    def hurry(self) -> None:
-        """Try again at once what had to wait: commd or the router has come back."""
+    def retry_now(self) -> None:
+        """Repeat failed attempts immediately: commd or the router is back."""
         self._not_before.clear()
         self._pauses.clear()
         self._again.set()
         self._news.set()
 
     async def drain(self, patience: float) -> None:
-        """Wait until what is on disk has been handed over, at most `patience` wall seconds; then hand over no more."""
+        """Wait until all messages on disk are handed over, at most `patience` wall seconds; then end."""
         try:
             await asyncio.wait_for(self._empty.wait(), patience)
         except TimeoutError:
@@ -188,11 +164,11 @@ class Outbox:
         await asyncio.gather(self._task, return_exceptions=True)
 
     async def _hand_out(self) -> None:
-        """One batch at a time, the next one when commd has the last on its disk."""
+        """Hand over one batch at a time, the next when commd has the last one on disk."""
         while True:
             try:
                 await self._hand_out_in_turn()
-            except Exception:  # mail must not wait for ever without a word
+            except Exception:  # a defect must not stop the mail silently
                 self.counters["defects"] += 1
                 log.exception("defect in argosy: handing out the mail of agent %s", self._agent)
                 await wait_at_most(self._again, RETRY_MOST)
@@ -222,7 +198,7 @@ class Outbox:
                 self._settle(batch, receipt)
 
     def _batch(self) -> tuple[list[OutgoingMessage], float | None]:
-        """Return what is handed over next, and if that is nothing, when to look again."""
+        """Return the next batch; if it is empty, with the loop time of the next attempt, if there is one."""
         now = asyncio.get_running_loop().time()
         batch: list[OutgoingMessage] = []
         size, next_at = 0, None
@@ -241,7 +217,7 @@ class Outbox:
         return batch, next_at
 
     def _settle(self, batch: list[OutgoingMessage], receipt: Receipt) -> None:
-        """Forget what commd has taken or refused for good; what it has no room for waits."""
+        """Remove the messages that commd has accepted or refused permanently; others wait until it has room."""
         now = asyncio.get_running_loop().time()
         later: dict[str, Refusal] = {}
         for place, one in enumerate(batch):
@@ -265,9 +241,9 @@ class Outbox:
             self._pauses[receiver] = min(pause * 2, RETRY_MOST)
 
     async def ahead(self, numbering: str, numbers: Mapping[str, int]) -> dict[str, int]:
-        """Ask the board how much it has taken of a numbering and later ones, until there is an answer.
+        """Ask the board for the last numbers that it has of a numbering and later ones, until it answers.
 
-        Return, by receiver, by how much that is more than `numbers` say.
+        Return by how much they exceed `numbers`, by receiver.
         """
         outbox, pause = keys.outbox(self._bus.fleet, self._agent), RETRY_FIRST
         while True:
@@ -282,7 +258,7 @@ class Outbox:
     def _forget(self, one: OutgoingMessage) -> None:
         receiver = one.message.receiver
         waiting = self._ready[receiver]
-        waiting.popleft()  # a batch holds the first ones of a receiver, in order
+        waiting.popleft()  # a batch has the first messages of a receiver, in order
         if not waiting:
             del self._ready[receiver]
             if not self._ready:
@@ -295,16 +271,16 @@ class Outbox:
 
 
 _turns: Final[WeakKeyDictionary[Bus, asyncio.Semaphore]] = WeakKeyDictionary()
-"""Of each session, what the agents on it share."""
+"""The limit that the agents on a session share, by session."""
 
 
 def encoded(content: Term, wire: Wire) -> msgspec.Raw:
-    """Return a content as it travels, to be put into messages as it is."""
+    """Encode a content once, to be part of several messages."""
     encode: Callable[[Any], bytes] = msgspec.json.encode if wire == "json" else msgspec.msgpack.encode
     return msgspec.Raw(encode(content))
 
 
 def _readable(message: Message, wire: Wire) -> Message:
-    """The message with its content as a term again."""
+    """Return the message with its content as a term."""
     made = codec(Message)
     return made.decode(made.encode(message, wire), made.encoding(wire))

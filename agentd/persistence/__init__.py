@@ -1,5 +1,5 @@
 """Checkpoints of agents on disk.
 
-`checkpointer` decides when, `checkpoint` is the file's content, `sqlite_file` the file; `restore` and `restart` bring
-an agent back after its process ended; `poison_inputs` sets an input aside that ends the process again and again.
+`checkpointer` decides when to save, `checkpoint` is the file, `restore` brings an agent back after its process ended;
+`poison_inputs` skips an input that ends the process again and again.
 """

@@ -1,8 +1,8 @@
-"""The file that an agent survives in: its mind, its mail and its actions, written together in one transaction.
+"""Keep an agent on disk: its mind, its mail and its actions, written together in one transaction.
 
-One SQLite database per agent. All of it blocks: `Checkpoint.save` is for a writer thread. What was saved when a process
-dies is what its next life reads, neither more nor less. A corrupt file is set aside and a new one made; a file of a
-newer version, of another agent or in use by another process is refused.
+One SQLite database per agent. Everything here blocks: `Checkpoint.save` is for a writer thread. The next life of an
+agent reads exactly what the last one had saved. A corrupt file is renamed and a new one is made; a file of a newer
+version, of another agent or in use by another process is refused.
 """
 
 from __future__ import annotations
@@ -10,48 +10,79 @@ from __future__ import annotations
 import sqlite3
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal, NamedTuple
 
 from agentd.mind.persistence.rows import MindChanges, StoredMind
-from agentd.persistence.sqlite_file import (
-    LOG_PAGES,
-    PAGE,
-    CheckpointError,
-    NotWhole,
-    Synchronous,
-    is_corrupt,
-    open_database,
-    remove,
-    set_aside,
-    told,
-)
-from commd.mail.page_checksums import PageChecksums, log_damage
-from commd.process.state_dir import make_private_folder
+from commd.mail.page_checksums import ENDING, PageChecksums, log_damage
+from commd.process.state_dir import make_private_file, make_private_folder
 from schemas.wire.records import Note
 
 NUMBERINGS: Final = 1_000
-"""Of so many numberings of a sender the last number taken is remembered: more are those of lives long over."""
+"""Numberings of one sender whose last number is kept; older ones are those of lives that are long over."""
 DAMAGED: Final = "state_damaged"
-"""Code of the notes about what is missing of a file."""
+"""Code of the notes about missing parts of a file."""
+CACHE: Final = 64
+"""Kibibytes of pages that SQLite keeps in memory for each agent."""
+STATEMENTS: Final = 24
+"""Compiled statements that SQLite keeps for each agent: more than this module has."""
+LOCK_PATIENCE: Final = 3.0
+"""Wall seconds to wait for a file that another process has open: that process may be about to end."""
+APPLICATION: Final = 0x4172_676F
+"""SQLite's application id of a checkpoint of Argosy."""
+PAGE: Final = 1024
+"""Bytes of a page: the cost of a small change on disk, and of each open file in memory."""
+LOG_PAGES: Final = 1024
+"""Pages in the write-ahead log before they are moved into the database."""
+MIGRATIONS: Final = (
+    """
+    CREATE TABLE belief (rank INTEGER PRIMARY KEY, entry BLOB NOT NULL);
+    CREATE TABLE predicate (number INTEGER PRIMARY KEY, signature BLOB NOT NULL);
+    CREATE TABLE plan (rank INTEGER PRIMARY KEY, entry BLOB NOT NULL);
+    CREATE TABLE pending (
+        queued INTEGER, number INTEGER, origin INTEGER NOT NULL, event BLOB NOT NULL, PRIMARY KEY (queued, number)
+    ) WITHOUT ROWID;
+    CREATE TABLE value (name TEXT PRIMARY KEY, value BLOB NOT NULL) WITHOUT ROWID;
+    CREATE TABLE agent (name TEXT PRIMARY KEY, value NOT NULL) WITHOUT ROWID;
+    CREATE TABLE extra (name TEXT PRIMARY KEY, value BLOB NOT NULL) WITHOUT ROWID;
+    CREATE TABLE absorbed (
+        sender TEXT, numbering TEXT, seq INTEGER NOT NULL, used INTEGER NOT NULL, PRIMARY KEY (sender, numbering)
+    ) WITHOUT ROWID;
+    CREATE TABLE outgoing (
+        number INTEGER PRIMARY KEY, receiver TEXT NOT NULL, seq INTEGER NOT NULL, message BLOB NOT NULL
+    );
+    CREATE TABLE receiver (name TEXT PRIMARY KEY, next_seq INTEGER NOT NULL) WITHOUT ROWID;
+    CREATE TABLE action (id TEXT PRIMARY KEY, name TEXT NOT NULL, parameters BLOB NOT NULL);
+    """,
+)
+"""The scripts that bring a database from version N to N + 1; the first one begins with an empty file."""
+
+Synchronous = Literal["FULL", "NORMAL"]
+_ENDINGS: Final = ("", "-wal", "-shm", ENDING)
 
 
-@dataclass(frozen=True, slots=True)
-class Outgoing:
-    """A message that has not reached the board's `commd`."""
+class CheckpointError(Exception):
+    """A checkpoint cannot be opened, read or written; the text says why and what to do."""
+
+
+class NotWhole(sqlite3.DatabaseError):
+    """The file is a damaged database, or not one of ours."""
+
+
+class Outgoing(NamedTuple):
+    """A message that `commd` has not accepted yet: a row of the table."""
 
     number: int
-    """Its place among all of them."""
+    """Its place among all messages of the agent."""
     receiver: str
     seq: int
     message: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class ActionInFlight:
-    """An action whose end is not known."""
+class ActionInFlight(NamedTuple):
+    """An action whose end is not known: a row of the table, without its id."""
 
     name: str
     parameters: bytes
@@ -59,32 +90,32 @@ class ActionInFlight:
 
 @dataclass(slots=True)
 class Saving:
-    """What is written in one transaction; what is not given stays as it is."""
+    """The changes of one transaction; whatever is not given stays unchanged."""
 
     mind: MindChanges | None = None
     absorbed: dict[tuple[str, str], int] = field(default_factory=dict)
-    """By sender and numbering the number of the last message that the mind has taken."""
+    """The number of the last message that the mind has taken, by sender and numbering."""
     outgoing: list[Outgoing] = field(default_factory=list)
-    """Messages that are new."""
+    """New messages."""
     delivered: list[int] = field(default_factory=list)
-    """Numbers of messages that need not be kept any more."""
+    """Numbers of the messages to remove."""
     next_seq: dict[str, int] = field(default_factory=dict)
-    """The number that the next message gets, by receiver."""
+    """The number of the next message, by receiver."""
     numbering: str | None = None
-    """The identity of the agent's own counting."""
+    """The identity of the agent's own numbering."""
     actions: dict[str, ActionInFlight] = field(default_factory=dict)
-    """Actions that are new, by their id."""
+    """New actions, by id."""
     ended: list[str] = field(default_factory=list)
-    """Ids of actions that need not be kept any more."""
+    """Ids of the actions to remove."""
     lives: int | None = None
     extra: dict[str, bytes] = field(default_factory=dict)
     soft: bool = False
-    """It need survive the death of the process only, not that of the board: that costs no wait for the disk."""
+    """Whether it must survive the end of the process only, not a power cut: then nothing waits for the disk."""
 
 
 @dataclass(slots=True)
 class Stored:
-    """What was saved."""
+    """The content of a checkpoint."""
 
     mind: StoredMind
     absorbed: dict[tuple[str, str], int]
@@ -97,25 +128,25 @@ class Stored:
 
 
 class Checkpoint:
-    """The file of one agent; made by `open`. Saves may come from any thread, one after the other."""
+    """The file of one agent, made by `open`. Any thread may save; saves are serialized."""
 
     def __init__(self, path: Path, agent: str, synchronous: Synchronous) -> None:
         self.path = path
         self.notes: list[Note] = []
-        """What is missing of the file that was found."""
+        """Damage of the file that was found."""
         self._agent, self._synchronous = agent, synchronous
         self._sums = PageChecksums(path)
         self._lock = threading.Lock()
         self._database: sqlite3.Connection | None = None
         self._soft = False
         self._marked = False
-        """That something was saved has been written down in this life."""
+        """Whether the row `saved` was written by this process."""
 
     @classmethod
     def open(cls, path: Path, agent: str, synchronous: Synchronous = "FULL") -> Checkpoint:
-        """Open the file of an agent, or make it; a corrupt one is set aside. Raises CheckpointError."""
+        """Open the file of an agent, or make it; a corrupt one is renamed. Raises CheckpointError."""
         made = cls(path, agent, synchronous)
-        with told(path, "opened"):
+        with _as_checkpoint_error(path, "opened"):
             make_private_folder(path.parent)
             try:
                 damage = made._sums.damage()
@@ -127,9 +158,9 @@ class Checkpoint:
                 if damage_of_log:
                     made.notes.append(Note(DAMAGED, f"{path}: {damage_of_log}", "log"))
             except sqlite3.DatabaseError as error:
-                if not is_corrupt(error):
+                if not _is_corrupt(error):
                     raise
-                aside = set_aside(path)
+                aside = _rename_corrupt(path)
                 text = f"{path} is corrupt ({error}) and was set aside as {aside.name}: {agent} starts without it"
                 made.notes.append(Note(DAMAGED, text, "file"))
                 made._open()
@@ -137,14 +168,12 @@ class Checkpoint:
 
     def _open(self) -> None:
         self._sums.begin()
-        self._database = open_database(self.path, self._agent, self._synchronous)
+        self._database = _open_database(self.path, self._agent, self._synchronous)
         self._sums.carry_over(self._database)
 
-    # --- what was saved ---
-
     def read(self) -> Stored | None:
-        """Return what was saved; None if nothing ever was. Raises CheckpointError."""
-        with self._lock, told(self.path, "read"):
+        """Return the content; None if nothing was ever saved. Raises CheckpointError."""
+        with self._lock, _as_checkpoint_error(self.path, "read"):
             about = dict(self._rows("SELECT name, value FROM agent"))
             if "saved" not in about:
                 return None
@@ -169,11 +198,9 @@ class Checkpoint:
         assert self._database is not None
         return self._database.execute(query)
 
-    # --- saving ---
-
     def save(self, saving: Saving) -> None:
-        """Write it all or nothing; on disk when this returns. Raises CheckpointError: then save it again later."""
-        with self._lock, told(self.path, "written"):
+        """Write all of it or nothing; it is on disk when this returns. Raises CheckpointError; then save it again."""
+        with self._lock, _as_checkpoint_error(self.path, "written"):
             if self._database is None:
                 self._open()
                 self._soft = False
@@ -192,7 +219,7 @@ class Checkpoint:
             self._marked = True
 
     def shrink(self) -> None:
-        """Give back what a save has needed: the memory, for a daemon may have hundreds of agents, and a long log."""
+        """Release the memory of a save, for a daemon may have hundreds of agents, and shorten a long log."""
         with self._lock, suppress(sqlite3.Error, OSError):
             if self._database is not None:
                 if self._sums.due(LOG_PAGES * PAGE):
@@ -200,30 +227,32 @@ class Checkpoint:
                 self._database.execute("PRAGMA shrink_memory")
 
     def _write(self, database: sqlite3.Connection, saving: Saving) -> None:
-        if saving.mind is not None:
-            _write_mind(database, saving.mind)
-        many = database.executemany
+        mind = saving.mind or MindChanges()
+        about = {"saved": None if self._marked else 1, "numbering": saving.numbering, "lives": saving.lives}
+        for statement, rows in (
+            ("DELETE FROM belief WHERE rank = ?", _each(mind.beliefs_gone)),
+            ("INSERT OR REPLACE INTO belief VALUES (?, ?)", mind.beliefs),
+            ("INSERT OR REPLACE INTO predicate VALUES (?, ?)", mind.predicates),
+            ("DELETE FROM plan WHERE rank = ?", _each(mind.plans_gone)),
+            ("INSERT OR REPLACE INTO plan VALUES (?, ?)", mind.plans),
+            ("DELETE FROM pending WHERE queued = ? AND number = ?", mind.pending_gone),
+            ("INSERT OR REPLACE INTO pending VALUES (?, ?, ?, ?)", [(*at, int(o), e) for at, o, e in mind.pending]),
+            ("INSERT OR REPLACE INTO value VALUES (?, ?)", list(mind.values.items())),
+            ("INSERT OR REPLACE INTO outgoing VALUES (?, ?, ?, ?)", saving.outgoing),
+            ("DELETE FROM outgoing WHERE number = ?", _each(saving.delivered)),
+            ("INSERT OR REPLACE INTO receiver VALUES (?, ?)", list(saving.next_seq.items())),
+            ("INSERT OR REPLACE INTO action VALUES (?, ?, ?)", [(i, *one) for i, one in saving.actions.items()]),
+            ("DELETE FROM action WHERE id = ?", _each(saving.ended)),
+            ("INSERT OR REPLACE INTO extra VALUES (?, ?)", list(saving.extra.items())),
+            (_PUT_ABOUT, [(name, value) for name, value in about.items() if value is not None]),
+        ):
+            if rows:  # a statement without rows takes time too, while an action waits
+                database.executemany(statement, rows)
         if saving.absorbed:
             _write_absorbed(database, saving.absorbed)
-        if saving.outgoing:  # a statement that has nothing to do costs time too, while an action waits
-            many("INSERT OR REPLACE INTO outgoing VALUES (?, ?, ?, ?)", _outgoing(saving.outgoing))
-        if saving.delivered:
-            many("DELETE FROM outgoing WHERE number = ?", _each(saving.delivered))
-        if saving.next_seq:
-            many("INSERT OR REPLACE INTO receiver VALUES (?, ?)", saving.next_seq.items())
-        if saving.actions:
-            actions = ((identity, one.name, one.parameters) for identity, one in saving.actions.items())
-            many("INSERT OR REPLACE INTO action VALUES (?, ?, ?)", actions)
-        if saving.ended:
-            many("DELETE FROM action WHERE id = ?", _each(saving.ended))
-        if saving.extra:
-            many("INSERT OR REPLACE INTO extra VALUES (?, ?)", saving.extra.items())
-        about = {"saved": None if self._marked else 1, "numbering": saving.numbering, "lives": saving.lives}
-        if known := [(name, value) for name, value in about.items() if value is not None]:
-            many(_PUT_ABOUT, known)
 
     def _undo(self) -> None:
-        """Take back a transaction that failed; where even that fails the file is opened anew for the next."""
+        """Roll back a transaction that failed; if that fails too, the next save opens the file again."""
         assert self._database is not None
         try:
             if self._database.in_transaction:
@@ -234,16 +263,14 @@ class Checkpoint:
             with suppress(sqlite3.Error):
                 database.close()
 
-    # --- the file ---
-
     def forget(self) -> None:
-        """Close and remove the file: nothing of it is to come back. Raises CheckpointError."""
+        """Close and remove the file. Raises CheckpointError."""
         self.close()
         remove(self.path)
 
     def close(self) -> None:
-        """Close the file; what was saved stays. Raises CheckpointError."""
-        with self._lock, told(self.path, "closed"):
+        """Close the file and keep it. Raises CheckpointError."""
+        with self._lock, _as_checkpoint_error(self.path, "closed"):
             database, self._database = self._database, None
             if database is not None:
                 with suppress(sqlite3.Error, OSError):
@@ -252,29 +279,8 @@ class Checkpoint:
             self._sums.close()
 
 
-def _write_mind(database: sqlite3.Connection, mind: MindChanges) -> None:
-    many = database.executemany
-    if mind.beliefs_gone:
-        many("DELETE FROM belief WHERE rank = ?", _each(mind.beliefs_gone))
-    if mind.beliefs:
-        many("INSERT OR REPLACE INTO belief VALUES (?, ?)", mind.beliefs)
-    if mind.predicates:
-        many("INSERT OR REPLACE INTO predicate VALUES (?, ?)", mind.predicates)
-    if mind.plans_gone:
-        many("DELETE FROM plan WHERE rank = ?", _each(mind.plans_gone))
-    if mind.plans:
-        many("INSERT OR REPLACE INTO plan VALUES (?, ?)", mind.plans)
-    if mind.pending_gone:
-        many("DELETE FROM pending WHERE queued = ? AND number = ?", mind.pending_gone)
-    if mind.pending:
-        pending = ((queued, number, int(origin), event) for (queued, number), origin, event in mind.pending)
-        many("INSERT OR REPLACE INTO pending VALUES (?, ?, ?, ?)", pending)
-    if mind.values:
-        many("INSERT OR REPLACE INTO value VALUES (?, ?)", mind.values.items())
-
-
 def _write_absorbed(database: sqlite3.Connection, absorbed: dict[tuple[str, str], int]) -> None:
-    """Remember the last numbers taken, of each sender's numberings those that were used last."""
+    """Keep the last numbers taken, and of each sender the `NUMBERINGS` that were used last."""
     (used,) = database.execute("SELECT coalesce(max(used), 0) + 1 FROM absorbed").fetchone()
     rows = ((sender, numbering, seq, used) for (sender, numbering), seq in absorbed.items())
     database.executemany(_PUT_ABSORBED, rows)
@@ -283,12 +289,8 @@ def _write_absorbed(database: sqlite3.Connection, absorbed: dict[tuple[str, str]
     )
 
 
-def _outgoing(messages: Iterable[Outgoing]) -> Iterator[tuple[int, str, int, bytes]]:
-    return ((one.number, one.receiver, one.seq, one.message) for one in messages)
-
-
-def _each(values: Iterable[Any]) -> Iterator[tuple[Any]]:
-    return ((value,) for value in values)
+def _each(values: Iterable[Any]) -> list[tuple[Any]]:
+    return [(value,) for value in values]
 
 
 _PUT_ABOUT: Final = """
@@ -305,4 +307,122 @@ _PRUNE_ABSORBED: Final = """
 """
 
 
-__all__ = ["ActionInFlight", "Checkpoint", "CheckpointError", "Outgoing", "Saving", "Stored", "Synchronous", "remove"]
+# --- the database file ---
+
+
+@contextmanager
+def _as_checkpoint_error(path: Path, what: str) -> Iterator[None]:
+    """Turn an error of the disk or the database into a CheckpointError; `what` is the participle of its text."""
+    try:
+        yield
+    except (sqlite3.Error, OSError) as error:
+        locked = getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+        why = "another process has it open" if locked else str(error)
+        raise CheckpointError(f"{path} cannot be {what}: {why}") from error
+
+
+def _open_database(path: Path, agent: str, synchronous: Synchronous) -> sqlite3.Connection:
+    """Open the database of an agent at the present version, or make it.
+
+    Raises CheckpointError for a database of another agent or a newer version, and `NotWhole` or another
+    sqlite3.DatabaseError for a corrupt one.
+    """
+    try:
+        _check_and_migrate(path, agent, synchronous)
+    except UnicodeDecodeError as error:  # SQLite's message quotes a damaged schema
+        raise NotWhole(str(error)) from None
+    return _connected(path, synchronous, STATEMENTS)
+
+
+def _check_and_migrate(path: Path, agent: str, synchronous: Synchronous) -> None:
+    database = _connected(path, synchronous, 0)
+    try:
+        (version,) = database.execute("PRAGMA user_version").fetchone()
+        if version > len(MIGRATIONS):
+            raise CheckpointError(
+                f"{path} was written by a newer Argosy (its version is {version}, this one knows up to"
+                f" {len(MIGRATIONS)}): run that, or begin anew without what is kept there"
+            )
+        _look_through(database)
+        _migrate(database, version, agent)
+        (owner,) = database.execute("SELECT value FROM agent WHERE name = 'name'").fetchone()
+        if owner != agent:
+            raise CheckpointError(f"{path} belongs to the agent {owner}, not to {agent}")
+    finally:
+        database.close()
+
+
+def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3.Connection:
+    """Connect and lock the file."""
+    make_private_file(path)
+    database = sqlite3.connect(
+        path, timeout=LOCK_PATIENCE, isolation_level=None, check_same_thread=False, cached_statements=statements
+    )
+    database.text_factory = lambda data: data.decode(errors="replace")  # the text of a damaged row
+    try:
+        for statement in (
+            f"PRAGMA page_size={PAGE}",
+            "PRAGMA locking_mode=EXCLUSIVE",  # one process only, and no file of shared memory
+            "PRAGMA journal_mode=WAL",
+            f"PRAGMA synchronous={synchronous}",
+            f"PRAGMA cache_size=-{CACHE}",
+            "PRAGMA wal_autocheckpoint=0",  # `PageChecksums.carry_over` does it
+            f"PRAGMA journal_size_limit={LOG_PAGES * PAGE}",
+            "BEGIN EXCLUSIVE",
+            "COMMIT",
+        ):
+            database.execute(statement).close()
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+def _look_through(database: sqlite3.Connection) -> None:
+    """Raise NotWhole unless the file is empty or an undamaged checkpoint."""
+    (whole,) = database.execute("PRAGMA quick_check(1)").fetchone()
+    if whole != "ok":
+        raise NotWhole(whole)
+    (kind,) = database.execute("PRAGMA application_id").fetchone()
+    (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+    if tables and kind != APPLICATION:
+        raise NotWhole("it is a database of something else")
+
+
+def _migrate(database: sqlite3.Connection, version: int, agent: str) -> None:
+    """Bring the database to the present version and lock it, in one transaction."""
+    database.execute("BEGIN EXCLUSIVE")
+    if version < len(MIGRATIONS):
+        for script in MIGRATIONS[version:]:
+            for statement in script.split(";"):
+                database.execute(statement)
+        database.execute(f"PRAGMA user_version={len(MIGRATIONS)}")
+    if not version:
+        database.execute(f"PRAGMA application_id={APPLICATION}")
+        database.execute("INSERT INTO agent VALUES ('name', ?)", (agent,))
+    database.execute("COMMIT")
+
+
+def _is_corrupt(error: sqlite3.Error) -> bool:
+    """Return whether an error means that the file is damaged, not that it is unusable at the moment."""
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    return isinstance(error, NotWhole) or code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+
+
+def _rename_corrupt(path: Path) -> Path:
+    """Rename a corrupt file, so that people may examine it, and return its new path."""
+    number = 1
+    while (aside := path.with_name(f"{path.name}.corrupt-{number}")).exists():
+        number += 1
+    for ending in _ENDINGS:
+        file = path.with_name(path.name + ending)
+        if file.exists():
+            file.rename(aside.with_name(aside.name + ending))
+    return aside
+
+
+def remove(path: Path) -> None:
+    """Remove the file of an agent, if there is one, without reading it. Raises CheckpointError."""
+    with _as_checkpoint_error(path, "removed"):
+        for ending in _ENDINGS:
+            path.with_name(path.name + ending).unlink(missing_ok=True)

@@ -1,8 +1,8 @@
-"""When an agent's mind and mail are kept: at once when mail or an action waits for it, else now and then.
+"""Decide when an agent is saved: immediately when mail or an action waits for it, else at intervals.
 
-One save at a time. It holds what the mind has become, the mail that it has sent and taken, and the actions that it is
-about to begin, in one transaction; what was waiting for it goes on when it is on disk. A disk that is full holds up
-mail, not the mind: the same save is tried again until it succeeds.
+One save at a time. It has the changes of the mind, the mail sent and received, and the actions about to begin, in one
+transaction; what waits for it continues when it is on disk. A full disk delays mail, not the mind: the same save is
+repeated until it succeeds.
 """
 
 from __future__ import annotations
@@ -15,96 +15,90 @@ from contextlib import suppress
 from functools import partial
 
 from agentd.mail.mail_client import MailClient
-from agentd.mind import Mind
 from agentd.mind.persistence.change_tracking import Keeper
 from agentd.persistence.checkpoint import ActionInFlight, CheckpointError, Outgoing, Saving
 from agentd.persistence.restore import RestoredState
+from agentd.runtime.mind_runner import MindRunner
 from schemas.wire.codec import Wire, codec
 from schemas.wire.records import Action, Message, Note
 
 log = logging.getLogger("keeping")
 
 MAIL_EVERY = 0.02
-"""Wall seconds between the beginnings of two saves that mail waits for."""
+"""Wall seconds from the beginning of a save to that of the next for which mail waits."""
 OTHERS_EVERY = 0.5
-"""Wall seconds between two saves that nobody waits for."""
+"""The same for saves for which nothing waits."""
 BUSY_PATIENCE = 0.5
-"""Wall seconds after which a mind that is never at rest is kept as it stands."""
+"""Wall seconds after which a mind that is always busy is saved nevertheless."""
 ATOMIC_PATIENCE = 10.0
-"""The same while an atomic plan runs: it is to be kept whole or not at all."""
+"""The same while an atomic plan runs: it should be saved whole or not at all."""
 ACTION_PATIENCE = 0.3
-"""Wall seconds for which an action waits to be written down; a slow disk must not keep a robot from acting."""
+"""Wall seconds for which an action waits for its save; a slow disk must not keep a robot from acting."""
 LIFE_PATIENCE = 1.0
-"""The same for an agent that begins to reason again."""
+"""The same for an agent that restarts."""
 RETRY_FIRST, RETRY_MOST = 0.2, 5.0
 """Wall seconds between two attempts of a save that failed, doubling."""
 LAST_PATIENCE = 3.0
 """Wall seconds that the last save of an agent that leaves may take."""
 SLOW = 10.0
-"""Wall seconds after which a save that has not ended is told, and counts as one that fails: actions wait no more."""
+"""Wall seconds after which a save under way is logged and counts as failed: actions do not wait for it."""
 CLOSE_PATIENCE = 10.0
-"""Wall seconds that the disk has to close the file, or to remove it; all agents of a daemon share its writer."""
+"""Wall seconds for closing or removing the file; all agents of a daemon share the writer."""
 
 
 class Checkpointer:
     """The saves of one agent."""
 
     def __init__(
-        self,
-        agent: str,
-        memory: RestoredState,
-        keeper: Keeper,
-        mind: Mind,
-        mailing: MailClient,
-        wire: Wire,
-        wake: Callable[[], None],
+        self, memory: RestoredState, keeper: Keeper, runner: MindRunner, mailing: MailClient, wire: Wire
     ) -> None:
-        """`wake` lets `look` be called again."""
         self.counters: Counter[str] = Counter()
         self.problem = ""
-        """Why nothing can be kept now; empty = it can."""
+        """Why saving fails now; empty: it does not."""
         self.first: Saving | None = None
-        """What the first save of this life holds besides."""
-        self._told = list(memory.checkpoint.notes)
-        self._agent, self._keeper, self._mind, self._mailing = agent, keeper, mind, mailing
+        """Further content of the first save of this life."""
+        self._notes = list(memory.checkpoint.notes)
+        self._agent, self._mind = runner.mind.name, runner.mind
+        self._keeper, self._runner, self._mailing = keeper, runner, mailing
         self._checkpoint, self._writer = memory.checkpoint, memory.writer
-        self._wire, self._wake = wire, wake
+        self._wire = wire
         self._begun: dict[str, ActionInFlight] = {}
-        """Actions that no save has begun to hold, and those who wait for that."""
+        """Actions that no save has yet."""
         self._waiting: list[asyncio.Future[None]] = []
+        """Done when the actions in `_begun` are on disk."""
         self._ended: list[str] = []
         self._saving: asyncio.Future[None] | None = None
         """The save under way."""
         self._slow: asyncio.TimerHandle | None = None
-        """Tells when the disk takes too long for it."""
+        """Notes when that takes too long."""
         self._again = False
-        """`look` was called meanwhile."""
+        """Whether `look` was called meanwhile."""
         self._last = -OTHERS_EVERY
         self._since: float | None = None
-        """When there was first something to keep that is not kept yet."""
+        """Loop time of the oldest change that is not saved."""
 
     def notes(self) -> tuple[Note, ...]:
-        """Return why nothing can be kept now, and what was wrong with the file."""
-        return (*((Note("state_not_kept", self.problem),) if self.problem else ()), *self._told)
+        """Return why saving fails now, and what was wrong with the file."""
+        return (*((Note("state_not_kept", self.problem),) if self.problem else ()), *self._notes)
 
-    def tell(self, note: Note) -> None:
-        """Report something about what was kept, for the rest of this life."""
+    def add_note(self, note: Note) -> None:
+        """Log a warning about the restored state, and note it for the rest of this life."""
         log.error("agent=%s %s", self._agent, note.text)
-        self._told.append(note)
+        self._notes.append(note)
 
     async def count_life(self) -> None:
-        """Write down that there is another life, before anything comes of it; waits for that, but not for long."""
+        """Save that another life begins, before it has any effect; wait for that, at most `LIFE_PATIENCE`."""
         if self.first is None:
             return
         saving, self.first = self.first, None
         await asyncio.wait([self._write(saving, lambda: None)], timeout=LIFE_PATIENCE)
 
-    # --- actions (`agentd.runtime.action_client.Journal`) ---
+    # --- actions ---
 
     def begun(self, action: Action) -> asyncio.Future[None]:
-        """Note that an action is about to be asked for, before the next `look`, which begins to save it.
+        """Note an action that is about to be requested; the next `look` begins to save it.
 
-        Returns what ends when that is on disk, or when it has taken too long.
+        The future is done when it is on disk, or after `ACTION_PATIENCE`.
         """
         loop = asyncio.get_running_loop()
         self._begun[action.id] = ActionInFlight(action.name, codec(Action).encode(action, self._wire))
@@ -127,17 +121,17 @@ class Checkpointer:
         return waiting
 
     def ended(self, identity: str) -> None:
-        """The mind is being told how an action ended: it need not be remembered when the mind has taken that."""
+        """Note that an action has ended; it is removed from the file when the mind has taken that."""
         if self.problem and self._begun.pop(identity, None) is not None:
-            return  # a disk that is full does not make a list of what it has missed
+            return  # it was never saved
         self._ended.append(identity)
 
     # --- when ---
 
     def look(self, quiet: bool) -> float | None:
-        """Begin a save if one is due; to be called between two runs of the mind, when its effects are carried out.
+        """Begin a save if one is due. Call it between two runs of the mind, after its effects were carried out.
 
-        `quiet`: the mind has nothing to do. Returns the wall seconds until it is to be called again at the latest.
+        `quiet`: the mind has nothing to do. Returns the wall seconds until the next call at the latest.
         """
         mail = self._mailing.absorbed() or bool(self._mailing.outbox.unsaved)
         if self._saving is not None:
@@ -180,20 +174,20 @@ class Checkpointer:
             )
             for one in sent
         ]
-        if not self._mind.mailbox:  # the mind has heard of what commd has refused
+        if not self._mind.mailbox:  # the mind has taken the notices about refused messages
             saving.delivered += mailing.outbox.take_gone()
         saving.next_seq = {one.message.receiver: one.message.header.seq + 1 for one in sent}
-        if not self._mind.inputs:  # what an action came to is in the mind, not on its way
+        if not self._mind.inputs:  # the mind has taken the ends of these actions
             saving.ended, self._ended = saving.ended + self._ended, []
         saving.actions = {one: action for one, action in self._begun.items() if one not in saving.ended}
         self._begun = {}
         saving.soft = not (sent or absorbed)
         waiting, self._waiting = self._waiting, []
-        if not self._is_something(saving):
+        if saving == Saving(soft=True):
             return
 
         def done() -> None:
-            mailing.inbox.kept(absorbed)
+            mailing.inbox.saved(absorbed)
             mailing.outbox.saved(sent)
             for one in waiting:
                 if not one.done():
@@ -201,12 +195,8 @@ class Checkpointer:
 
         self._write(saving, done)
 
-    @staticmethod
-    def _is_something(saving: Saving) -> bool:
-        return saving != Saving(soft=True)
-
     def _write(self, saving: Saving, done: Callable[[], None]) -> asyncio.Future[None]:
-        """Hand a save to the writer, at once. Returns what ends when it is on disk."""
+        """Hand a save to the writer. The future is done when it is on disk."""
         loop = asyncio.get_running_loop()
         self._saving = saved = loop.create_future()
         self._slow = loop.call_later(SLOW, self._is_slow)
@@ -215,33 +205,33 @@ class Checkpointer:
         return saved
 
     def _is_slow(self) -> None:
-        """The disk neither takes the save under way nor refuses it."""
+        """Note that the save under way has neither succeeded nor failed."""
         if not self.problem:
-            told = f"the disk has not answered for {SLOW:g} s"
-            log.error("agent=%s nothing is kept, and mail waits: %s", self._agent, told)
-            self.problem = f"agent {self._agent} cannot be kept, and its mail waits: {told}"
+            why = f"the disk has not answered for {SLOW:g} s"
+            log.error("agent=%s nothing is kept, and mail waits: %s", self._agent, why)
+            self.problem = f"agent {self._agent} cannot be kept, and its mail waits: {why}"
 
     def _hand_in(self, saving: Saving, done: Callable[[], None], saved: asyncio.Future[None], pause: float) -> None:
         loop = asyncio.get_running_loop()
-        told = partial(self._written, saving, done, saved, pause)
+        ended = partial(self._written, saving, done, saved, pause)
 
         def save() -> None:
-            """On the writer's thread."""
+            """Save; called on the writer's thread."""
             error: Exception | None = None
             try:
                 self._checkpoint.save(saving)
             except Exception as raised:
                 error = raised
             with suppress(RuntimeError):  # the loop has ended
-                loop.call_soon_threadsafe(told, error)
-            self._checkpoint.shrink()  # nobody waits for that
+                loop.call_soon_threadsafe(ended, error)
+            self._checkpoint.shrink()  # nothing waits for this
 
         if saved.cancelled():
             return
         try:
             self._writer.submit(save)
-        except RuntimeError as ended:
-            loop.call_soon(told, ended)
+        except RuntimeError as closed:
+            loop.call_soon(ended, closed)
 
     def _written(
         self,
@@ -251,10 +241,10 @@ class Checkpointer:
         pause: float,
         error: Exception | None,
     ) -> None:
-        """A save has ended; one that failed is tried again."""
+        """Continue what has waited for a save, or repeat one that failed."""
         if saved.cancelled():
             return
-        if error is not None:  # also a defect must not let mail wait without a word
+        if error is not None:  # defects included: mail must not wait silently
             if not isinstance(error, CheckpointError):
                 log.error("defect in argosy: a save of agent %s", self._agent, exc_info=error)
             self.counters["failed"] += 1
@@ -275,15 +265,15 @@ class Checkpointer:
         done()
         outbox = self._mailing.outbox
         if self._again or self._begun or self._ended or self._keeper.dirty or outbox.unsaved or outbox.gone:
-            self._wake()
+            self._runner.wake()
 
     # --- the end ---
 
     async def finish(self) -> None:
-        """Save what is left, within `LAST_PATIENCE` wall seconds: this life ends, another may go on."""
+        """Save the rest within `LAST_PATIENCE` wall seconds, so that another life can continue."""
         try:
             async with asyncio.timeout(LAST_PATIENCE):
-                for _ in range(2):  # what was under way, and what has come since
+                for _ in range(2):  # what is under way, and later changes
                     if self._saving is not None:
                         await asyncio.shield(self._saving)
                     self._mailing.absorbed()
@@ -294,7 +284,7 @@ class Checkpointer:
             log.error("agent=%s the last of it could not be kept: %s", self._agent, self.problem or "the disk is slow")
 
     async def close(self, forget: bool) -> None:
-        """Close the file; `forget` removes it: nothing of this agent is to come back."""
+        """Close the file; `forget` removes it, so that the next life begins without a past."""
         if self._slow is not None:
             self._slow.cancel()
         if self._saving is not None:

@@ -1,9 +1,8 @@
-"""What an agent was at when its process died: what it dies at several times in a row is set aside, and it goes on.
+"""Poison inputs: an input at which the process of an agent ends several times in a row is set aside.
 
-A turn of a mind is short. One that is not is looked at by a thread, which writes down what the mind has in hand: the
-event of the intention that runs, and the message that it has taken last. If the process ends in that turn (a watchdog,
-out of memory) the next life finds it. It costs a turn two notes in memory. A hang in C code that keeps the interpreter
-to itself cannot be seen.
+A turn of a mind is short. During a long one a thread writes down what the mind is working on: the event of the running
+intention and the last message taken. If the process ends in that turn (a watchdog, out of memory), the next life finds
+the note. A turn pays two assignments for this. A hang in C code that keeps the interpreter lock cannot be seen.
 """
 
 from __future__ import annotations
@@ -22,27 +21,27 @@ import msgspec
 log = logging.getLogger("keeping")
 
 DEATHS: Final = 3
-"""Lives in a row that end with the same in hand until it is set aside."""
+"""Lives in a row that end at the same work until it is set aside."""
 LONG: Final = 1.0
-"""Wall seconds after which what a turn has in hand is written down."""
+"""Wall seconds of a turn after which its work is written down."""
 LOOK: Final = 0.25
-"""Wall seconds between two looks of the thread."""
+"""Wall seconds between two checks by the thread."""
 FILE: Final = "in_hand.json"
 """In the agent's folder of state."""
 KEPT: Final = "set_aside.jsonl"
-"""Beside it: what was set aside, one `Held` each line."""
+"""Beside it: the work that was set aside, one `Held` per line."""
 
 
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a mind is at."""
+    """The work of a mind at one moment."""
 
     event: str = ""
-    """The event of the outermost plan, as it is written."""
+    """The event of the outermost plan, as text."""
     mail: tuple[str, str, int] | None = None
-    """Sender, numbering and number of a message that was taken and is not kept yet."""
+    """Sender, numbering and number of a message that was taken and is not saved yet."""
 
     def is_same(self, other: Held | None) -> bool:
-        """Whether both are the same work: a message that was not kept in one life may be in the next."""
+        """Return whether both are the same work. The message counts without an event only: it may be saved by now."""
         if other is None:
             return False
         return self.event == other.event if self.event else self.mail == other.mail
@@ -50,32 +49,32 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
 
 class _Note(msgspec.Struct, omit_defaults=True):
     held: Held | None = None
-    """In hand now; what is found here at a start was so when the process died."""
+    """The present work; at a start that of the process that ended."""
     suspect: Held | None = None
     deaths: int = 0
-    """Lives in a row that ended with the suspect in hand."""
+    """Lives in a row that ended at the suspect."""
     refused: list[tuple[str, str, int]] = []
-    """Messages that were set aside: they are not taken when they come again."""
+    """Messages that were set aside: they are refused when they are offered again."""
 
 
 class PoisonInputs:
-    """What one agent has in hand."""
+    """The work of one agent, and the inputs that it skips."""
 
     def __init__(self, folder: Path, look: Callable[[], Held]) -> None:
-        """`look` says what the mind is at; it is called by another thread."""
+        """`look` returns the present work; another thread calls it."""
         self._path, self.kept, self._look = folder / FILE, folder / KEPT, look
         self._since: float | None = None
         self._lock = threading.Lock()
         self._written = False
         self._note = self._read()
         self.poison: Held | None = None
-        """What is to be set aside and has not come yet."""
+        """The work to set aside that has not come yet."""
         self.died_at: Held | None = None
-        """What the last lives have died at."""
+        """The work at which the last lives have ended."""
         if (held := self._note.held) is not None:
             self._note.deaths = self._note.deaths + 1 if held.is_same(self._note.suspect) else 1
             self._note.suspect, self._note.held = held, None
-            log.warning("died_at what=%s deaths=%d", said(held), self._note.deaths)
+            log.warning("died_at what=%s deaths=%d", text_of(held), self._note.deaths)
             if self._note.deaths >= DEATHS:
                 self.poison = self.died_at = held
                 self._note.suspect, self._note.deaths = None, 0
@@ -85,32 +84,32 @@ class PoisonInputs:
         _watch(self)
 
     def is_set_aside(self, mail: tuple[str, str, int], event: Callable[[], str]) -> bool:
-        """Whether a message is not to be taken: it was set aside, or brings what is to be (`event` says what it is)."""
+        """Return whether a message is to be refused: it was set aside, or its `event` is the work to set aside."""
         if self._note.refused and mail in self._note.refused:
             return True
         poison = self.poison
         if poison is None or (mail != poison.mail if not poison.event else event() != poison.event):
             return False
-        self.poison = None  # the same may be asked for again
+        self.poison = None  # later messages may ask for the same
         with self._lock:
             self._note.refused.append(mail)
             self._write()
         return True
 
     def keep(self, what: Held) -> None:
-        """Keep what is set aside, to be looked at."""
+        """Keep the work that is set aside, so that people may examine it."""
         try:
             with self.kept.open("ab") as file:
                 file.write(msgspec.json.encode(what) + b"\n")
         except OSError as error:
-            log.warning("not kept what=%s why=%s", said(what), error.strerror)
+            log.warning("not kept what=%s why=%s", text_of(what), error.strerror)
 
     def begin(self) -> None:
-        """A turn begins."""
+        """Note that a turn begins."""
         self._since = time.monotonic()
 
     def end(self) -> None:
-        """The turn has ended."""
+        """Note that the turn has ended."""
         self._since = None
         if self._written:
             with self._lock:
@@ -118,7 +117,7 @@ class PoisonInputs:
                 self._write()
 
     def look(self, now: float) -> None:
-        """On the thread: write down what a long turn has in hand."""
+        """Write down the work of a long turn; called on the thread."""
         since = self._since
         if since is None or now - since < LONG:
             return
@@ -138,7 +137,7 @@ class PoisonInputs:
             return _Note()
 
     def _write(self) -> None:
-        """Not forced to the disk: it is for the death of the process, not for that of the board."""
+        """Write the note without forcing it to disk: it is for the end of the process, not for a power cut."""
         new = self._path.with_name(f".{FILE}.new")
         try:
             new.write_bytes(msgspec.json.encode(self._note))
@@ -147,8 +146,8 @@ class PoisonInputs:
             log.warning("what is in hand is not noted: %s: %s", self._path, error.strerror)
 
 
-def said(held: Held) -> str:
-    """Say what was in hand."""
+def text_of(held: Held) -> str:
+    """Return the work as text."""
     mail = "" if held.mail is None else f"message {held.mail[2]} of {held.mail[0]}"
     return held.event or mail
 
@@ -166,7 +165,7 @@ def _look_around() -> None:
         for one in list(_all):
             try:
                 one.look(now)
-            except Exception as error:  # the mind goes on while it is looked at
+            except Exception as error:  # the mind changes meanwhile
                 log.debug("not seen: %s", error)
 
 

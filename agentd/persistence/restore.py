@@ -1,19 +1,38 @@
-"""What an agent has on disk when it begins: its checkpoint, and what it was when that was written."""
+"""Restore an agent from its checkpoint: open the file, give back its mail and actions, resume its goals
+(docs/guides/restart.md).
+"""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import typing
+from collections.abc import Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 from agentd.extensions.file_access import KEPT
+from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms.from_ast import Instantiation
+from agentd.language.terms.terms import Literal
 from agentd.mail.mail_client import MailClient
 from agentd.mail.outbox import OutgoingMessage
-from agentd.persistence.checkpoint import DAMAGED, Checkpoint, CheckpointError, Saving, Stored
-from agentd.persistence.sqlite_file import remove
+from agentd.mind import Mind
+from agentd.mind.beliefs.dynamic_formulas import FunctionsOf
+from agentd.mind.beliefs.term_copy import with_source
+from agentd.mind.execution.goal_execution import add_goal
+from agentd.mind.persistence.change_tracking import Keeper
+from agentd.persistence.checkpoint import (
+    DAMAGED,
+    Checkpoint,
+    CheckpointError,
+    Saving,
+    Stored,
+    Synchronous,
+    remove,
+)
 from commd.client.receive_once import Numbered
 from commd.process.state_dir import make_private_folder
 from schemas.wire.codec import BadRecord, Codec, R, codec
@@ -33,28 +52,27 @@ class RestoredState:
     stored: Stored | None
     """None: the agent begins for the first time."""
     writer: Executor
-    """Has the one thread in which the checkpoints of a daemon are written."""
-    synchronous: Literal["full", "normal"]
+    """The one thread that writes all checkpoints of a daemon."""
     actions: list[Action] = field(default_factory=list)
-    """What the last life had begun, or was about to begin."""
+    """Actions that the last life had begun, or was about to begin."""
     _unread: Saving = field(default_factory=Saving)
     """The rows that cannot be read, to be removed."""
 
     @property
     def life(self) -> int:
-        """How often the agent has been started again, this time included; 0: it begins."""
+        """The number of restarts of the agent, this one included; 0: it begins."""
         return 0 if self.stored is None else self.stored.lives
 
     @property
     def correspondents(self) -> set[str]:
-        """Whom the agent has written to, and who has written to it."""
+        """The agents that have received mail from this one, or sent it any."""
         stored = self.stored
         return set() if stored is None else {*stored.next_seq, *(sender for sender, _ in stored.absorbed)}
 
     def restore(self, mailing: MailClient) -> None:
-        """Give the mail of the agent what the last life had not handed over, and what it has taken.
+        """Restore the unsent messages and the numbers of the received ones.
 
-        A row that is damaged is told and left out: it must not keep a daemon from beginning.
+        A damaged row is logged, noted and left out: it must not prevent the daemon from starting.
         """
         stored = self.stored
         if stored is None:
@@ -78,7 +96,7 @@ class RestoredState:
         mailing.inbox.restore({Numbered(*whose): seq for whose, seq in stored.absorbed.items()})
 
     async def went_back(self, stored: Stored, mailing: MailClient) -> str:
-        """Ask the board whether it has taken mail that this state knows nothing of: say how much, or nothing."""
+        """Ask the board whether it has mail that this checkpoint does not know: return a warning, or an empty text."""
         if not stored.numbering:
             return ""
         ahead = await mailing.outbox.ahead(stored.numbering, {one: seq - 1 for one, seq in stored.next_seq.items()})
@@ -91,7 +109,7 @@ class RestoredState:
         )
 
     def first_saving(self, mailing: MailClient, program: bytes) -> Saving:
-        """Return what the first save of this life holds in any case; `program` stands for what the agent runs."""
+        """Return the first save of this life; `program` is the digest of the agent's program."""
         extra = {"program": program}
         begun = {} if self.stored is None else dict.fromkeys(self.stored.next_seq, 1)
         return replace(
@@ -104,26 +122,26 @@ class RestoredState:
         self.checkpoint.notes.append(note)
 
     def is_of(self, program: bytes) -> bool:
-        """Whether the last life has run the same program."""
+        """Return whether the last life ran the program with this digest."""
         return self.stored is None or self.stored.extra.get("program", program) == program
 
 
 async def open_memory(
-    folder: Path, agent: str, writer: Executor, synchronous: Literal["full", "normal"], *, fresh: bool
+    folder: Path, agent: str, writer: Executor, synchronous: typing.Literal["full", "normal"], *, fresh: bool
 ) -> RestoredState:
     """Open an agent's checkpoint, or make it. Raises CheckpointError.
 
-    `fresh` forgets what is there, mail that has not left included, and says so.
+    `fresh` removes the old content, unsent mail included, and logs that.
     """
     path = folder / FILE
 
     def work() -> RestoredState:
         make_private_folder(path.parent)
-        mode: Literal["FULL", "NORMAL"] = "FULL" if synchronous == "full" else "NORMAL"
+        mode: Synchronous = "FULL" if synchronous == "full" else "NORMAL"
         try:
             checkpoint = Checkpoint.open(path, agent, mode)
         except CheckpointError as error:
-            if not fresh or error.__cause__ is not None:  # somebody has it open, or the disk does not do it
+            if not fresh or error.__cause__ is not None:  # another process has it open, or the disk fails
                 raise
             log.warning("agent=%s what is kept is removed unread: %s", agent, error)
             remove(path)
@@ -133,7 +151,7 @@ async def open_memory(
             log.warning("agent=%s forgets what it was; messages=%d are lost", agent, len(stored.outgoing))
             checkpoint.forget()
             checkpoint, stored = Checkpoint.open(path, agent, mode), None
-        return RestoredState(checkpoint, stored, writer, synchronous)
+        return RestoredState(checkpoint, stored, writer)
 
     try:
         memory = await asyncio.get_running_loop().run_in_executor(writer, work)
@@ -145,5 +163,47 @@ async def open_memory(
 
 
 def _read(made: Codec[R], kept: bytes) -> R:
-    """Decode a record that was written in the wire format of then."""
+    """Decode a record in the wire format in which it was saved."""
     return made.decode(kept, made.encoding("json" if kept[:1] == b"{" else "msgpack"))
+
+
+# --- the restored mind ---
+
+RESTARTED = signature("restarted", 1)
+
+
+def come_back(
+    mind: Mind, keeper: Keeper, life: int, interrupted: Iterable[Literal], instead: nodes.Goal | None
+) -> None:
+    """Raise `+restarted(N)` for the N-th restart and an event for each interrupted action, then resume goals.
+
+    Goals that others asked for are always resumed. The agent's own pending goals are resumed unless the program has a
+    plan for `+restarted(N)`, which then decides, or the mission file names a goal `instead` of them.
+    """
+    decides = bool(mind.plans.relevant("+", "", RESTARTED).plans)
+    _raise_event(mind, Literal(RESTARTED, (float(life),)))
+    for one in interrupted:
+        raise_interrupted(mind, keeper, one)
+    own = not decides and instead is None
+    posted = keeper.resume(own=own)
+    log.info("agent=%s restarted=%d resumed=%d", mind.name, life, posted)
+    if not own and keeper.pending_own:
+        log.info("agent=%s left to the program: %s", mind.name, "; ".join(map(str, keeper.pending_own)))
+    if instead is not None and not decides:
+        add_goal(mind, Instantiation({}, FunctionsOf(mind)).term(instead.literal), instead.operator)
+
+
+def raise_interrupted(mind: Mind, keeper: Keeper, literal: Literal) -> None:
+    """Raise the event of an action of a former life that has ended.
+
+    The event is resumed after further restarts too, because saving it removes the action from the checkpoint.
+    """
+    before = len(mind.events)
+    _raise_event(mind, literal)
+    if len(mind.events) > before:
+        keeper.give_in_any_case(mind.events[-1])
+
+
+def _raise_event(mind: Mind, literal: Literal) -> None:
+    """Raise an event of the agent's own without a belief."""
+    mind.post(mind.plans.relevant("+", "", literal.sig), literal.args, with_source(literal.annots))

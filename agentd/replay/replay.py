@@ -1,13 +1,13 @@
-"""A mind lived again from what was recorded of it (`{agent}/trace/inputs`): to prove that it decides the same, or
-to see what an edited program would have done.
+"""Replay a recorded mind (`{agent}/trace/inputs`): prove that it decides the same, or see what an edited program would
+have done.
 
     result = replay(batches, decisions)                       # the recorded program: exact, cycle by cycle
     result = compare(batches, program=Path("edited.asl"))     # another program beside the recorded one
-    life = Life(batches[0]); life.feed(batches[0]); life.mind # to look into a mind as it was
+    life = ReplayedMind(batches[0]); life.feed(batches[0]); life.mind   # to inspect a former state
 
-`batches` are the `MindInputs` of one life, in order from number 0; `decisions` the `MindDecisions` of the same agent as
-far as there are any (only used to say more about a difference). Nothing here does I/O but reading an edited program.
-Python that a program uses is run again: if that asks the world, the lives may part there.
+`batches` are the `MindInputs` of one life, in order from number 0; `decisions` are recorded `MindDecisions` of the same
+agent, which describe a difference better. The only I/O is reading an edited program. Python that a program uses runs
+again: if it reads the outside world, the replay may differ there.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.replay.replayed_mind import CannotReplay, Done, ReplayedMind, digest_of
-from agentd.trace.environment_reads import CameBack, Given, MailRefused, NamesRead
+from agentd.trace.input_records import CameBack, Given, MailRefused, NamesRead
 from schemas.files.text_files import read_bounded
 from schemas.wire.mind_records import DecisionView, MindBirth, MindDecisions, MindInputs
 
 __all__ = ["Act", "CannotReplay", "Difference", "ReplayedMind", "Result", "acts", "compare", "replay"]
 
 NEXT: Final = 6
-"""So many of what each did after a difference are shown."""
+"""Acts of each mind that are shown after a difference."""
 NEXT_CYCLES: Final = 20_000
-"""Cycles in which that is looked for."""
+"""Cycles that are searched for them."""
 AHEAD: Final = 1_000
-"""Cycles that an edited program may take for what comes between two inputs."""
+"""Cycles of an edited program between two inputs at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,61 +49,61 @@ class Act:
     """Mission seconds."""
     kind: Literal["decision", "failure", "effect"]
     text: str
-    """A decision: the event and the plan chosen for it. An effect: what was done, such as `action goto(1,2)`."""
+    """A decision: the event and the plan chosen for it. An effect such as `action goto(1,2)`."""
     decision: DecisionView | None = None
-    """With the plans that were rejected and why, where it is known."""
+    """With the rejected plans and the reasons, if known."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where two lives part."""
+    """The first difference of two lives."""
 
     cycle: int
     time: float
     batch: int
     """Number of the batch of inputs in which it is."""
     exact: bool
-    """Whether this is the place itself; otherwise it is somewhere in this batch, up to here."""
+    """Whether the difference is exactly here; otherwise it is in this batch, up to here."""
     recorded: Act | None
-    """What the recorded mind did; none: nothing any more, or it is not known."""
+    """The act of the recorded mind; None: it had ended, or the act is not known."""
     replayed: Act | None
     inputs: tuple[str, ...]
-    """What went in last before it, in words, the last one last."""
+    """The last inputs before it, as text, the last one at the end."""
     recorded_next: tuple[Act, ...] = ()
-    """What each did next."""
+    """The next acts of each."""
     replayed_next: tuple[Act, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How far two lives agree."""
+    """The agreement of two lives."""
 
     agent: str
     program: str
     batches: int
     inputs: int
     cycles: int
-    """All of these agree: up to the difference, if there is one."""
+    """Those that agree: up to the difference, if there is one."""
     decisions: int
     effects: int
     until: float
-    """Mission seconds up to which they agree."""
+    """Mission time in seconds up to which they agree."""
     proven: int = 0
-    """Batches whose digest was recorded and is the same."""
+    """Batches whose recorded digest is the same."""
     unlike: tuple[int, ...] = ()
-    """`compare`: the batches that the recorded program itself did not live as they were."""
+    """`compare`: batches in which the recorded program itself differs from the recording."""
     difference: Difference | None = None
     notes: tuple[str, ...] = ()
-    """What should be known about this result."""
+    """Remarks about this result, as text."""
 
     @property
     def agrees(self) -> bool:
-        """Whether there is no difference, and the recorded program itself lived as it was recorded."""
+        """Whether there is no difference, and the recorded program itself agrees with the recording."""
         return self.difference is None and not self.unlike
 
 
 class _Tally:
-    """Counts what agrees."""
+    """Counts the agreeing parts."""
 
     def __init__(self, life: ReplayedMind) -> None:
         self._life = life
@@ -114,7 +114,7 @@ class _Tally:
         self.notes: list[str] = []
 
     def batch(self, batch: MindInputs, *, alike: bool = True) -> None:
-        """A batch was lived to its end; `alike`: its digest, if it has one, is the same."""
+        """Count a replayed batch; `alike`: its digest, if it has one, is the same."""
         self.batches += 1
         self.inputs += len(batch.inputs)
         self.cycles = batch.last
@@ -160,7 +160,7 @@ Progress = Callable[[MindInputs], None]
 def replay(
     batches: Iterable[MindInputs], decisions: Iterable[MindDecisions] = (), *, progress: Progress | None = None
 ) -> Result:
-    """Live the recorded program again, exactly: the same inputs in the same cycles at the same times.
+    """Replay the recorded program exactly: the same inputs in the same cycles at the same times.
 
     Raises CannotReplay.
     """
@@ -186,7 +186,7 @@ def compare(
     files: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> Result:
-    """Live the recorded program and an edited one on the same inputs; find the first decision or effect that differs.
+    """Replay the recorded program and an edited one with equal inputs; find the first decision or effect that differs.
 
     `program`: the file (Path) or the text (str) that takes the place of the main file; `files`: texts that take the
     place of further files, by their recorded paths. Plans are told apart by trigger and body, not by their place.
@@ -226,7 +226,7 @@ def acts(
     files: Mapping[str, str] | None = None,
     until: int | None = None,
 ) -> Iterator[Act]:
-    """Live a mind again and tell what it decides and does, up to a cycle; `program` and `files` as in `compare`.
+    """Replay a mind up to a cycle and yield its decisions and effects; `program` and `files` as in `compare`.
 
     Raises CannotReplay.
     """
@@ -246,7 +246,7 @@ def acts(
 
 
 def _texts(birth: MindBirth, program: Path | str | None, files: Mapping[str, str] | None) -> dict[str, str]:
-    """The texts that take the place of those recorded."""
+    """Return the texts that replace recorded ones. Raises CannotReplay."""
     texts = dict(files or {})
     if unknown := sorted(texts.keys() - birth.files.keys()):
         known = ", ".join(birth.files) or "none"
@@ -257,7 +257,7 @@ def _texts(birth: MindBirth, program: Path | str | None, files: Mapping[str, str
 
 
 def _first(batches: Iterable[MindInputs]) -> tuple[ReplayedMind, Iterator[MindInputs]]:
-    """Make the mind; return it with all batches, the first one included."""
+    """Rebuild the mind; return it with all batches, the first one included. Raises CannotReplay."""
     rest = iter(batches)
     first = next(rest, None)
     if first is None:
@@ -279,13 +279,13 @@ def _text(path: Path) -> str:
         raise CannotReplay(f"{path}: the file is not UTF-8 text") from None
 
 
-# --- an exact life that is not the same ---
+# --- an exact replay that differs ---
 
 
 def _where(
     life: ReplayedMind, batch: MindInputs, done: list[Done], before: int, decisions: Iterable[MindDecisions]
 ) -> Difference:
-    """Find the first difference of a batch whose digest is another one, by the decisions that were recorded."""
+    """Find the first difference in a batch with another digest, by the recorded decisions."""
     own = [one for one in done if type(one.what) is tuple]
     views = [(one, view) for one in own if (view := life.view_of(one)) is not None]
     known = {_decided(view): (one, view) for one, view in views}
@@ -327,13 +327,13 @@ def _decided(view: DecisionView) -> tuple[Any, ...]:
 
 
 class _Keys:
-    """What two programs are compared by."""
+    """The keys by which acts of two programs are compared."""
 
     def __init__(self) -> None:
         self._plans: dict[Any, str] = {}
 
     def difference(self, own: list[Done], others: list[Done]) -> int | None:
-        """Return the place of the first difference of what was done in a cycle."""
+        """Return the index of the first difference between the acts of a cycle."""
         for place, (one, other) in enumerate(zip_longest(own, others)):
             if one is None or other is None or self._key(one) != self._key(other):
                 return place
@@ -368,7 +368,7 @@ def _parting(
     own: list[Done],
     others: list[Done],
 ) -> Difference:
-    """Two lives part here: `own` and `others` are what differs in this cycle. Look at what each does next."""
+    """Describe a difference; `own` and `others` are the differing acts of this cycle. Find the next acts of each."""
     cycle, time = life.mind.cycle, life.now
     inputs = tuple(f"cycle {at}: {given_text(item)}" for at, item in life.lasts)
     recorded, replayed = (_act(life, own[0]) if own else None), (_act(other, others[0]) if others else None)
@@ -377,7 +377,7 @@ def _parting(
     while life.mind.cycle < limit and (len(mine) < NEXT or len(theirs) < NEXT):
         if life.mind.cycle >= here.last:
             following = next(rest, None)
-            if following is None:  # nothing more came in: what the edited program has begun it may end
+            if following is None:  # no more inputs: the edited program may end what it has begun
                 theirs += [_act(other, one) for one in other.go_on(AHEAD)]
                 break
             here = following
@@ -387,7 +387,7 @@ def _parting(
         if life.at_boundary:
             theirs += [_act(other, one) for one in other.go_on(AHEAD)]
         mine += [_act(life, one) for one in life.cycle()]
-        other.mind.cycle = life.mind.cycle - 1  # what goes in is numbered by the recorded cycles
+        other.mind.cycle = life.mind.cycle - 1  # inputs are numbered by the recorded cycles
         theirs += [_act(other, one) for one in other.cycle()]
     return Difference(
         cycle=cycle,
@@ -402,7 +402,7 @@ def _parting(
     )
 
 
-# --- in words ---
+# --- as text ---
 
 
 def _act(life: ReplayedMind, done: Done) -> Act:
@@ -423,7 +423,7 @@ def _decision_text(view: DecisionView) -> str:
 
 
 def given_text(item: Given) -> str:
-    """What went into a mind, in words."""
+    """Return an input as text."""
     match item:
         case Mail():
             return f"{item.performative} {short_text(item.content)} from {item.sender}"
@@ -437,7 +437,7 @@ def given_text(item: Given) -> str:
         case MailRefused():
             return f"message {item.msg_id} was refused: {item.message}"
         case CameBack(life=life):
-            return f"it was back for the {life}. time"
+            return f"restart no. {life:g}"
     literal = getattr(item, "literal", None)
     kind = type(item).__name__
     return kind if literal is None else f"{_WORDS.get(kind, kind)} {short_text(literal)}"

@@ -1,17 +1,16 @@
-"""A mind that lives again: made of what was recorded of its birth, given what was recorded of its course."""
+"""Rebuild a mind from a recording: restore its initial state, then feed it the recorded inputs."""
 
 from __future__ import annotations
 
-import sys
 from collections import deque
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.parse import parse_formula
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import Belief, Goal, Item, Program
+from agentd.language.syntax_tree.nodes import Goal, Program
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect, SendMail
 from agentd.mind.data.formula_failure import Failed
@@ -20,30 +19,28 @@ from agentd.mind.execution.dropping import fail_too_deep
 from agentd.mind.introspection.decision_log import Decision, Failure
 from agentd.mind.introspection.decision_views import view_of
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.persistence.restart import come_back, raise_interrupted
-from agentd.runtime.program_loader import read_item
-from agentd.standalone.command import DEEPEST_CALLS
+from agentd.persistence.restore import come_back, raise_interrupted
+from agentd.process import allow_deep_calls
+from agentd.runtime.program_loader import goal_of, read_item, recorded_program
 from agentd.trace.decision_digest import DecisionDigest, DecisionLines, deed_line
-from agentd.trace.environment_reads import CameBack, Given, Interrupted, MailRefused, NamesRead
-from agentd.trace.initial_state import unpack, zone_of
-from agentd.trace.input_records import Unreadable, read
-from agentd.trace.program_sources import Texts
+from agentd.trace.initial_state import Texts, unpack, zone_of
+from agentd.trace.input_records import CameBack, Given, Interrupted, MailRefused, NamesRead, Unreadable, read
 from schemas.wire.mind_records import DecisionView, MindBirth, MindInputs
 
 REMEMBERED: Final = 5_000
-"""Decisions that a mind which lives again remembers, to show them."""
+"""Decisions that a replayed mind remembers, to show them."""
 
 MOST_IDLE: Final = 100_000
-"""Cycles one after the other without anything to do or given: no mind counts so many without noting the time."""
+"""Cycles in a row without work or input: no mind counts more without noting the time."""
 
 
 class CannotReplay(ValueError):
-    """Why a recording cannot be lived again: batches are missing, another version, a program that cannot be read."""
+    """A recording cannot be replayed: missing batches, another version, a program that cannot be read."""
 
 
 @dataclass(slots=True)
 class Done:
-    """A decision, a failure or an effect, as it comes out of a mind."""
+    """A decision, a failure or an effect of a mind."""
 
     cycle: int
     time: float
@@ -58,19 +55,19 @@ class Done:
 
 
 class ReplayedMind:
-    """One mind that lives again. `feed` batch after batch; in between `mind` may be looked at."""
+    """One replayed mind. `feed` it batch by batch; in between `mind` may be inspected."""
 
     def __init__(self, first: MindInputs, *, program: Mapping[str, str] | None = None) -> None:
-        """`first` is batch 0; `program`: texts by path that take the place of those recorded. Raises CannotReplay."""
+        """`first` is batch 0; `program` has texts by path that replace recorded ones. Raises CannotReplay."""
         if first.number != 0 or first.birth is None:
             raise CannotReplay(f"the recording of {first.agent} begins with batch {first.number}: its birth is missing")
         if first.birth.unknown:
             raise CannotReplay(f"{first.agent} cannot live again: {first.birth.unknown}")
-        sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))  # as deep as where it lived
+        allow_deep_calls()  # as deep as in the recorded process
         self.agent, self.birth, self.number = first.agent, first.birth, -1
         self.now = first.birth.start
         self.lasts: deque[tuple[int, Given]] = deque(maxlen=5)
-        """What went in last."""
+        """The last inputs."""
         self._done: list[Done] = []
         self._line = DecisionLines().of
         self._steps: deque[tuple[int, float]] = deque()
@@ -80,7 +77,7 @@ class ReplayedMind:
         self._refused: dict[str, MailRefused] = {}
         self._too_deep = False
         self._idle = 0
-        """Cycles since the last one with something to do or given."""
+        """Cycles since the last one with work or input."""
         self._instead: Goal | None = None
         self._early = [item for item in map(_read, first.inputs) if item[0] == 0]
         for _, item in self._early:
@@ -119,7 +116,7 @@ class ReplayedMind:
         mind.recorder.count_all(self._decided)
         return mind
 
-    # --- what the mind learns from where it lives ---
+    # --- hooks of the mind ---
 
     def _clock(self) -> float:
         return self._times.popleft() if self._times else self.mind.now if hasattr(self, "mind") else self.now
@@ -138,10 +135,10 @@ class ReplayedMind:
         cycle = self.mind.cycle
         self._done.append(Done(cycle, self.now, effect, deed_line(cycle, effect)))
 
-    # --- living ---
+    # --- cycles ---
 
     def feed(self, batch: MindInputs) -> list[Done]:
-        """Live a batch; return what was decided and done, in order. Raises CannotReplay."""
+        """Replay a batch; return its decisions and effects in order. Raises CannotReplay."""
         self.take(batch)
         done: list[Done] = []
         while self.mind.cycle < batch.last:
@@ -150,7 +147,7 @@ class ReplayedMind:
         return done
 
     def take(self, batch: MindInputs) -> None:
-        """Have a batch, to be lived by `cycle`. Raises CannotReplay if it is not the next one."""
+        """Take a batch for `cycle`. Raises CannotReplay if it is not the next one."""
         if batch.agent != self.agent:
             raise CannotReplay(f"batch {batch.number} is of {batch.agent}, not of {self.agent}")
         if batch.number != self.number + 1:
@@ -162,12 +159,12 @@ class ReplayedMind:
 
     @property
     def at_boundary(self) -> bool:
-        """Whether something goes in, or the time goes on, before the next cycle."""
+        """Whether the next cycle has an input or another time."""
         cycle = self.mind.cycle + 1
         return any(queue and queue[0][0] <= cycle for queue in (self._steps, self._given))
 
     def cycle(self) -> list[Done]:
-        """Live the next cycle, as it was recorded; return what was decided and done. Raises CannotReplay."""
+        """Run the next cycle as recorded; return its decisions and effects. Raises CannotReplay."""
         cycle = self.mind.cycle + 1
         while self._steps and self._steps[0][0] <= cycle:
             self.now = self._steps.popleft()[1]
@@ -185,7 +182,7 @@ class ReplayedMind:
         return self._run()
 
     def go_on(self, cycles: int) -> list[Done]:
-        """Live so many cycles beyond what was recorded, as far as there is something to do."""
+        """Run up to `cycles` cycles beyond the recording, while there is something to do."""
         done: list[Done] = []
         while cycles and self.mind.ready:
             cycles -= 1
@@ -209,12 +206,12 @@ class ReplayedMind:
         return done
 
     def end_of_batch(self) -> None:
-        """Let go of what nobody needs."""
+        """Discard changes that would be saved."""
         if self.keeper is not None:
             self.keeper.changes()
 
     def _note(self, item: Given) -> None:
-        """Have ready what the mind will ask for in this cycle."""
+        """Prepare what the mind will read in this cycle."""
         match item:
             case TimeRead(seconds=seconds):
                 self._times.append(seconds)
@@ -226,7 +223,7 @@ class ReplayedMind:
                 self._too_deep = True
 
     def _give(self, item: Given) -> None:
-        """Tell the mind what comes from outside."""
+        """Give the mind an input."""
         match item:
             case CameBack(life=life, interrupted=interrupted):
                 if self.keeper is not None:
@@ -239,10 +236,8 @@ class ReplayedMind:
             case _:
                 self.mind.feed(item)
 
-    # --- for who looks ---
-
     def view_of(self, done: Done) -> DecisionView | None:
-        """The decision with its rejected plans, as it was made; None for what is none."""
+        """Return a decision with its rejected plans; None for other acts."""
         if type(done.what) is not tuple:
             return None
         view = view_of(self.mind, Decision(*done.what))
@@ -257,7 +252,7 @@ def _read(record: Any) -> tuple[int, Given]:
 
 
 def digest_of(done: Iterable[Done], decisions: bool) -> tuple[int, str]:
-    """Return how much was decided and done, and its digest; without `decisions` of effects alone."""
+    """Return the number of acts and their digest; without `decisions` those of effects only."""
     acts, rest = DecisionDigest(), list(done)
     if decisions:
         acts.decided(one.what for one in rest if one.decides)
@@ -268,21 +263,16 @@ def digest_of(done: Iterable[Done], decisions: bool) -> tuple[int, str]:
 
 
 def program_of(birth: MindBirth, texts: Mapping[str, str]) -> tuple[CompiledProgram, Goal | None]:
-    """Compile a program from recorded texts; with the goal of a restart. Raises CannotReplay."""
+    """Compile a program from recorded texts; return it with the goal of a restart. Raises CannotReplay."""
     read = Texts(texts).parse_file
     try:
-        program = read(birth.program) if birth.program else Program("")
-        items: list[Item] = [*program.items]
-        for text in birth.beliefs:
-            items += read_item(text, birth.mission, Belief)
-        for text in birth.goals:
-            items += read_item("!" + text.strip().lstrip("!"), birth.mission, Goal)
+        main = read(birth.program) if birth.program else Program("")
+        program = recorded_program(main, birth.beliefs, birth.goals, birth.mission)
         instead = None
         if birth.on_restart:
-            inner = birth.on_restart.strip().removeprefix("goal(").removesuffix(")").strip().lstrip("!")
-            found = read_item(f"!{inner}", birth.mission, Goal)[0]
+            found = read_item(goal_of(birth.on_restart), birth.mission, Goal)[0]
             instead = found if isinstance(found, Goal) else None
-        return compile_program(replace(program, items=tuple(items)), read), instead
+        return compile_program(program, read), instead
     except SyntaxErrors as errors:
         raise CannotReplay(str(errors.findings[0])) from None
     except (DirectiveError, OSError, ValueError) as error:

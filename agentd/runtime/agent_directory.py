@@ -1,71 +1,94 @@
-"""Who can be sent to, and the board of each: the mission's agents, and those that joined a board at run time.
+"""The fleet's directory as the agents of a daemon use it: who can be sent to, who is online, who offers which service.
 
-The directory of the own board knows them all, also those of boards that are away; what the boards put keeps this up to
-date, and it is asked again now and then, because a put may be lost.
+Each board's `commd` keeps a directory of all agents, also those of boards that are away. It publishes changes, and is
+queried at intervals, because a publication may be lost.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import AsyncExitStack, suppress
+from typing import Final, Literal, TypeAlias
 
+from agentd.language.syntax_tree.signatures import signature
+from agentd.language.terms import terms
+from agentd.mind.data.effects import TeamRequestRefused
+from agentd.mind.data.inputs import PerceptAdded, PerceptRemoved
 from commd.bus.bus import Bus
-from commd.bus.errors import BusClosed
+from commd.bus.errors import BusClosed, BusError
+from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
+from commd.liveness.presence import Presence
 from schemas.mission.model import RESERVED
 from schemas.wire import keys
-from schemas.wire.records import BoardServices
+from schemas.wire.codec import BadRecord
+from schemas.wire.records import BoardServices, ServiceRequest
 
-PATIENCE = 2.0
-"""Wall seconds that the directory has at the start; later it is asked again."""
-AGAIN = 0.1
-ASK_EVERY = 30.0
-ASK_AGAIN = 1.0
-"""Wall seconds until a directory that did not answer is asked again: its token may be here before what it serves."""
-ASK_TIMEOUT = 5.0
+START_PATIENCE: Final = 2.0
+"""Wall seconds for the directories to answer at the start; later they are queried again."""
+START_RETRY: Final = 0.1
+ASK_EVERY: Final = 30.0
+"""Wall seconds between two queries of a directory."""
+ASK_AGAIN: Final = 1.0
+"""The same if it did not answer: its token may be here before its queryable."""
+ASK_TIMEOUT: Final = 5.0
+PATIENCE: Final = 5.0
+"""Wall seconds after which a request has failed, if the directory has answered no agent of this daemon meanwhile. A
+router restarts in less."""
+RETRY: Final = 0.2
+"""Wall seconds between two attempts of a request."""
+AT_ONCE: Final = 16
+"""Requests of this daemon on their way to one board at a time; commd refuses more than 256."""
+DAEMONS: Final = ("agentd", "client")
+"""Daemons whose tokens stand for agents."""
+ONLINE, BOARD = signature("online", 1), signature("board", 1)
+Do: TypeAlias = Literal["join", "leave", "register", "deregister", "search", "subscribe"]
+Feed: TypeAlias = Callable[[PerceptAdded | PerceptRemoved], None]
 log = logging.getLogger("roster")
 
 
 class AgentDirectory:
-    """Names in a fixed order: the mission's first, then the others as they came."""
+    """The agents that can be sent to, in a fixed order: the mission's first, then the others as they joined."""
 
     def __init__(self, bus: Bus, mission: Mapping[str, str]) -> None:
-        """`mission`: whom the mission names as a receiver of mail, and the board of each."""
+        """`mission` has the receivers of mail that the mission names, and their boards."""
         self.mission = mission
         self.names: dict[str, str] = dict(mission)
-        """All of them, there or away, and their boards; ask with ``in``."""
+        """All agents, online or not, and their boards. The dict is never replaced."""
         self.on_change: list[Callable[[], None]] = []
-        """Called whenever names came or went."""
+        """Called whenever names have changed."""
         self._bus = bus
         self._said: dict[str, BoardServices] = {}
         self._here: dict[str, str] = {}
-        """Those made by this daemon, and their boards."""
+        """Agents created by this daemon, and their boards."""
         self._ended: set[str] = set()
-        """Those that this daemon has ended, until their board says so too."""
+        """Agents that this daemon has ended, until their board reports that."""
         self._met: dict[str, None] = {}
-        """Those that have written to us before any board told of them."""
+        """Senders of mail that no board has reported yet."""
         self._remembered: dict[str, None] = {}
-        """Those whom agents of this daemon knew in a former life, until a board's directory has answered."""
+        """Correspondents of former lives of agents, until a board's directory has answered."""
         self._ask = asyncio.Event()
 
     async def watch(self, boards: Collection[str]) -> None:
-        """Follow what the boards say; returns when the directories of these boards have answered, or in a moment."""
-        self._bus.subscribe(keys.services(self._bus.fleet, "*"), BoardServices, lambda _, said: self.told(said))
+        """Subscribe to all directories; return when those of `boards` have answered, at most `START_PATIENCE` later."""
+        self._bus.subscribe(keys.services(self._bus.fleet, "*"), BoardServices, lambda _, said: self.update(said))
         for board in boards:
-            self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._hurry(alive))
+            self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._ask_soon(alive))
         try:
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(START_PATIENCE):
                 for board in boards:
                     while True:
                         if await self._refresh(board):
                             break
-                        await asyncio.sleep(AGAIN)
+                        await asyncio.sleep(START_RETRY)
         except TimeoutError:
             log.warning("the directory of %s does not answer yet: only the mission's agents are known", board)
 
     async def follow(self, boards: Collection[str]) -> None:
-        """Ask the directories of these boards again, when one is back and now and then, for ever."""
+        """Query the directories of `boards` at intervals and when one is back, forever."""
         pause = ASK_EVERY
         while True:
             await wait_at_most(self._ask, pause)
@@ -74,33 +97,33 @@ class AgentDirectory:
             pause = ASK_EVERY if all(answered) else ASK_AGAIN
 
     def add(self, name: str, board: str) -> None:
-        """An agent of this daemon has begun."""
+        """Add an agent of this daemon."""
         self._ended.discard(name)
         if name not in self.mission:
             self._here[name] = board
         self._settle()
 
     def remove(self, name: str) -> None:
-        """An agent of this daemon has ended. Those of the mission are expected to come back."""
+        """Remove an agent of this daemon that has ended; those of the mission stay, for they may come back."""
         if self._here.pop(name, None) is not None:
             self._ended.add(name)
             self._settle()
 
     def met(self, name: str) -> None:
-        """Somebody has written to us. Who can write can be written to, even if the word of its board was lost."""
+        """Add the sender of a message, in case the report of its board was lost."""
         if name not in self.names and name not in self._ended and name not in RESERVED:
             self._met[name] = None
             self._ask.set()
             self._settle()
 
     def remember(self, names: Iterable[str]) -> None:
-        """An agent of this daemon has had mail for or from these in a former life; the directory may know better."""
+        """Add correspondents of a former life of an agent, until a directory has answered."""
         if not self._said:
             self._remembered |= {name: None for name in names if name not in RESERVED}
             self._settle()
 
-    def told(self, said: BoardServices) -> None:
-        """A board has said who lives there."""
+    def update(self, said: BoardServices) -> None:
+        """Take the report of a board, unless it is older than the last one."""
         known = self._said.get(said.board)
         if known is not None and said.header.boot == known.header.boot and said.version <= known.version:
             return
@@ -108,7 +131,7 @@ class AgentDirectory:
         self._settle()
 
     def _settle(self) -> None:
-        """Bring the names up to date; those that stay keep their places."""
+        """Update the names; those that stay keep their places."""
         homes: dict[str, str] = {}
         for board, said in self._said.items():
             for name in said.agents:
@@ -125,25 +148,207 @@ class AgentDirectory:
         for handler in self.on_change:
             handler()
 
-    def _hurry(self, there: bool) -> None:
+    def _ask_soon(self, there: bool) -> None:
         if there:
             self._ask.set()
 
     async def _refresh(self, board: str) -> bool:
-        """Ask a board's directory for all that it knows. Returns whether it has answered."""
+        """Query a board's directory. Returns whether it has answered."""
         answered = False
 
-        def told(_: str, services: BoardServices) -> None:
+        def take(_: str, services: BoardServices) -> None:
             nonlocal answered
             answered = True
             self._remembered = {}
-            self.told(services)
+            self.update(services)
             self._settle()
 
         try:
-            await self._bus.ask_all(keys.services(self._bus.fleet, board), BoardServices, ASK_TIMEOUT, told)
+            await self._bus.ask_all(keys.services(self._bus.fleet, board), BoardServices, ASK_TIMEOUT, take)
         except BusClosed as closed:
             log.debug("not_asked board=%s why=%s", board, closed)
         if answered and self._met:
             log.info("unknown senders=%s", ",".join(self._met))
         return answered
+
+
+class PresenceBeliefs:
+    """The agents that are online, as beliefs `online(Agent)[board(B)]` of agents with `presence: true`.
+
+    An agent is online while a token of its daemon is. A lost token counts after a grace period, longer if the router of
+    its board is lost too (`commd.liveness.presence`): the restart of a router must not look like the end of all agents.
+    """
+
+    def __init__(self, bus: Bus, directory: AgentDirectory, clock: Clock) -> None:
+        self.online: dict[str, str] = {}
+        """The agents that are online, in the order of their tokens, and their boards."""
+        self._bus, self._directory, self._clock = bus, directory, clock
+        self._presence = Presence(None, directory.names.get)
+        self._here: set[str] = set()
+        """The agents of this daemon: online whatever the router reports."""
+        self._subscribers: dict[str, Feed] = {}
+        self._changed = asyncio.Event()
+
+    def begin(self, agent: str) -> None:
+        """Note that an agent of this daemon begins."""
+        self._here.add(agent)
+        self._look(agent)
+
+    def end(self, agent: str) -> None:
+        """Note that an agent of this daemon has ended."""
+        self._here.discard(agent)
+        self._subscribers.pop(agent, None)
+        self._look(agent)
+
+    def subscribe(self, agent: str, feed: Feed) -> None:
+        """Feed an agent who is online now, and each change from now on."""
+        self._subscribers[agent] = feed
+        for other, board in self.online.items():
+            if other != agent:
+                feed(PerceptAdded(_online(other, board)))
+
+    async def follow(self) -> None:
+        """Follow the tokens on the bus, forever."""
+        fleet, clock, presence = self._bus.fleet, self._clock, self._presence
+
+        def agent_token(key: str, alive: bool) -> None:
+            if (parsed := keys.parse(key)) is not None:
+                presence.token(parsed[1], parsed[2][-1], alive, clock.wall())
+                if alive:
+                    self._look(parsed[1])
+                self._changed.set()
+
+        def board_token(key: str, alive: bool) -> None:
+            if (parsed := keys.parse(key)) is not None:
+                presence.board(parsed[1], parsed[2][-1], alive, clock.wall())
+                self._changed.set()
+
+        def router(up: bool) -> None:
+            presence.router(up, clock.wall())
+            self._look_at_all()
+            self._changed.set()
+
+        self._bus.on_router(router)
+        self._directory.on_change.append(self._look_at_all)
+        self._bus.watch(keys.alive(fleet, "*", "commd", "*"), board_token)
+        for daemon in DAEMONS:
+            self._bus.watch(keys.alive(fleet, "*", daemon, "*"), agent_token)
+        while True:
+            for agent in presence.lost(clock.wall()):
+                if agent in self.online:
+                    self._look(agent)
+            pause = presence.due - clock.wall()
+            await wait_at_most(self._changed, None if pause == float("inf") else max(0.0, pause))
+            self._changed.clear()
+
+    def _look_at_all(self) -> None:
+        """Update all agents: the names or the router have changed."""
+        for agent in self._presence.known() | self.online.keys():
+            if agent not in self._directory.names and agent not in self._here:
+                self._presence.forget(agent)
+            self._look(agent)
+
+    def _look(self, agent: str) -> None:
+        """Feed the subscribers if an agent has come or gone. One that cannot be sent to does not count."""
+        there = agent in self._here or self._presence.seems_there(agent)
+        board = self._directory.names.get(agent) if there else None
+        if board == self.online.get(agent):
+            return
+        old = self.online.pop(agent, None)
+        if board is not None:
+            self.online[agent] = board
+        for other, feed in self._subscribers.items():
+            if other != agent:
+                if old is not None:
+                    feed(PerceptRemoved(_online(agent, old), (0,)))
+                if board is not None:
+                    feed(PerceptAdded(_online(agent, board)))
+
+
+def _online(agent: str, board: str) -> terms.Literal:
+    annotations = (terms.Literal(BOARD, (terms.atom(board),)),) if board else ()
+    return terms.Literal(ONLINE, (terms.atom(agent),), annotations)
+
+
+class NotDone(TeamRequestRefused):
+    """The directory has not fulfilled a request; the text says why."""
+
+    def __init__(self, why: str, answered: bool, prefix: str = "") -> None:
+        super().__init__("action_failed", why)
+        self.answered = answered
+        """Whether it has refused; otherwise it did not answer, and may have fulfilled the request."""
+        self.prefix = prefix
+        """The required beginning of names of agents created at run time."""
+
+
+class _Queue:
+    """The requests for the directory of one board."""
+
+    def __init__(self) -> None:
+        self.places = asyncio.Semaphore(AT_ONCE)
+        self._heard = float("-inf")
+
+    def heard(self) -> None:
+        """Note that the directory has answered a request: the others may wait longer."""
+        self._heard = asyncio.get_running_loop().time()
+
+    def until(self, since: float) -> float:
+        """Return the loop time at which a request made at `since` has failed."""
+        return max(since, self._heard) + PATIENCE
+
+
+class Services:
+    """Requests of the agents of this daemon to the directories of their boards, for each agent one at a time."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._order: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+        self._queues: defaultdict[str, _Queue] = defaultdict(_Queue)
+
+    async def ask(self, board: str, agent: str, do: Do, service: str = "") -> BoardServices:
+        """Send a request and return the answer. Raises NotDone."""
+        request = ServiceRequest(agent=agent, do=do, service=service)
+        loop = asyncio.get_running_loop()
+        since, queue = loop.time(), self._queues[board]
+        answer, why = None, "those before it have had no answer either"
+        async with AsyncExitStack() as held:
+            if await self._turn(held, (self._order[agent], queue.places), queue, since):
+                until = queue.until(since)
+                while answer is None and (left := until - loop.time()) > 0:
+                    answer, why = await self._ask(board, request, left)
+                    if answer is None:
+                        await asyncio.sleep(min(RETRY, left))
+                    else:
+                        queue.heard()
+        if answer is None:
+            raise NotDone(f"the directory of board {board} does not answer: {why}", False)
+        if answer.problem:
+            raise NotDone(answer.problem, True, answer.prefix)
+        return answer
+
+    def done_with(self, agent: str) -> None:
+        """Forget an agent that has ended."""
+        self._order.pop(agent, None)
+
+    async def _turn(
+        self, held: AsyncExitStack, gates: Iterable[asyncio.Lock | asyncio.Semaphore], queue: _Queue, since: float
+    ) -> bool:
+        """Wait for the turn of a request, which `held` then holds; False if the directory does not answer."""
+        loop = asyncio.get_running_loop()
+        for gate in gates:
+            entered = False
+            while not entered:
+                if loop.time() >= (until := queue.until(since)):
+                    return False
+                with suppress(TimeoutError):
+                    async with asyncio.timeout_at(until):
+                        await held.enter_async_context(gate)
+                        entered = True
+        return True
+
+    async def _ask(self, board: str, request: ServiceRequest, seconds: float) -> tuple[BoardServices | None, str]:
+        key = keys.service_requests(self._bus.fleet, board, request.agent)
+        try:
+            return await self._bus.ask_one(key, request, BoardServices, seconds), ""
+        except (BusError, BadRecord) as error:
+            return None, str(error)

@@ -1,14 +1,13 @@
-"""The agents of one daemon: those of the mission, and those that they make at run time.
+"""The agents of one daemon: those of the mission, and those that they create at run time.
 
-What a mind asks of its team (`TeamRequest`) is carried out here: agents to make, clone and end, files to include and
-save, the directory of services. Agents made at run time live in the daemon of the agent that made them.
+Fulfils what minds ask of their team (`TeamRequest`): create, clone and kill agents, include and save files, use the
+directory of services. An agent created at run time runs in the daemon of its creator.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -20,12 +19,11 @@ from agentd.language.terms.terms import EMPTY, atom, make_list
 from agentd.mind.data.effects import StopTeam, TeamRequest, TeamRequestRefused
 from agentd.mind.data.inputs import TeamReply
 from agentd.persistence.restore import FILE, RestoredState, open_memory
-from agentd.runtime.agent_directory import AgentDirectory
-from agentd.runtime.agent_host import AgentHost, Part
-from agentd.runtime.presence_beliefs import PresenceBeliefs
-from agentd.runtime.service_client import Do, NotDone, Services
+from agentd.runtime.agent_directory import AgentDirectory, Do, NotDone, PresenceBeliefs, Services
+from agentd.runtime.agent_host import AgentHost
+from agentd.runtime.program_loader import Part
+from agentd.trace.initial_state import Sources
 from agentd.trace.input_records import Included
-from agentd.trace.program_sources import Sources
 from commd.bus.bus import Bus, Token
 from commd.bus.errors import AlreadyRunning, BusClosed
 from commd.common.clock import Clock
@@ -39,20 +37,20 @@ from schemas.wire.keys import check_name
 from schemas.wire.records import BoardServices
 
 MOST_MADE = 50
-"""So many agents made at run time may live in one daemon at once."""
+"""Agents created at run time that one daemon runs at a time."""
 TURN = 1.0
-"""Wall seconds after which it is looked whether an agent made meanwhile has ended."""
+"""Wall seconds between two checks for agents created meanwhile that have ended."""
 LEAVING = 1.0
-"""Wall seconds that the directory has to let an agent go when the daemon ends; it does so later by itself."""
+"""Wall seconds for the directory to remove an agent when the daemon ends; later it does so by itself."""
 ENDING = 5.0
-"""Wall seconds that an agent which is killed has to leave before its killer goes on."""
+"""Wall seconds for a killed agent to leave before its killer continues."""
 MOST_TRIES = 100
-"""So many names are tried for an agent whose own is taken."""
+"""Names that are tried for an agent if the wanted one is taken."""
 log = logging.getLogger("crew")
 
 
 class AgentGroup:
-    """Runs the agents of a daemon until each has ended, and answers what they ask for."""
+    """Runs the agents of a daemon until each has ended, and answers their requests."""
 
     def __init__(
         self,
@@ -65,11 +63,11 @@ class AgentGroup:
         fresh: bool = False,
         unit: Member | None = None,
     ) -> None:
-        """`state` has a folder for each agent; `fresh`: the agents forget what is kept there, and begin anew."""
+        """`state` has a folder for each agent; `fresh`: the agents begin without what is saved there."""
         self._unit = unit or Unit({}).member("agentd")
         self.hosts: dict[str, AgentHost] = {}
         self.stopped: StopTeam | None = None
-        """What a program said when it stopped the team."""
+        """The effect by which a program has stopped the team."""
         self.roster = AgentDirectory(bus, mission.mailboxes)
         self._bus, self._clock, self._mission, self._state, self._seed = bus, clock, mission, state, seed
         self._made: dict[str, None] = {}
@@ -83,10 +81,10 @@ class AgentGroup:
         self._work = Tasks("working for the agents")
         self._fresh = fresh
         self._writer = ThreadPoolExecutor(1, "keeping")
-        """Writes the checkpoints of all agents, one after the other."""
+        """Writes the checkpoints of all agents, one at a time."""
 
     async def add(self, *parts: Part) -> None:
-        """Join the bus under the names of agents of the mission; they reason from `run` on.
+        """Join the bus under the names of agents of the mission. They begin to reason in `run`.
 
         Raises AlreadyRunning, BusClosed and CheckpointError.
         """
@@ -97,14 +95,14 @@ class AgentGroup:
 
     def _house(self, part: Part, board: str, token: Token, memory: RestoredState | None = None) -> AgentHost:
         rights = MailRights(self._mission, part.name, board)
-        host = AgentHost(self._bus, self._clock, part, self.roster, self.answer, token, memory, rights.accept)
+        host = AgentHost(self._bus, self._clock, part, self.roster, self, token, memory, rights)
         self.hosts[part.name] = host
         self._homes[part.name] = board
         self.roster.add(part.name, board)
         return host
 
     async def _memory(self, name: str) -> RestoredState | None:
-        """What an agent has on disk; one that begins anew each time has nothing, nor has one made at run time."""
+        """Open the checkpoint of an agent; None for one that never has any, or was created at run time."""
         agent = self._mission.agents.get(name)
         if agent is None:
             return None
@@ -119,7 +117,7 @@ class AgentGroup:
         return memory
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Let the agents reason until `stop` is set or a program stops the team. Raises AccessDenied."""
+        """Run the agents until `stop` is set or a program stops the team. Raises AccessDenied."""
         health = [keys.health(self._bus.fleet, name, self._bus.daemon) for name in self.hosts]
         try:
             await self._bus.permitted(puts=health)
@@ -131,9 +129,9 @@ class AgentGroup:
         self._work.spawn(self.roster.follow(boards))
         if any(host.part.presence for host in self.hosts.values()):
             self._work.spawn(self._presence_beliefs.follow())
-        self._bus.on_router(self._hurry)
+        self._bus.on_router(self._retry_mail)
         for board in boards:
-            self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._hurry(alive))
+            self._bus.watch(keys.alive(self._bus.fleet, board, "commd", "*"), lambda _, alive: self._retry_mail(alive))
         for host in list(self.hosts.values()):
             self._begin(host)
         self._unit.ready(f"reasoning: {', '.join(self.hosts)}")
@@ -145,25 +143,26 @@ class AgentGroup:
                 for task in ended:
                     del self._running[task]
                     task.result()
-                self._tell()
+                self._report()
         finally:
             self._unit.stopping()
             watch.cancel()
             self._work.cancel()
-            await asyncio.gather(*(host.part_with(forget=self.stopped is not None) for host in self.hosts.values()))
+            forget = self.stopped is not None
+            await asyncio.gather(*(host.close_checkpoint(forget) for host in self.hosts.values()))
             self._writer.shutdown(wait=False)
 
-    def _tell(self) -> None:
-        """Tell the service manager who reasons, and what is not as it should be."""
+    def _report(self) -> None:
+        """Report the agents and their warnings to the service manager."""
         notes = [f"{name}: {note.text}" for name, host in self.hosts.items() for note in host.notes()]
         away = [] if self._bus.router_up else ["the router is lost"]
         self._unit.status(f"reasoning: {', '.join(self.hosts)}", *away, *notes)
 
-    def _hurry(self, there: bool) -> None:
-        """Commd or the router is back: mail need not wait for its next attempt."""
+    def _retry_mail(self, there: bool) -> None:
+        """Retry mail immediately when commd or the router is back."""
         if there:
             for host in self.hosts.values():
-                host.hurry()
+                host.retry_mail()
 
     def _end_all(self) -> None:
         self._stop.set()
@@ -178,19 +177,19 @@ class AgentGroup:
         self._running[task] = host.part.name
         self._presence_beliefs.begin(host.part.name)
         if host.part.presence:
-            self._presence_beliefs.tell(host.part.name, host.take)
+            self._presence_beliefs.subscribe(host.part.name, host.feed)
         if host.begins and host.part.name not in self._made:
             self._work.spawn(self._forget_services(host.part.name))
 
     async def _forget_services(self, name: str) -> None:
-        """An agent begins anew: what it offered and wanted in a former life does not count any more."""
+        """Remove the services and subscriptions of a former life of an agent."""
         try:
             await self._ask(name, "leave")
         except NotDone as why:
             log.warning("agent=%s may still be listed with the services of a former life: %s", name, why)
 
     async def _live(self, host: AgentHost, end: asyncio.Event) -> None:
-        """Run one agent; when its program stops the team, all agents of this daemon end."""
+        """Run one agent. If its program stops the team, all agents of this daemon end."""
         name = host.part.name
         report = asyncio.create_task(report_health(self._bus, name, self._clock, host.health))
         try:
@@ -206,7 +205,7 @@ class AgentGroup:
             await self._gone(host)
 
     async def _gone(self, host: AgentHost) -> None:
-        """An agent made at run time has ended: its name is free again when its board has let it go."""
+        """Remove an agent created at run time that has ended; its name is free when its board has removed it too."""
         name = host.part.name
         host.close()
         self.roster.remove(name)
@@ -218,23 +217,12 @@ class AgentGroup:
         self._services.done_with(name)
         del self._made[name], self.hosts[name], self._ends[name], self._homes[name]
 
-    # --- what agents ask for ---
+    # --- requests ---
 
     async def answer(self, host: AgentHost, request: TeamRequest) -> TeamReply:
-        """Fulfil a request, or say why not."""
-        handlers: dict[str, Callable[..., Any]] = {
-            "create": self._create,
-            "clone": self._clone,
-            "kill": self._kill,
-            "include": self._include,
-            "save": self._save,
-            "df_register": self._register,
-            "df_deregister": self._deregister,
-            "df_search": self._search,
-            "df_subscribe": self._subscribe,
-        }
+        """Fulfil a request. The reply has the error if that fails."""
         try:
-            handler = handlers.get(request.what)
+            handler = getattr(self, f"_do_{request.what}", None)
             if handler is None:
                 raise TeamRequestRefused("action_failed", f"agentd serve does not do what '{request.what}' asks for")
             reply = TeamReply(request.id, await handler(host, *request.arguments))
@@ -243,8 +231,6 @@ class AgentGroup:
             return reply
         except TeamRequestRefused as refused:
             return TeamReply(request.id, None, refused.error, str(refused))
-        except NotDone as why:
-            return TeamReply(request.id, None, "action_failed", str(why))
         except (NotAllowed, SyntaxErrors, DirectiveError, AlreadyRunning, BusClosed) as error:
             return TeamReply(request.id, None, "unknown", str(error))
         except (OSError, UnicodeDecodeError) as error:
@@ -253,7 +239,7 @@ class AgentGroup:
     def _files(self, host: AgentHost) -> AgentFiles:
         return AgentFiles([self._mission.path.parent], self._state / host.part.name)
 
-    async def _create(self, host: AgentHost, name: str, path: str) -> str:
+    async def _do_create(self, host: AgentHost, name: str, path: str) -> str:
         program, sources = CompiledProgram(host.part.program.file), Sources()
         if path:
             found = self._files(host).readable(path, host.part.program.file)
@@ -265,7 +251,7 @@ class AgentGroup:
         log.info("agent=%s made=%s program=%s", host.part.name, made.part.name, path or "none")
         return made.part.name
 
-    async def _clone(self, host: AgentHost, name: str) -> str:
+    async def _do_clone(self, host: AgentHost, name: str) -> str:
         made = await self._make(host, name, CompiledProgram(host.part.program.file), Sources())
         made.copy_from(host)
         self._begin(made)
@@ -273,7 +259,7 @@ class AgentGroup:
         return made.part.name
 
     async def _make(self, maker: AgentHost, wanted: str, program: CompiledProgram, sources: Sources) -> AgentHost:
-        """Find a name that is free in the fleet, let it join the board of its maker and claim it on the bus."""
+        """Find a free name, let it join the board of its creator and claim it on the bus."""
         try:
             check_name(wanted)
         except ValueError as error:
@@ -287,7 +273,7 @@ class AgentGroup:
             name = wanted if number == 0 else f"{wanted}_{number}"
             if name in self.roster.names or name in taken or name in self._made:
                 continue
-            self._made[name] = None  # before anything is waited for: nobody else gets this name or the last place
+            self._made[name] = None  # before the first await: reserves the name and the place
             try:
                 if made := await self._welcome(name, program, sources, self._homes[maker.part.name]):
                     return made
@@ -298,10 +284,10 @@ class AgentGroup:
         raise TeamRequestRefused("unknown", f"{MOST_TRIES} agents are called {wanted} or {wanted}_N already")
 
     async def _welcome(self, name: str, program: CompiledProgram, sources: Sources, board: str) -> AgentHost | None:
-        """Let an agent made here join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
+        """Let a new agent join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
         try:
-            self.roster.told(await self._services.ask(board, name, "join"))
-            part = Part(name, program, None, {}, {}, self._seed, inject=self._mission.inject, sources=sources)
+            self.roster.update(await self._services.ask(board, name, "join"))
+            part = Part(name, program, seed=self._seed, inject=self._mission.inject, sources=sources)
             return self._house(part, board, await self._bus.claim(name))
         except AlreadyRunning:
             return None
@@ -310,7 +296,7 @@ class AgentGroup:
                 return None
             raise
 
-    async def _kill(self, host: AgentHost, name: str, delay: float) -> Any:
+    async def _do_kill(self, host: AgentHost, name: str, delay: float) -> Any:
         if name not in self.roster.names:
             raise TeamRequestRefused("ia_failed", f"there is no agent '{name}'")
         if name in self._mission.agents:
@@ -333,7 +319,7 @@ class AgentGroup:
             await asyncio.wait(lives, timeout=ENDING)
         return EMPTY
 
-    async def _include(self, host: AgentHost, path: str, namespace: str) -> Included | None:
+    async def _do_include(self, host: AgentHost, path: str, namespace: str) -> Included | None:
         try:
             found = self._files(host).readable(path, host.part.program.file)
         except FileNotFoundError as error:
@@ -344,7 +330,7 @@ class AgentGroup:
         program = await asyncio.to_thread(lambda: in_namespace(read(found), namespace, read))
         return Included(program, str(found), namespace, sources)
 
-    async def _save(self, host: AgentHost, path: str, text: str) -> Any:
+    async def _do_save(self, host: AgentHost, path: str, text: str) -> Any:
         await asyncio.to_thread(self._files(host).save, path, text)
         return EMPTY
 
@@ -353,22 +339,22 @@ class AgentGroup:
     async def _ask(self, agent: str, do: Do, service: str = "") -> BoardServices:
         """Ask the directory of an agent's board. Raises NotDone."""
         answer = await self._services.ask(self._homes[agent], agent, do, service)
-        self.roster.told(answer)
+        self.roster.update(answer)
         return answer
 
-    async def _register(self, host: AgentHost, service: str) -> Any:
+    async def _do_df_register(self, host: AgentHost, service: str) -> Any:
         await self._ask(host.part.name, "register", service)
         return EMPTY
 
-    async def _deregister(self, host: AgentHost, service: str) -> Any:
+    async def _do_df_deregister(self, host: AgentHost, service: str) -> Any:
         await self._ask(host.part.name, "deregister", service)
         return EMPTY
 
-    async def _search(self, host: AgentHost, service: str) -> Any:
+    async def _do_df_search(self, host: AgentHost, service: str) -> Any:
         answer = await self._ask(host.part.name, "search", service)
         return make_list([atom(name) for name in answer.found])
 
-    async def _subscribe(self, host: AgentHost, service: str) -> Any:
-        """Those who offer it are told by mail, from `df`, now and later."""
+    async def _do_df_subscribe(self, host: AgentHost, service: str) -> Any:
+        """Subscribe: the board sends the providers by mail from `df`, now and later."""
         await self._ask(host.part.name, "subscribe", service)
         return EMPTY

@@ -1,19 +1,15 @@
-"""Runs one mind on the bus: feeds it what arrives, carries out what comes out, sleeps when there is nothing to do."""
+"""Run one agent on the bus: its mind, and the connections that feed it and carry out its effects."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 from collections import Counter, deque
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
-from typing import TypeAlias
-from zlib import crc32
+from typing import Protocol
 
 from agentd.conversion.log_format import line_of
 from agentd.conversion.term_conversion import BadTerm, perceived
 from agentd.language.compiler.compile import CompiledProgram
-from agentd.language.syntax_tree.nodes import Formula, Goal
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, atom
 from agentd.mail.mail_client import MailClient
@@ -22,7 +18,6 @@ from agentd.mind.data.effects import CancelAction, Effect, Log, PerformAction, P
 from agentd.mind.data.inputs import (
     ActionDone,
     Input,
-    Mail,
     PerceptAdded,
     PerceptRemoved,
     PerceptReplaced,
@@ -30,23 +25,19 @@ from agentd.mind.data.inputs import (
     TeamReply,
 )
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.persistence.checkpoint import Stored
 from agentd.persistence.checkpointer import Checkpointer
-from agentd.persistence.poison_inputs import DEATHS, Held, PoisonInputs, said
-from agentd.persistence.restart import come_back, raise_interrupted
-from agentd.persistence.restore import RestoredState
-from agentd.runtime.action_client import ActionClient, NoJournal
+from agentd.persistence.poison_inputs import DEATHS, Held, PoisonInputs, text_of
+from agentd.persistence.restore import RestoredState, come_back, raise_interrupted
+from agentd.runtime.action_client import ActionClient
 from agentd.runtime.agent_directory import AgentDirectory
-from agentd.runtime.lag_estimator import LagEstimator
+from agentd.runtime.mind_runner import LagEstimator, MindRunner, reason
 from agentd.runtime.operator_control import OperatorControl
+from agentd.runtime.program_loader import Part
 from agentd.runtime.view_server import Viewer
-from agentd.runtime.wakeup_timer import WakeupTimer
 from agentd.trace import Tracing
-from agentd.trace.environment_reads import CameBack, Interrupted
 from agentd.trace.initial_state import InitialState
-from agentd.trace.input_records import Included
-from agentd.trace.program_sources import Sources
-from commd.bus.bus import Bus, Token
+from agentd.trace.input_records import CameBack, Included, Interrupted
+from commd.bus.bus import Bus, Token, boot_id
 from commd.client.actions import ActionRequests
 from commd.client.manual_percepts import HandPercepts, hear_by_hand
 from commd.client.percept_sync import PerceptSync
@@ -56,144 +47,84 @@ from commd.liveness.bridge_presence import BridgePresence
 from commd.process.output import stdout
 from commd.process.systemd import Loop
 from schemas.humanize import escape_line
-from schemas.wire.mind_records import MindView
-from schemas.wire.records import Health, Message, Note, Perception
+from schemas.mission.access_rules import MailRights
+from schemas.wire.mind_records import MindBirth, MindView
+from schemas.wire.records import Health, Note, Perception
 
-Team: TypeAlias = "Callable[[AgentHost, TeamRequest], Awaitable[TeamReply]]"
-"""Who fulfils what a mind asks of its team."""
 log = logging.getLogger("agent")
 
-SLICE = 500
-"""Reasoning cycles in a row before the event loop gets a turn, at most."""
-LONGEST_SLICE = 0.2
-"""Wall seconds that they take at most: who says nothing for long counts as hung (`agent_silence`)."""
-BATCH = 8
-"""Cycles between two looks at the clock at most; a slice begins with one, for what is heavy mostly stays so."""
-MANY = 32
-"""So many decisions that wait to be told are many."""
-INPUTS = 20_000
-"""Inputs that may wait for the mind; mail beyond is refused to its sender, who keeps it."""
 ASK_TIMEOUT = 30.0
 """Mission seconds after which a synchronous ask without a limit of its own is answered with the atom `timeout`."""
 LAST_PRINTS = 20
-DECISIONS = 200
-"""Decisions and failures that an agent remembers if nobody says otherwise."""
 ATOMIC_END = 0.5
-"""Wall seconds that an atomic plan has to come to its end when the agent leaves."""
+"""Wall seconds for an atomic plan to end when the agent leaves."""
 LEAVE = 2.0
-"""Wall seconds that mail and cancellations have to leave when the agent ends."""
+"""Wall seconds for mail and cancellations to leave when the agent ends."""
 
 
-@dataclass(frozen=True)
-class Part:
-    """What an agent is made of: its program, its robot, and what the mission wants to see."""
+class Team(Protocol):
+    """Fulfils the requests of minds to their team."""
 
-    name: str
-    program: CompiledProgram
-    robot: str | None
-    done: dict[str, Formula]
-    failed: dict[str, Formula]
-    seed: int = 0
-    """Of the run; that of the agent is `own_seed`."""
-    on_restart: Goal | None = None
-    """What it goes on with after a restart in place of what it had in mind."""
-    decisions: int = DECISIONS
-    """How many of its last decisions the agent remembers; 0: none."""
-    names_variables: bool = False
-    """The robot takes a free variable in an action by its name (`values = "text"` in its manifest)."""
-    digest: bytes = b""
-    """Stands for the program: another one has another digest."""
-    robot_elsewhere: str | None = None
-    """The board of its robot, if that is another one than its own."""
-    presence: bool = False
-    """It is told who else is there: `online(Agent)[board(B)]`."""
-    inject: bool = False
-    """Operators may pause it and give it goals and beliefs."""
-    sources: Sources | None = None
-    """The texts of its program."""
-
-    @property
-    def own_seed(self) -> int:
-        """Seed of this agent's random numbers: two agents of a run draw different ones, also in different processes."""
-        return self.seed + crc32(self.name.encode())
-
-
-Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
-"""Hears of runs of a mind, their first cycle, time and effects: of each in which the time mattered or after which many
-decisions wait to be told, and of the last."""
-
-
-def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> list[Effect]:
-    """Run one slice; the first cycle with an effect is its last, and one with nothing left to do.
-
-    `share`: so many agents of this process reason one after the other, and have the time of a slice together.
-    """
-    until, last, batch = clock.wall() + LONGEST_SLICE / max(1, share), mind.cycle + SLICE, 1
-    timers, looks = mind.timers, mind.timers.looks
-    decided = () if mind.recorder is None else mind.recorder.waiting
-    while True:
-        before, now = mind.cycle, clock.now()
-        effects = mind.run(now, min(batch, last - before))
-        batch = min(2 * batch, BATCH)
-        if effects or not mind.ready or mind.cycle >= last or clock.wall() >= until:
-            if ran is not None:
-                ran(before + 1, now, effects)
-            return effects
-        if timers.looks != looks or len(decided) > MANY:
-            looks = timers.looks
-            if ran is not None:
-                ran(before + 1, now, effects)
+    async def answer(self, host: AgentHost, request: TeamRequest) -> TeamReply: ...
 
 
 class AgentHost:
-    """One agent of a mission: its mind, and the mind's hands and ears."""
+    """One agent of a mission on the bus."""
 
     def __init__(
         self,
         bus: Bus,
         clock: Clock,
         part: Part,
-        roster: AgentDirectory,
+        directory: AgentDirectory,
         team: Team,
         token: Token,
         memory: RestoredState | None = None,
-        accept: Callable[[Message], bool] = lambda message: True,
+        rights: MailRights | None = None,
     ) -> None:
-        """`memory` is what the agent has on disk; without one it begins anew each time.
+        """`memory` is the agent's checkpoint; without one it begins without a past each time.
 
-        `accept` says whether it takes a message from its sender.
+        `rights` decide whose mail it accepts; None: all.
         """
         self.part = part
         self.begins = memory is None or memory.stored is None
-        """Whether the agent begins anew, without memory of a former life."""
+        """Whether the agent begins without state of a former life."""
         self.stopped: StopTeam | None = None
-        """What the program said when it stopped the team."""
+        """The effect by which the program has stopped the team."""
         self.counters: Counter[str] = Counter()
-        self._bus, self._clock, self._roster, self._team, self._token = bus, clock, roster, team, token
+        self._bus, self._clock, self._directory, self._team, self._token = bus, clock, directory, team, token
         self._memory = memory
-        self._keeper = None if memory is None else Keeper(None if memory.stored is None else memory.stored.mind)
-        birth = InitialState(
-            sources=part.sources,
+        stored = None if memory is None or memory.stored is None else memory.stored.mind
+        self._keeper = None if memory is None else Keeper(stored)
+        self._tasks = Tasks(f"working for agent {part.name}")
+        self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
+        self._backlog = LagEstimator()
+        self._beats = Loop.unwatched()
+        self._reasons = False
+        """Whether the state of a former life is restored, so that the agent reasons."""
+        life = boot_id()
+        settings = MindBirth(
+            program="",
             seed=part.own_seed,
             start=clock.now(),
             epoch=clock.epoch,
-            zone=clock.zone,
+            zone=str(clock.zone),
             names_variables=part.names_variables,
             ask_timeout=ASK_TIMEOUT,
             decisions=part.decisions,
             kept=memory is not None,
-            stored=None if memory is None or memory.stored is None else memory.stored.mind,
         )
-        early: list[tuple[int, Input]] = []
+        birth = InitialState(settings, part.sources, stored)
+        self._tracing = Tracing(bus, clock, part.name, birth, directory, life, self._tasks)
         self._mind = Mind(
             part.name,
             part.program,
             seed=part.own_seed,
-            start=birth.start,
-            on_input=lambda cycle, item: early.append((cycle, item)),
+            start=settings.start,
+            on_input=self._tracing.inputs.given,
             names_variables=part.names_variables,
             clock=clock.now,
-            agents=lambda: roster.names,
+            agents=self._tracing.inputs.names,
             has_team=True,
             ask_timeout=ASK_TIMEOUT,
             epoch=clock.epoch,
@@ -201,31 +132,17 @@ class AgentHost:
             decisions=part.decisions,
             keeper=self._keeper,
         )
-        self._backlog = LagEstimator()
-        self._wake = WakeupTimer()
-        self._beats = Loop.unwatched()
-        self._reasons = False
-        """Whether it reasons by now: what a former life had begun is known."""
-        self._turning = False
-        """Whether a turn is to come as soon as all that the bus has brought is taken in."""
-        self._through = False
-        """Whether a turn outside of `run` has stopped the team."""
-        self._broken: BaseException | None = None
-        """What a turn outside of `run` has failed with."""
-        self._prints: deque[str] = deque(maxlen=LAST_PRINTS)
-        self._tasks = Tasks(f"working for agent {part.name}")
+        self._tracing.follow(self._mind)
         for formula in (*part.done.values(), *part.failed.values()):
-            self._mind.query(formula)  # what it names is known from the beginning, whenever somebody looks
-        self._mailing = MailClient(bus, part.name, self._mind, self._take_mail, lambda: roster.names, accept)
-        self._tracing = Tracing(
-            bus, clock, self._mind, birth, early, lambda: roster.names, self._mailing.life, self._tasks.spawn
-        )
-        self._tracing.send_by(self._mailing.send, self._mailing.receivers)
-        self._checkpointer = self._keep_in(memory)
-        self._hand: PoisonInputs | None = None
-        if memory is not None:
-            self._hand = PoisonInputs(memory.checkpoint.path.parent, self._in_hand)
-            self._mailing.is_set_aside = self._hand.is_set_aside
+            self._mind.query(formula)  # so that the predicates in it exist before anybody queries it
+        self._runner = MindRunner(bus, self._mind, self._turn)
+        self._mailing = MailClient(bus, life, self._runner, directory, rights, self._tracing)
+        self._mind.post_office = self._mailing.send
+        self._checkpointer: Checkpointer | None = None
+        self._poison: PoisonInputs | None = None
+        if memory is not None and self._keeper is not None:
+            self._checkpointer = self._restored(memory, self._keeper)
+            self._poison = self._mailing.poison = PoisonInputs(memory.checkpoint.path.parent, self._in_hand)
         self._perceiving: PerceptSync | None = None
         self._by_hand: HandPercepts | None = None
         self._action_requests: ActionRequests | None = None
@@ -241,229 +158,139 @@ class AgentHost:
             part.name,
             bus.boot,
             self._action_requests,
-            self._checkpointer or NoJournal(),
+            self._checkpointer,
             self._done,
-            self._tasks.spawn,
             self._interrupted,
+            self._tasks,
         )
-        self._control = OperatorControl(
-            bus,
-            self._mind,
-            part.inject,
-            wall=clock.wall,
-            now=clock.now,
-            feed=self._feed,
-            changed=self._ordered,
-            robot=part.robot,
-        )
-        self._viewer = Viewer(
-            bus,
-            self._mind,
-            clock,
-            self._control,
-            life=self._mailing.life,
-            prints=self._prints,
-            actions=self._tracing.deeds.actions,
-            done=part.done,
-            failed=part.failed,
-        )
+        self._control = OperatorControl(bus, clock, self._runner, part.inject, self._ordered, part.robot)
+        self._viewer = Viewer(bus, clock, self._mind, part, self._control, self._tracing, self._prints)
 
-    def _keep_in(self, memory: RestoredState | None) -> Checkpointer | None:
-        """Take up the mail of a former life, and prepare to keep this one."""
-        if memory is None or self._keeper is None:
-            return None
+    def _restored(self, memory: RestoredState, keeper: Keeper) -> Checkpointer:
+        """Restore the mail of a former life, and prepare to save this one."""
         memory.restore(self._mailing)
-        self._roster.remember(memory.correspondents)
+        self._directory.remember(memory.correspondents)
         if not memory.is_of(self.part.digest):
             log.warning("agent=%s its program has changed: beliefs and goals are those of the old one", self.part.name)
-        checkpointer = Checkpointer(
-            self.part.name, memory, self._keeper, self._mind, self._mailing, self._bus.wire, self._wake.set
-        )
+        checkpointer = Checkpointer(memory, keeper, self._runner, self._mailing, self._bus.wire)
         checkpointer.first = memory.first_saving(self._mailing, self.part.digest)
         return checkpointer
 
     async def _come_back(self) -> None:
-        """Go on where a former life ended, if there was one."""
-        if self._memory is None or self._keeper is None or self._checkpointer is None or self._memory.stored is None:
+        """Resume what a former life has left, if there was one."""
+        memory, keeper, checkpointer = self._memory, self._keeper, self._checkpointer
+        if memory is None or keeper is None or checkpointer is None or memory.stored is None:
             return
-        for what in self._keeper.left_out:
+        for what in keeper.left_out:
             log.warning("agent=%s cannot be what it was: %s", self.part.name, what)
-        self._tasks.spawn(self._compare(self._memory, self._memory.stored, self._checkpointer))
-        await self._checkpointer.count_life()
-        interrupted = await self._action_client.take_up(self._memory.actions)
-        self._tracing.came_back(CameBack(self._memory.life, tuple(interrupted)))
-        come_back(self._mind, self._keeper, self._memory.life, interrupted, self.part.on_restart)
-        self._memory.stored = None
+        self._tasks.spawn(self._note_old_state(memory, checkpointer))
+        await checkpointer.count_life()
+        interrupted = await self._action_client.take_up(memory.actions)
+        self._tracing.came_back(CameBack(memory.life, tuple(interrupted)))
+        come_back(self._mind, keeper, memory.life, interrupted, self.part.on_restart)
+        memory.stored = None
+
+    async def _note_old_state(self, memory: RestoredState, checkpointer: Checkpointer) -> None:
+        """Note if the checkpoint is older than the mail that the agent has sent."""
+        assert memory.stored is not None
+        if warning := await memory.went_back(memory.stored, self._mailing):
+            checkpointer.add_note(Note("state_went_back", warning))
+            self._mailing.signal("state_went_back")
 
     def _in_hand(self) -> Held:
-        """Say what the mind is at, on another thread."""
+        """Return the event and the message that the mind is working on; called on another thread."""
         return Held("" if self._keeper is None else self._keeper.in_hand(), self._mailing.in_hand())
 
     def _set_aside(self) -> None:
-        """Set aside what the last lives have died at, if there is such."""
-        hand, keeper, checkpointer = self._hand, self._keeper, self._checkpointer
-        if hand is None or hand.died_at is None or keeper is None or checkpointer is None:
+        """Skip the input at which the last lives have ended, if there is one."""
+        poison, keeper, checkpointer = self._poison, self._keeper, self._checkpointer
+        if poison is None or poison.died_at is None or keeper is None or checkpointer is None:
             return
-        poison = hand.died_at
-        if keeper.set_aside(poison.event):
-            hand.poison = None  # else it comes with a message, which will be refused
-        hand.keep(poison)
-        what = said(poison)
-        text = f"set aside after {DEATHS} lives that ended at it: {what} (kept in {hand.kept})"
-        checkpointer.tell(Note("set_aside", text, what))
+        held = poison.died_at
+        if keeper.set_aside(held.event):
+            poison.poison = None  # else a message brings it, and is refused
+        poison.keep(held)
+        what = text_of(held)
+        text = f"set aside after {DEATHS} lives that ended at it: {what} (kept in {poison.kept})"
+        checkpointer.add_note(Note("set_aside", text, what))
         self._mailing.signal("set_aside", what)
 
-    async def _compare(self, memory: RestoredState, stored: Stored, checkpointer: Checkpointer) -> None:
-        """Tell if what is kept has gone back in time."""
-        if told := await memory.went_back(stored, self._mailing):
-            checkpointer.tell(Note("state_went_back", told))
-            self._mailing.signal("state_went_back")
-
-    def _interrupted(self, literal: Literal) -> None:
-        """An action of a former life has ended, and no plan has waited for it."""
-        if self._keeper is not None:
-            self._tracing.came_back(Interrupted(literal))
-            raise_interrupted(self._mind, self._keeper, literal)
-            self._wake.set()
-
-    def hurry(self) -> None:
-        """Mail that had to wait may find commd again."""
-        self._mailing.outbox.hurry()
+    # --- turns ---
 
     async def run(self, stop: asyncio.Event, loop: Loop | None = None) -> None:
-        """Reason until `stop` is set or the program stops the team. Sleeps while there is nothing to do.
-
-        Each turn is a beat of `loop`.
-        """
-        loop = loop or Loop.unwatched()
+        """Reason until `stop` is set or the program stops the team. Each turn feeds the watchdog `loop`."""
+        self._beats = loop or Loop.unwatched()
         await self._come_back()
         self._set_aside()
         self._reasons = True
-        waiting = asyncio.create_task(stop.wait())
-        waiting.add_done_callback(lambda _: self._wake.set())
         in_order = False
-        self._beats = loop
         try:
-            while not stop.is_set():
-                pause = self._turn()
-                if self.stopped is not None:
-                    break
-                if pause == 0:
-                    await asyncio.sleep(0)
-                    continue
-                await self._wake.wait(pause)
-                if self._broken is not None:
-                    raise self._broken
-                if self._through:
-                    break
+            await self._runner.run(stop)
             in_order = True
         finally:
             _busy.discard(self)
-            loop.end()
-            waiting.cancel()
-            self._wake.close()
+            self._beats.end()
             await self._leave(in_order)
 
     def _turn(self) -> float | None:
-        """Reason about what has come, and carry out what comes of it.
+        """Reason about the inputs, carry out the effects and begin a save if one is due.
 
-        Returns the wall seconds until the next turn if nothing else comes: 0 for at once, None for never.
+        Returns the wall seconds until the next turn without an input: 0: immediately, None: never.
         """
         self._beats.beat()
-        self._wake.clear()
-        hand = self._hand
-        if hand is None:
-            return self._reason()
-        hand.begin()
+        mind, clock, control, poison = self._mind, self._clock, self._control, self._poison
+        if poison is not None:
+            poison.begin()
         try:
-            return self._reason()
+            if control.may_reason():
+                _busy.add(self)
+                self._carry_out_all(reason(mind, clock, len(_busy), self._tracing.ran))
+            else:
+                self._step()
+            ready = mind.ready and not control.paused
+            if not ready:
+                _busy.discard(self)
+            next_save = self._save()
+            if ready:
+                return 0.0
+            due = None if control.paused else mind.wake_at
+            pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
+            pauses += [pause for pause in (next_save, self._beats.period, control.left) if pause is not None]
+            return min(pauses, default=None)
         finally:
-            hand.end()
+            if poison is not None:
+                poison.end()
 
-    def _reason(self) -> float | None:
-        """What a turn is."""
-        mind, clock, control = self._mind, self._clock, self._control
-        if control.may_reason():
-            _busy.add(self)
-            self._go_on(reason(mind, clock, len(_busy), self._tracing.ran))
-        else:
-            self._step()
-        ready = mind.ready and not control.paused
-        if not ready:
-            _busy.discard(self)
-        look_at = self._keep()
-        if ready:
-            return 0.0
-        due = None if control.paused else mind.wake_at
-        pauses = [] if due is None else [max(0.0, clock.to_wall(due - clock.now()))]
-        pauses += [pause for pause in (look_at, self._beats.period, control.left) if pause is not None]
-        return min(pauses, default=None)
-
-    def _turn_at_once(self) -> None:
-        """Have a turn in the place of the task that sleeps: in the pass of the event loop in which something came."""
-        self._turning = False
-        if not self._wake.asleep:
-            self._wake.set()
-            return
-        try:
-            pause = self._turn()
-        except BaseException as error:
-            self._broken = error
-            self._wake.set()
-            return
-        self._through = self.stopped is not None
-        if pause == 0 or self._through:
-            self._wake.set()
-        else:
-            self._wake.within(pause)
-
-    def _rouse(self) -> None:
-        """Something has come for the mind."""
-        if self._turning:
-            return
-        if self._wake.asleep and self._bus.afterwards(self._turn_at_once):
-            self._turning = True
-        else:
-            self._wake.set()
-
-    def _go_on(self, effects: list[Effect]) -> None:
-        """Carry out what a run of the mind wants done."""
+    def _carry_out_all(self, effects: list[Effect]) -> None:
         self._mind.beliefs.mark(self._mind.now)
         for effect in effects:
             self._carry_out(effect)
 
     def _step(self) -> None:
-        """Run the cycles that an operator asks of a mind that is paused."""
+        """Run the single cycles that an operator has ordered of a paused mind."""
         while steps := self._control.take_step():
-            self._go_on(self._run_one())
+            self._carry_out_all(self._run_one())
             for step in steps:
                 if not step.done():
                     step.set_result("")
 
     def _run_one(self) -> list[Effect]:
-        """Run one cycle."""
         first, now = self._mind.cycle + 1, self._clock.now()
         effects = self._mind.run(now, 1)
         if self._tracing.ran is not None:
             self._tracing.ran(first, now, effects)
         return effects
 
-    def _ordered(self, order: str) -> None:
-        """An operator has done something to the mind."""
-        self._tracing.ordered(order)
-        self._viewer.forget()
-        self._wake.set()
-
-    def _keep(self) -> float | None:
-        """Begin a save if one is due. Returns the wall seconds until it is to be looked at again."""
+    def _save(self) -> float | None:
+        """Begin a save if one is due. Returns the wall seconds until the next call at the latest."""
         if self._checkpointer is not None:
             paused = self._control.paused and self._mind.atomic is None
             return self._checkpointer.look(quiet=paused or not self._mind.ready)
-        self._mailing.forget()
+        self._mailing.pass_unsaved()
         return None
 
     async def _leave(self, in_order: bool) -> None:
-        """Keep what there is, let the mail leave, end; after `.stopMAS` nothing is to come back."""
+        """Save the state, hand over mail, and end the tasks; after `.stopMAS` the state is removed later."""
         for note in self._mind.drops.unlogged(self._mind.now):
             self._carry_out(note)
         self._mailing.inbox.withdraw()
@@ -471,7 +298,7 @@ class AgentHost:
             await self._end_atomic_plan()
             await self._checkpointer.finish()
         else:
-            self._mailing.forget()
+            self._mailing.pass_unsaved()
         await self._mailing.outbox.drain(LEAVE)
         await self._tasks.end()
         if self._checkpointer is not None:
@@ -479,7 +306,7 @@ class AgentHost:
         self._tracing.close(in_order=in_order)
 
     async def _end_atomic_plan(self) -> None:
-        """An atomic plan is kept whole: what is left of one that does not wait is done, within `ATOMIC_END`."""
+        """Run the rest of an atomic plan that does not wait, within `ATOMIC_END`: it is saved whole."""
         mind = self._mind
         until = asyncio.get_running_loop().time() + ATOMIC_END
         while mind.atomic is not None and mind.ready and asyncio.get_running_loop().time() < until:
@@ -488,52 +315,45 @@ class AgentHost:
                     self._carry_out(effect)
             await asyncio.sleep(0)
 
-    async def part_with(self, forget: bool) -> None:
-        """Close what the agent has on disk; `forget`: it is over, and begins anew when it is started again."""
+    async def close_checkpoint(self, forget: bool) -> None:
+        """Close the checkpoint; `forget` removes it, so that the agent begins without a past."""
         if self._checkpointer is not None:
             await self._checkpointer.close(forget)
 
     def close(self) -> None:
-        """Leave the bus for good: nobody of this name is here any more."""
+        """Leave the bus for good."""
         self._viewer.withdraw()
         self._control.withdraw()
         self._bus.withdraw(self._token)
 
+    # --- for the group ---
+
+    def retry_mail(self) -> None:
+        """Try to hand over waiting mail immediately: commd or the router is back."""
+        self._mailing.outbox.retry_now()
+
     def copy_from(self, other: AgentHost) -> None:
-        """Take over what another agent believes and how it acts (``.clone``)."""
+        """Copy the beliefs and plans of another agent (``.clone``)."""
         self._mind.copy_from(other._mind)
         self._tracing.cloned(other.part.name)
 
     def included(self, request: int, read: Included) -> CompiledProgram:
-        """Return the program that the mind has asked for by a request of this number."""
+        """Trace and return the program of an `.include` with this request id."""
         self._tracing.included(request, read)
         return read.program
 
-    def take(self, item: Input) -> None:
-        """Feed the mind something that does not come by the agent's own mail or robot: who is there."""
-        self._feed(item)
+    def feed(self, item: Input) -> None:
+        """Give the mind an input that is not from the agent's own mail or robot."""
+        self._runner.feed(item)
 
-    def _take_mail(self, mail: Mail) -> None:
-        self._roster.met(mail.sender)
-        self._feed(mail)
-
-    def _done(self, item: ActionDone) -> None:
-        """An action has ended."""
-        self._tracing.done(item)
-        self._feed(item)
-
-    def _feed(self, item: Input) -> None:
-        self._mind.feed(item)
-        self._rouse()
-
-    # --- out of the mind ---
+    # --- effects ---
 
     def _carry_out(self, effect: Effect) -> None:
         self._tracing.did(effect)
         match effect:
             case Print(text=text):
                 self._prints.append(text)
-                for line in text.split("\n"):  # each with its agent: none may look like a line of somebody else
+                for line in text.split("\n"):  # each line with the agent's name: none may pass for another agent's
                     stdout().write(escape_line(line), agent=self.part.name)
             case Log(level=level):
                 log.log(_LEVELS.get(level, logging.INFO), "agent=%s %s", self.part.name, line_of(effect))
@@ -547,27 +367,27 @@ class AgentHost:
                 self._tasks.spawn(self._ask_team(effect))
 
     def _stop_after(self, order: StopTeam, delay: float) -> None:
-        """Stop the team, at once or after a delay that the agent is told of (Jason: `+jag_shutting_down(Ms)`)."""
+        """Stop the team after `delay` mission seconds, announced to the agent (Jason: `+jag_shutting_down(Ms)`)."""
 
         def now() -> None:
             self.stopped = self.stopped or order
-            self._wake.set()
+            self._runner.finish()
 
         if delay <= 0:
             now()
             return
-        self._feed(SignalRaised.named("jag_shutting_down", delay * 1000.0))
+        self._runner.feed(SignalRaised.named("jag_shutting_down", delay * 1000.0))
         asyncio.get_running_loop().call_later(self._clock.to_wall(delay), now)
 
     async def _ask_team(self, request: TeamRequest) -> None:
         try:
-            self._feed(await self._team(self, request))
-        except Exception as error:  # the intention must not wait for ever for an answer that cannot come
+            self._runner.feed(await self._team.answer(self, request))
+        except Exception as error:  # the intention must not wait forever
             why = f"defect in agentd: {type(error).__name__}: {error}"
-            self._feed(TeamReply(request.id, None, "unknown", why))
+            self._runner.feed(TeamReply(request.id, None, "unknown", why))
             raise
 
-    # --- into the mind ---
+    # --- inputs ---
 
     def _perceive(self, perception: Perception) -> None:
         try:
@@ -578,30 +398,48 @@ class AgentHost:
             return
         match perception.update:
             case "replace":
-                self._feed(PerceptReplaced(literal, perception.key))
+                self._runner.feed(PerceptReplaced(literal, perception.key))
             case "add":
-                self._feed(PerceptAdded(literal))
+                self._runner.feed(PerceptAdded(literal))
             case "remove":
-                self._feed(PerceptRemoved(literal, perception.key))
+                self._runner.feed(PerceptRemoved(literal, perception.key))
 
     def _bridge_up(self) -> None:
-        self._feed(PerceptReplaced(_BRIDGE_UP))
+        self._runner.feed(PerceptReplaced(_BRIDGE_UP))
         if self._perceiving is not None:
             self._perceiving.doubt()
 
     def _bridge_gone(self) -> None:
         if self._perceiving is not None:
             self._perceiving.forget()
-        self._feed(PerceptRemoved(_BRIDGE_UP))
+        self._runner.feed(PerceptRemoved(_BRIDGE_UP))
+
+    def _done(self, item: ActionDone) -> None:
+        """Give the mind the end of an action."""
+        self._tracing.done(item)
+        self._runner.feed(item)
+
+    def _interrupted(self, literal: Literal) -> None:
+        """Raise the event of an action of a former life that has ended without a plan that waits for it."""
+        if self._keeper is not None:
+            self._tracing.came_back(Interrupted(literal))
+            raise_interrupted(self._mind, self._keeper, literal)
+            self._runner.wake()
+
+    def _ordered(self, order: str) -> None:
+        """Note an operator's order to the mind, as text."""
+        self._tracing.ordered(order)
+        self._viewer.forget()
+        self._runner.wake()
 
     # --- for observers ---
 
     def view(self) -> MindView:
-        """Return what the agent believes and intends now."""
+        """Return the present beliefs and intentions of the agent."""
         return self._viewer.view()
 
     def health(self) -> Health:
-        """Return what the agent has counted, for its health."""
+        """Return the counters and warnings of the agent."""
         counters = Counter(self.counters)
         percepts = self._perceiving or self._by_hand
         parts = {
@@ -615,7 +453,7 @@ class AgentHost:
                 counters.update({f"{prefix}_{name}": count for name, count in part.counters.items()})
         mind = self._mind
         counters["cycles"] = mind.cycle
-        counters["trace_dropped"] = self._tracing.course.dropped
+        counters["trace_dropped"] = self._tracing.inputs.dropped
         missed = self._perceiving.percepts.missed if self._perceiving else 0
         reasons = mind.ready and not self._control.paused
         waiting = len(mind.events) + len(mind.mailbox) if reasons else 0  # an atomic plan that waits keeps the rest
@@ -630,13 +468,13 @@ class AgentHost:
 
     @property
     def _idle(self) -> bool | None:
-        """Whether the agent has nothing to do and nothing in mind; None while that is not its own doing."""
+        """Whether the agent has nothing to do and no intention; None while it is paused or not restored."""
         if not self._reasons or self._control.paused:
             return None
         return self._mind.idle and not self._mind.suspended
 
     def notes(self) -> tuple[Note, ...]:
-        """Return the warnings that hold now."""
+        """Return the present warnings."""
         kept = () if self._checkpointer is None else self._checkpointer.notes()
         percepts = self._perceiving or self._by_hand
         by_hand = () if percepts is None else percepts.notes()

@@ -1,8 +1,8 @@
-"""What an operator does to a mind, where the mission says `inject: true`: pause, step, resume, give a goal or a belief.
+"""Let an operator pause, step and resume a mind, and give it goals and beliefs, if the mission has `inject: true`.
 
-A pause holds the mind between two cycles. Its actions go on, its timers run and fire when it goes on, its mail waits at
-commd as that of a busy mind does, and what it has become is kept. It ends by itself: nobody forgets a mind; and soon if
-the mind has a robot, for nobody reacts to what that one tells meanwhile.
+A pause stops the mind between two cycles. Its actions continue, its timers run and fire later, its mail waits at commd
+as that of a busy mind does, and its state is saved. A pause times out, so that a forgotten one cannot block the agent;
+sooner if the mind has a robot, for nothing reacts to that robot's percepts meanwhile.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Structure
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Literal
-from agentd.mind import Mind
 from agentd.mind.beliefs.term_copy import is_ground
-from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Input
+from agentd.mind.data.inputs import BeliefAdded, GoalAdded
 from agentd.mind.execution.messages import told_annots
+from agentd.runtime.mind_runner import MindRunner
 from commd.bus.bus import Bus, Query
+from commd.common.clock import Clock
 from schemas.wire import keys
 from schemas.wire.mind_records import MindOrder
 from schemas.wire.records import Note, Outcome
@@ -31,19 +32,19 @@ from schemas.wire.records import Note, Outcome
 log = logging.getLogger("control")
 
 LONGEST_PAUSE: Final = 600.0
-"""Wall seconds after which a mind that is paused goes on by itself."""
+"""Wall seconds after which a paused mind continues by itself."""
 LONGEST_WITH_ROBOT: Final = 60.0
 """The same for a mind with a robot."""
 MOST_WAITING: Final = 20_000
-"""Inputs that wait for a paused mind before it goes on by itself."""
-TOLD_AGAIN: Final = 60.0
-"""Wall seconds for which health tells that a mind went on by itself."""
+"""Inputs that may wait for a paused mind; with more it continues by itself."""
+NOTED_FOR: Final = 60.0
+"""Wall seconds for which health notes that a mind has continued by itself."""
 STEP_PATIENCE: Final = 5.0
-"""Wall seconds that a step may take before the operator is told that it has not been made yet."""
+"""Wall seconds after which the operator gets the answer that a step has not been made."""
 LARGEST: Final = 4096
-"""Bytes of an order: the event loop, and with it every agent of the process, waits while it is read."""
+"""Bytes of an order: parsing it blocks the event loop, and with it every agent of the process."""
 DEEPEST: Final = MAX_DEPTH
-"""Brackets within brackets of a goal or belief, and terms within terms: what the trace of a mind can write."""
+"""Nesting of brackets and terms in a goal or belief: the trace of a mind cannot hold more."""
 LOGGED: Final = 200
 """Characters of an order in the log."""
 OPERATOR: Final = "operator"
@@ -52,7 +53,7 @@ NOT_ALLOWED: Final = "the mission does not say `inject: true`: only then its min
 
 
 Step: TypeAlias = "asyncio.Future[str]"
-"""Somebody waits for a step: the result is why it has not been made, empty if it has."""
+"""A step that was ordered: the result says why it was not made; empty: it was."""
 MOST_STEPS: Final = 100
 """Steps that wait at once."""
 _BRACKETS: Final = re.compile(r"[][(){}]|\"(?:[^\"\\]|\\.)*\"")
@@ -60,74 +61,68 @@ _BRACKETS: Final = re.compile(r"[][(){}]|\"(?:[^\"\\]|\\.)*\"")
 
 
 class OperatorControl:
-    """The operator's hold on one mind."""
+    """The operator's control of one mind."""
 
     def __init__(
         self,
         bus: Bus,
-        mind: Mind,
+        clock: Clock,
+        runner: MindRunner,
         allowed: bool,
-        *,
-        wall: Callable[[], float],
-        now: Callable[[], float],
-        feed: Callable[[Input], None],
         changed: Callable[[str], None],
         robot: str | None = None,
     ) -> None:
-        """`wall` tells wall seconds, `now` mission seconds; `feed` gives the mind an input; `robot` is the mind's.
-
-        `changed` hears of each order, in words.
-        """
-        self._mind, self._allowed, self._wall, self._now = mind, allowed, wall, now
-        self._feed, self._changed = feed, changed
+        """`allowed`: the mission has `inject: true`; `changed` gets each order as text; `robot` is the mind's."""
+        self._clock, self._runner, self._mind, self._allowed = clock, runner, runner.mind, allowed
+        self._changed = changed
         self._longest = LONGEST_PAUSE if robot is None else LONGEST_WITH_ROBOT
         self._alone = "" if robot is None else f"; until then nobody reacts to what {robot} does and tells"
-        """What a pause means for the robot, in words."""
+        """Warning about the robot of a paused mind."""
         self._since = self._until = 0.0
-        """When the pause began and when it ends by itself, if there is one."""
+        """Wall times of the beginning and the latest end of the pause, if there is one."""
         self._paused = False
         self._steps: list[Step] = []
-        """The steps that are to be made."""
+        """Steps that were ordered and not made."""
         self._over: tuple[float, str] | None = None
-        """When a pause has ended by itself, and why."""
-        self.withdraw = bus.serve(keys.control(bus.fleet, mind.name), MindOrder, self._serve, at_most=LARGEST)
+        """Wall time and reason of the last pause that has ended by itself."""
+        self.withdraw = bus.serve(keys.control(bus.fleet, self._mind.name), MindOrder, self._serve, at_most=LARGEST)
 
     @property
     def paused(self) -> bool:
-        """Whether the mind is to stand still, but for steps."""
+        """Whether the mind may make ordered steps only."""
         return self._paused
 
     @property
     def left(self) -> float | None:
-        """Wall seconds until the mind goes on by itself; None if it is not paused."""
-        return max(0.0, self._until - self._wall()) if self._paused else None
+        """Wall seconds until the mind continues by itself; None if it is not paused."""
+        return max(0.0, self._until - self._clock.wall()) if self._paused else None
 
     def may_reason(self) -> bool:
-        """Whether the mind may reason now as it likes; ends a pause that is over."""
+        """Return whether the mind is not paused; ends a pause that has timed out."""
         if not self._paused:
             return True
-        if self._wall() >= self._until:
+        if self._clock.wall() >= self._until:
             self._go_on_by_itself(f"a pause lasts at most {self._longest:g} s")
         elif len(self._mind.inputs) > MOST_WAITING:
             self._go_on_by_itself(f"more than {MOST_WAITING} inputs waited for it")
         return not self._paused
 
     def take_step(self) -> list[Step]:
-        """Return who waits for a cycle that is to be run now; nobody if none is."""
+        """Return the step that is to be made now; empty if there is none."""
         while self._steps:
-            if not (step := self._steps.pop(0)).done():  # who waits no more was told that it has not been made
+            if not (step := self._steps.pop(0)).done():  # else it has timed out
                 return [step]
         return []
 
     def notes(self) -> tuple[Note, ...]:
-        """Return the pause, or that one has ended by itself lately."""
-        now = self._wall()
+        """Return a note of the pause, or of one that has ended by itself in the last `NOTED_FOR` seconds."""
+        now = self._clock.wall()
         if self._paused:
             left = max(0.0, self._until - now)
             since = round(now - self._since)
             text = f"paused by the operator for {since} s; it goes on by itself in {left:.0f} s{self._alone}"
             return (Note("mind_paused", text, value=since),)
-        if self._over is not None and now < self._over[0] + TOLD_AGAIN:
+        if self._over is not None and now < self._over[0] + NOTED_FOR:
             return (Note("mind_went_on", f"paused by the operator, it went on by itself: {self._over[1]}"),)
         return ()
 
@@ -142,7 +137,7 @@ class OperatorControl:
             query.reply(await self.carry_out(query.record))
 
     async def carry_out(self, order: MindOrder) -> Outcome:
-        """Carry out an order, or say why not."""
+        """Carry out an order. The outcome has the reason if that fails."""
         match order.do:
             case "pause":
                 return self._pause()
@@ -154,11 +149,11 @@ class OperatorControl:
                 return self._give(order)
 
     def _pause(self) -> Outcome:
-        now = self._wall()
+        now = self._clock.wall()
         if not self._paused:
             self._paused, self._since, self._over = True, now, None
             self._until = now + self._longest
-            self._told("pause")
+            self._log("pause")
             return Outcome(ok=True, reason=f"it goes on by itself in {self._longest:g} s{self._alone}")
         left = f"it goes on by itself in {max(0.0, self._until - now):.0f} s"
         return Outcome(ok=True, reason=f"it was paused already, and {left}{self._alone}")
@@ -167,7 +162,7 @@ class OperatorControl:
         if not self._paused:
             return Outcome(ok=False, reason="it is not paused")
         self._end()
-        self._told("resume")
+        self._log("resume")
         return Outcome(ok=True)
 
     async def _step(self) -> Outcome:
@@ -178,8 +173,8 @@ class OperatorControl:
         step: Step = asyncio.get_running_loop().create_future()
         self._steps.append(step)
         due = self._mind.wake_at
-        idle = not self._mind.ready and (due is None or due > self._now())
-        self._told("step")
+        idle = not self._mind.ready and (due is None or due > self._clock.now())
+        self._log("step")
         try:
             async with asyncio.timeout(STEP_PATIENCE):
                 if why := await step:
@@ -190,26 +185,26 @@ class OperatorControl:
         return Outcome(ok=True, reason=f"{cycle}: there was nothing to do" if idle else cycle)
 
     def _give(self, order: MindOrder) -> Outcome:
-        """Give the mind a goal or a belief of the operator's."""
+        """Give the mind a goal or belief of the operator."""
         sign = "!" if order.do == "goal" else "+"
         try:
             literal = _literal(order.text.strip().removeprefix(sign))
             to_wire(literal)
         except SyntaxErrors as errors:
             return Outcome(ok=False, reason=f"the {order.do} cannot be read: {errors.findings[0].message}")
-        except BadTerm as bad:  # the mind could never be lived again
+        except BadTerm as bad:  # the trace could not hold it
             return Outcome(ok=False, reason=f"the {order.do} cannot be taken: {bad}")
         if order.do == "belief" and not is_ground(literal):
             return Outcome(ok=False, reason=f"a belief without variables was expected, got {literal}")
         if order.do == "goal" and (why := self._no_plan(literal)):
             return Outcome(ok=False, reason=why)
         theirs = literal.with_annots(told_annots(self._mind, literal, OPERATOR))
-        self._feed(GoalAdded(theirs) if order.do == "goal" else BeliefAdded(theirs))
-        self._told(f"{order.do} {sign}{literal}")
+        self._runner.feed(GoalAdded(theirs) if order.do == "goal" else BeliefAdded(theirs))
+        self._log(f"{order.do} {sign}{literal}")
         return Outcome(ok=True, reason="it is paused: it takes it when it goes on" if self._paused else "")
 
     def _no_plan(self, goal: Literal) -> str:
-        """Why a goal would be in vain, in words; empty if the program has a plan for it."""
+        """Return why a goal would fail; empty if the program has a plan for it."""
         plans = self._mind.plans
         if plans.has_nested or plans.relevant("+", "!", goal.sig).plans:
             return ""
@@ -222,7 +217,7 @@ class OperatorControl:
 
     def _go_on_by_itself(self, why: str) -> None:
         self._end()
-        self._over = (self._wall(), why)
+        self._over = (self._clock.wall(), why)
         log.warning("agent=%s goes on by itself after the operator's pause: %s", self._mind.name, why)
         self._changed(f"resume by itself: {why}")
 
@@ -233,13 +228,13 @@ class OperatorControl:
                 step.set_result("the mind went on before this step was made")
         self._steps.clear()
 
-    def _told(self, order: str) -> None:
+    def _log(self, order: str) -> None:
         log.info("agent=%s operator=%s", self._mind.name, order if len(order) <= LOGGED else f"{order[:LOGGED]}...")
         self._changed(order)
 
 
 def _literal(text: str) -> Literal:
-    """Read a goal or belief as the program would write it. Raises SyntaxErrors, and BadTerm for deep brackets."""
+    """Parse a goal or belief. Raises SyntaxErrors, and BadTerm for deeply nested brackets."""
     depth = 0
     for bracket in _BRACKETS.findall(text):
         depth += {"(": 1, "[": 1, "{": 1, ")": -1, "]": -1, "}": -1}.get(bracket, 0)

@@ -1,24 +1,118 @@
-"""An agent's program as its mission composes it: the .asl file, then the beliefs and goals of the mission file."""
+"""Load an agent of a mission: compile its program and collect its settings.
+
+The program is the .asl file, followed by the beliefs and goals of the mission file.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import hashlib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
+from zlib import crc32
 
+from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.parse import parse_file, parse_formula, parse_program
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Belief, Formula, Goal, Item, Program
+from agentd.trace.initial_state import Sources
 from schemas.files.findings import Finding, Findings
 from schemas.files.yaml_positions import Steps
+from schemas.manifest.loader import load_manifest
 from schemas.mission.model import Mission
+
+DECISIONS = 200
+"""Decisions and failures that an agent remembers by default."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What an agent is made of: its program, its robot and its settings in the mission."""
+
+    name: str
+    program: CompiledProgram
+    robot: str | None = None
+    done: dict[str, Formula] = field(default_factory=dict)
+    failed: dict[str, Formula] = field(default_factory=dict)
+    seed: int = 0
+    """Of the run; that of the agent is `own_seed`."""
+    on_restart: Goal | None = None
+    """The goal to pursue after a restart instead of its pending goals."""
+    decisions: int = DECISIONS
+    """Number of its last decisions that the agent remembers; 0: none."""
+    names_variables: bool = False
+    """Whether the robot takes a free variable in an action by its name (`values = "text"` in its manifest)."""
+    digest: bytes = b""
+    """Digest of the program."""
+    robot_elsewhere: str | None = None
+    """The board of its robot, if that is another one than its own."""
+    presence: bool = False
+    """Whether it has the beliefs `online(Agent)[board(B)]`."""
+    inject: bool = False
+    """Whether operators may pause it and give it goals and beliefs."""
+    sources: Sources | None = None
+    """The texts of its program."""
+
+    @property
+    def own_seed(self) -> int:
+        """Seed of this agent's random numbers: different for each agent of a run, the same in each process."""
+        return self.seed + crc32(self.name.encode())
+
+
+def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS) -> Part:
+    """Load an agent of a mission. Raises Findings with all mistakes of its program."""
+    spec = mission.agents[agent]
+    as_text, elsewhere = False, None
+    if spec.robot is not None:
+        robot = mission.robots[spec.robot]
+        named = robot.manifest
+        as_text = not isinstance(named, str) or load_manifest(named, mission.path.parent).robot.values == "text"
+        elsewhere = robot.board if robot.board != spec.board else None
+    endings_here = (ending for ending in (*mission.done, *mission.failed) if ending.agent == agent)
+    sources = Sources(
+        main=str(mission.relative(spec.program)),
+        mission=mission.positions.file,
+        beliefs=tuple(spec.beliefs),
+        goals=tuple(spec.goals),
+        on_restart=spec.on_restart if spec.on_restart.strip().startswith("goal(") else "",
+        formulas=tuple(ending.formula for ending in endings_here),
+    )
+    program = _compiled(compose(mission, agent, sources.parse_file), sources)
+    text = repr((program.beliefs, program.goals, program.plans))
+    return Part(
+        agent,
+        program,
+        spec.robot,
+        done=endings(mission, agent, "done"),
+        failed=endings(mission, agent, "failed"),
+        seed=seed,
+        on_restart=restart_goal(mission, agent),
+        decisions=decisions,
+        names_variables=as_text,
+        digest=hashlib.sha256(text.encode(errors="replace")).digest(),
+        robot_elsewhere=elsewhere,
+        presence=spec.presence,
+        inject=mission.inject,
+        sources=sources,
+    )
+
+
+def _compiled(program: Program, sources: Sources) -> CompiledProgram:
+    """Compile a program. Raises Findings for a bad directive, or an included file that does not parse."""
+    try:
+        return compile_program(program, sources.parse_file)
+    except SyntaxErrors as errors:
+        raise Findings(errors.findings) from None
+    except DirectiveError as error:
+        where = error.position
+        raise Findings([Finding(where.file, where.line, where.column, error.message)]) from None
 
 
 def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = parse_file) -> Program:
-    """Return the program of an agent of a mission; `read` reads its file.
+    """Return the program of an agent: its file, parsed by `read`, with the beliefs and goals of the mission file.
 
-    Raises Findings with everything that is wrong with it.
+    Raises Findings with all mistakes.
     """
     spec = mission.agents[agent]
     findings: list[Finding] = []
@@ -37,16 +131,21 @@ def compose(mission: Mission, agent: str, read: Callable[[Path], Program] = pars
         items += _item(mission, ("agents", agent, "beliefs", index), text, Belief, findings)
     _restart_goal(mission, agent, findings)
     for index, text in enumerate(spec.goals):
-        items += _item(mission, ("agents", agent, "goals", index), "!" + text.strip().lstrip("!"), Goal, findings)
+        items += _item(mission, ("agents", agent, "goals", index), _as_goal(text), Goal, findings)
     if findings:
         raise Findings(findings)
     return replace(program, items=(*program.items, *items))
 
 
+def _as_goal(text: str) -> str:
+    """Return a goal with its `!`, which the mission file may leave out."""
+    return "!" + text.strip().lstrip("!")
+
+
 def _item(
     mission: Mission, steps: Steps, text: str, kind: type[Belief] | type[Goal], findings: list[Finding]
 ) -> tuple[Item, ...]:
-    """Read one belief or goal that stands in the mission file."""
+    """Parse one belief or goal of the mission file."""
     try:
         found = read_item(text, mission.positions.file, kind)
     except SyntaxErrors as errors:
@@ -55,18 +154,34 @@ def _item(
     if not found:
         what = "belief such as `rescuers(2)`" if kind is Belief else "goal such as `fly_mission`"
         findings.append(mission.positions.finding(steps, f"`{text}`: expected one {what}"))
-        return ()
     return found
 
 
 def read_item(text: str, file: str, kind: type[Belief] | type[Goal]) -> tuple[Item, ...]:
-    """Read one belief or goal that stands in a mission file; nothing if it is something else. Raises SyntaxErrors."""
+    """Parse one belief or goal of a mission file; empty if the text is something else. Raises SyntaxErrors."""
     found = parse_program(text.strip().removesuffix(".") + ".", file).items
     return found if len(found) == 1 and isinstance(found[0], kind) else ()
 
 
+def recorded_program(main: Program, beliefs: Iterable[str], goals: Iterable[str], file: str) -> Program:
+    """Return a program with the beliefs and goals of a mission file that was accepted before. Raises SyntaxErrors."""
+    items: list[Item] = [*main.items]
+    for text in beliefs:
+        items += read_item(text, file, Belief)
+    for text in goals:
+        items += read_item(_as_goal(text), file, Goal)
+    return replace(main, items=tuple(items))
+
+
+def goal_of(on_restart: str) -> str:
+    """Return the goal of `goal(g)` with its `!`; empty if the text has another form."""
+    text = on_restart.strip()
+    inner = text.removeprefix("goal(").removesuffix(")").strip().lstrip("!")
+    return f"!{inner}" if inner and text.startswith("goal(") and text.endswith(")") else ""
+
+
 def restart_goal(mission: Mission, agent: str) -> Goal | None:
-    """Return the goal of `on_restart: goal(g)`, None if it is something else. Raises Findings for one that is none."""
+    """Return the goal of `on_restart: goal(g)`, None for other settings. Raises Findings for an invalid goal."""
     findings: list[Finding] = []
     goal = _restart_goal(mission, agent, findings)
     if findings:
@@ -79,16 +194,16 @@ def _restart_goal(mission: Mission, agent: str, findings: list[Finding]) -> Goal
     if not text.startswith("goal("):
         return None
     steps = ("agents", agent, "on_restart")
-    inner = text.removeprefix("goal(").removesuffix(")").strip().lstrip("!")
-    if not (text.endswith(")") and inner):
+    goal = goal_of(text)
+    if not goal:
         findings.append(mission.positions.finding(steps, f"`{text}`: expected a goal such as `goal(recover)`"))
         return None
-    items = _item(mission, steps, f"!{inner}", Goal, findings)
+    items = _item(mission, steps, goal, Goal, findings)
     return items[0] if items and isinstance(items[0], Goal) else None
 
 
 def endings(mission: Mission, agent: str, field: Literal["done", "failed"]) -> dict[str, Formula]:
-    """Return the `done` or `failed` formulas of this agent, by text. Raises Findings for one that does not parse."""
+    """Return the `done` or `failed` formulas of an agent by their texts. Raises Findings for invalid ones."""
     formulas: dict[str, Formula] = {}
     findings: list[Finding] = []
     for index, ending in enumerate(mission.done if field == "done" else mission.failed):

@@ -1,6 +1,6 @@
-"""Where the files of a program are looked for: beside the one that names them, in folders to search, under ``$name``.
+"""Find and compile the files of programs: beside the file that names them, in search folders, under ``$name``.
 
-Jason's programs name files of Jason itself as ``$jasonJar/...``; a map says which folder stands for such a name.
+Jason's programs name files of Jason itself as ``$jasonJar/...``; a map gives the folder for such a name.
 """
 
 from __future__ import annotations
@@ -8,20 +8,23 @@ from __future__ import annotations
 import errno
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from agentd.extensions.plugins import discover
 from agentd.language.compiler.compile import CompiledProgram, compile_program, in_namespace
-from agentd.language.parse import parse_file
+from agentd.language.parse import parse_file, parse_program
+from schemas.files.findings import Finding
 
 USUAL_FOLDERS = (".", "src/agt", "src/agt/inc", "src/asl", "asl")
-"""Where projects of Jason keep their programs, under the project's folder; looked into after all that is named."""
+"""Where projects of Jason keep their programs, below the project's folder; searched last."""
 
 
 class SourcePaths:
     """Finds the files that programs name.
 
-    ``names`` are the folders that ``$name`` stands for, ``folders`` those to search in, ``project`` is the folder that
-    the `USUAL_FOLDERS` are taken from.
+    ``names`` are the folders of ``$name``, ``folders`` the search folders, ``project`` is the folder that the
+    `USUAL_FOLDERS` are below.
     """
 
     def __init__(
@@ -31,12 +34,12 @@ class SourcePaths:
         self.folders = tuple(folders)
         self.project = project or Path()
         self.advice = ""
-        """How the user names a folder to search in; told where an included file is not found."""
+        """How the user adds a search folder; part of the error for an included file that is not found."""
 
     def find(self, path: str, beside: str) -> str:
-        """The file that ``path`` names in the file ``beside`` (or ``""``).
+        """Return the file that ``path`` names in the file ``beside`` (or ``""``).
 
-        Raises FileNotFoundError, whose text says where it was looked for.
+        Raises FileNotFoundError with the folders that were searched.
         """
         if path.startswith("$"):
             return self._mapped(path)
@@ -61,7 +64,7 @@ class SourcePaths:
         return str(found)
 
     def expand(self, path: str) -> Path:
-        """A path with its ``$name`` replaced; other paths as they are. Raises FileNotFoundError for an unknown name."""
+        """Replace the ``$name`` at the beginning of a path. Raises FileNotFoundError for an unknown name."""
         if not path.startswith("$"):
             return Path(path)
         name, _, rest = path[1:].partition("/")
@@ -72,10 +75,10 @@ class SourcePaths:
         return folder / rest
 
     def files_below(self, folder: str, beside: str, pattern: str) -> list[str]:
-        """The files in a folder and below, sorted, whose path or name is of the form of a regular expression.
+        """Return the files in a folder and below, sorted, whose path or name matches a regular expression.
 
-        The folder is looked up from the project; where no such file is there, from where the file ``beside`` stands.
-        Raises OSError, and ValueError for an expression that is none.
+        The folder is relative to the project or, if there is no such file, to the file ``beside``.
+        Raises OSError, and ValueError for an invalid expression.
         """
         try:
             form = re.compile(pattern)
@@ -94,14 +97,14 @@ class SourcePaths:
         return compile_program(parse_file(self.find(path, beside)), parse_file, self.find)
 
     def included(self, path: str, beside: str, namespace: str) -> CompiledProgram:
-        """`compiled` of a file that a running program includes into a namespace."""
+        """Compile a file that a running program includes into a namespace; raises as `compiled` does."""
         return in_namespace(parse_file(self.find(path, beside)), namespace, parse_file, self.find)
 
 
 def read_folders(arguments: Iterable[str], project: Path | None = None) -> SourcePaths:
-    """The paths that ``--include-path`` arguments describe: ``FOLDER`` or ``[$]NAME=FOLDER``.
+    """Return the paths of ``--include-path`` arguments: ``FOLDER`` or ``[$]NAME=FOLDER``.
 
-    Raises ValueError, in words for people, for a folder that is not there.
+    Raises ValueError for a folder that does not exist, with a text for people.
     """
     names: dict[str, Path] = {}
     folders: list[Path] = []
@@ -119,3 +122,32 @@ def read_folders(arguments: Iterable[str], project: Path | None = None) -> Sourc
     paths = SourcePaths(names, folders, project)
     paths.advice = "; give its folder by --include-path FOLDER"
     return paths
+
+
+@dataclass(slots=True)
+class Setup:
+    """The agents of a run of `agentd run`, with their programs and settings."""
+
+    programs: list[tuple[str, CompiledProgram]] = field(default_factory=list)
+    paths: SourcePaths = field(default_factory=SourcePaths)
+    environment_arguments: tuple[str, ...] = ()
+    verbosity: dict[str, int] = field(default_factory=dict)
+    """By agent, as ``.verbose`` sets it."""
+    warnings: list[Finding] = field(default_factory=list)
+
+
+def compile_text(text: str, name: str = "program.asl", include_path: Iterable[str] = ()) -> CompiledProgram:
+    """Compile a program from its text (docs/guides/extending.md).
+
+    ``name`` is the file in messages, and included files are searched beside it. ``include_path`` is as on the command
+    line: search folders, and ``NAME=FOLDER``. Raises `SyntaxErrors` with all mistakes of the program, `DirectiveError`
+    for a directive that cannot be carried out, ValueError for a folder that does not exist.
+    """
+    discover()
+    return compile_program(parse_program(text, name), parse_file, read_folders(include_path).find)
+
+
+def compile_file(path: str | Path, include_path: Iterable[str] = ()) -> CompiledProgram:
+    """Compile a program from its file. Raises as `compile_text`, and OSError if it cannot be read."""
+    discover()
+    return read_folders(include_path).compiled(str(path))

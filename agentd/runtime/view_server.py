@@ -1,58 +1,53 @@
-"""Shows a mind to whoever asks: `{agent}/mind`.
+"""Serve views of a mind: `{agent}/mind`.
 
-A look must not disturb the mind: who asks often is shown the last look again, and each look is bounded
+A view must not disturb the mind: repeated queries get the last view again, and each view is bounded
 (`agentd.conversion.mind_view`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from agentd.conversion.introspection import EVERYTHING, BadParameter, Look
 from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
-from agentd.language.syntax_tree.nodes import Formula
 from agentd.mind import Mind
 from agentd.runtime.operator_control import OperatorControl
+from agentd.runtime.program_loader import Part
+from agentd.trace import Tracing
 from commd.bus.bus import Bus, Query
 from commd.common.clock import Clock
 from schemas.wire import keys
-from schemas.wire.mind_records import Deed, MindView
+from schemas.wire.mind_records import MindView
 
 SHOWN_AGAIN: Final = 0.2
-"""Wall seconds for which a view is shown again to who asks for the same."""
+"""Wall seconds for which equal queries get the same view."""
 
 
 class Viewer:
-    """Shows one mind."""
+    """Serves views of one mind."""
 
     def __init__(
         self,
         bus: Bus,
-        mind: Mind,
         clock: Clock,
+        mind: Mind,
+        part: Part,
         control: OperatorControl,
-        *,
-        life: str,
+        tracing: Tracing,
         prints: Iterable[str],
-        actions: Iterable[Deed],
-        done: Mapping[str, Formula],
-        failed: Mapping[str, Formula],
     ) -> None:
-        """`life` is what the ids of this life's messages end with.
-
-        `prints` and `actions` hold the last ones at any time; `done` and `failed` are the mission's formulas.
-        """
-        self._bus, self._mind, self._clock, self._control = bus, mind, clock, control
-        self._life, self._prints, self._actions, self._done, self._failed = life, prints, actions, done, failed
+        """`part` has the mission's formulas; `prints` holds the last lines that were printed."""
+        self._bus, self._clock, self._mind, self._part = bus, clock, mind, part
+        self._control, self._tracing, self._prints = control, tracing, prints
         self._beliefs, self._plans = Beliefs(mind), Plans(mind)
         self._made: dict[Look, tuple[float, MindView]] = {}
-        """The last looks, and when they were made in wall seconds."""
+        """The last views, and their times in wall seconds."""
         self._key = keys.mind(bus.fleet, mind.name)
         self.withdraw: Callable[[], None] = bus.serve(self._key, MindView, self._show, observers=True)
 
     def forget(self) -> None:
-        """The mind is not as it was: an operator has done something to it."""
+        """Make new views: an operator has changed the mind."""
         self._made.clear()
 
     async def _show(self, query: Query[MindView]) -> None:
@@ -64,7 +59,7 @@ class Viewer:
         await query.answer(self._recent(look), self._key)
 
     def _recent(self, look: Look) -> MindView:
-        """The mind as it is, or was a moment ago."""
+        """Return a view that is at most `SHOWN_AGAIN` old."""
         now = self._clock.wall()
         made = self._made.get(look)
         if made is None or now >= made[0] + SHOWN_AGAIN:
@@ -73,7 +68,7 @@ class Viewer:
         return made[1]
 
     def view(self, look: Look = EVERYTHING) -> MindView:
-        """What the agent believes and intends now."""
+        """Return the present beliefs and intentions."""
         mind, paused_for, now = self._mind, self._control.left, self._clock.now()
         believed, beliefs_left_out = self._beliefs.shown(look, now)
         intentions, intentions_left_out = intentions_of(mind)
@@ -95,7 +90,7 @@ class Viewer:
             events=events,
             events_left_out=events_left_out,
             mailbox=len(mind.mailbox),
-            questions=questions_of(mind, self._life),
+            questions=questions_of(mind, self._tracing.life),
             plans=self._plans.shown(look),
             plan_count=len(mind.plans.plans),
             prints=tuple(self._prints),
@@ -103,7 +98,7 @@ class Viewer:
             failures=failures,
             dropped=dict(mind.drops.counts),
             drops=tuple(mind.drops.by_name.values()),
-            actions=tuple(self._actions),
-            done={text: mind.query(formula) for text, formula in self._done.items()},
-            failed={text: mind.query(formula) for text, formula in self._failed.items()},
+            actions=tuple(self._tracing.deeds.actions),
+            done={text: mind.query(formula) for text, formula in self._part.done.items()},
+            failed={text: mind.query(formula) for text, formula in self._part.failed.items()},
         )

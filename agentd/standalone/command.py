@@ -7,23 +7,17 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agentd.conversion.slow_notice import loading, told_if_long
-from agentd.exit_handling import seconds
 from agentd.extensions.user_code import MISTAKES, UserCodeError, describe_error, load_class
 from agentd.language.compiler.compile import CompiledProgram, DirectiveError
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.runtime.agent_setup import Setup
-from agentd.runtime.program_paths import SourcePaths, read_folders
+from agentd.process import allow_deep_calls, loading_notice, seconds
+from agentd.runtime.program_paths import Setup, SourcePaths, read_folders
 from agentd.standalone.decision_printer import add_why_arguments, narrator_of
 from agentd.standalone.standalone_team import Team
 from schemas.files.findings import Findings
 
 if TYPE_CHECKING:
     from agentd.environment import Environment
-
-DEEPEST_CALLS = 9000
-"""How deep rules may call one another; a computation beyond fails its plan."""
-
 
 _DESCRIPTION = """\
 Run agents in this process, without any bus. Exit code: that of .stopMAS; 0 when nothing was left to do, whether or not
@@ -33,7 +27,7 @@ the environment was stopped."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the command."""
+    """Declare the arguments of `agentd run`."""
     parser.add_argument(
         "agents",
         nargs="+",
@@ -66,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_environment_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments that name a Python environment."""
+    """Declare the arguments for an environment in Python."""
     parser.add_argument("--env", metavar="MODULE:CLASS", help="what the agents live in: a class of agentd.Environment")
     parser.add_argument(
         "--env-arg", action="append", default=[], metavar="TEXT", help="an argument of its init (repeatable)"
@@ -74,7 +68,7 @@ def add_environment_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_environment(name: str | None) -> Environment | None:
-    """The environment that ``--env`` names. Raises `agentd.extensions.user_code.UserCodeError`."""
+    """Make the environment that ``--env`` names. Raises `agentd.extensions.user_code.UserCodeError`."""
     if name is None:
         return None
     from agentd.environment import Environment
@@ -88,7 +82,7 @@ def make_environment(name: str | None) -> Environment | None:
 
 
 def add_path_argument(parser: argparse.ArgumentParser) -> None:
-    """The argument that says where files which programs name are looked for."""
+    """Declare the argument for folders with the files that programs name."""
     parser.add_argument(
         "--include-path",
         "--map",
@@ -101,9 +95,9 @@ def add_path_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the agents; the exit code as the command's contract says."""
-    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
-    with told_if_long(loading(args.agents)):
+    """Run the agents and return the exit code that the command's description promises."""
+    allow_deep_calls()
+    with loading_notice(args.agents):
         team = _team(args)
     if team is None:
         return 2
@@ -112,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _team(args: argparse.Namespace) -> Team | None:
-    """The agents, ready to run; None if they cannot be, which is told."""
+    """Make the team of the arguments; None, with the reason on stderr, if that fails."""
     try:
         setup = _set_up(args, read_folders(args.include_path))
     except (ProgramsRefused, ValueError) as refused:
@@ -136,17 +130,17 @@ def _team(args: argparse.Namespace) -> Team | None:
 
 
 def _folders(args: argparse.Namespace, setup: Setup) -> list[Path]:
-    """The folders that files named at run time must be in: the project's, the programs', and those that are named."""
+    """Return the folders of the files that programs may name at run time."""
     programs = [Path(program.file).parent for _, program in setup.programs]
     return [setup.paths.project, *programs, *setup.paths.folders, *setup.paths.names.values(), *args.allow_folder]
 
 
 class ProgramsRefused(Exception):
-    """The arguments name no agents that can run; the text is for the terminal."""
+    """The arguments do not name agents that can run; the text is for the terminal."""
 
 
 def _set_up(args: argparse.Namespace, paths: SourcePaths) -> Setup:
-    """The agents that the arguments name. Raises ProgramsRefused."""
+    """Read the agents that the arguments name. Raises ProgramsRefused."""
     if any(argument.endswith(".mas2j") for argument in args.agents):
         if len(args.agents) > 1:
             raise ProgramsRefused("a project file is run alone: it names its agents")
@@ -187,7 +181,7 @@ def _project(file: str, paths: SourcePaths, has_environment: bool) -> Setup:
 
 
 def read_program(path: str, paths: SourcePaths) -> CompiledProgram:
-    """Read and compile a program. Raises ProgramsRefused, with what is wrong in words."""
+    """Read and compile a program. Raises ProgramsRefused with its mistakes."""
     try:
         return paths.compiled(path)
     except OSError as error:

@@ -1,11 +1,11 @@
-"""A team of agents in one process, without any bus: what carries out the effects of its minds."""
+"""A team of agents in one process, without any bus: runs its minds and carries out their effects."""
 
 from __future__ import annotations
 
 import gc
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import timedelta, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,32 +29,64 @@ from agentd.mind.data.effects import (
     TeamRequestRefused,
 )
 from agentd.mind.data.inputs import ActionDone, Mail, SignalRaised, TeamReply
+from agentd.mind.data.intention import PLAN, Intention, wait_text
 from agentd.mind.data.registry import missing_action
+from agentd.mind.execution.control_flow import Fork
+from agentd.mind.introspection.failure_text import brief, code_of, event_text, goal_text, written
 from agentd.runtime.program_paths import SourcePaths
-from agentd.standalone.clocks import WallClock
-from agentd.standalone.deadlock_report import MOST_TOLD, stuck, stuck_note
-from agentd.standalone.service_directory import Directory, provider
+from agentd.values import literal
 from schemas.humanize import escape_line, escape_lines
 
 if TYPE_CHECKING:
     from agentd.environment import Environment
-    from agentd.environment.environment_host import World
     from agentd.standalone.decision_printer import DecisionPrinter
+    from agentd.standalone.environment_host import EnvironmentHost
 
 CYCLES_A_TURN = 2000
-"""A mind with nothing to hand out gives way to the others after so many cycles."""
-
+"""Cycles after which a mind without effects lets the others run."""
 RUNS_A_TURN = 20
-"""A mind whose effects are answered at once, as actions are by an environment, goes on so often before the others."""
-
+"""Runs of a mind in one turn while its effects are answered immediately, as an environment does with actions."""
 SLEEP = 3600.0
-"""Without timers nothing in this process can wake an agent: so long a sleep, in seconds, is as good as any."""
+"""Seconds to sleep when nothing is due: without timers nothing in this process can wake an agent."""
+LONGEST_SLEEP = 1.0
+"""Seconds of one sleep. A signal that arrives just before Python falls asleep is noticed when it ends."""
+MOST_STUCK = 10
+"""Waiting intentions that are named when a run ends; further ones are counted."""
+_MOST_GOALS = 5
+
+
+class WallClock:
+    """Real seconds since it was made."""
+
+    def __init__(self) -> None:
+        self._begun = time.monotonic()
+
+    def now(self) -> float:
+        return time.monotonic() - self._begun
+
+    def pass_time(self, seconds: float, sleep: Callable[[float], None] = time.sleep) -> None:
+        """Wait for up to `seconds`; ``sleep`` may end sooner."""
+        sleep(min(max(0.0, seconds), LONGEST_SLEEP))
+
+
+class VirtualClock(WallClock):
+    """Seconds that pass only in `pass_time`: a wait of an hour takes no time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._now = 0.0
+
+    def now(self) -> float:
+        return self._now
+
+    def pass_time(self, seconds: float, sleep: Callable[[float], None] = time.sleep) -> None:
+        self._now += max(0.0, seconds)
 
 
 class Team:
-    """The agents of one run. ``out`` takes what they print; ``seed`` starts the random numbers of the first.
+    """The agents of one run. ``out`` writes their prints; ``seed`` is that of the first agent's random numbers.
 
-    ``decisions`` is how many of its last decisions each remembers, ``narrator`` tells them as they are made.
+    ``decisions`` is the number of last decisions that each remembers, ``narrator`` prints them as they are made.
     """
 
     def __init__(
@@ -72,13 +104,13 @@ class Team:
         narrator: DecisionPrinter | None = None,
         folders: Sequence[Path] | None = None,
     ) -> None:
-        """`folders` are those that the files which programs name at run time must be in; None: any."""
+        """`folders` contain the files that programs may name at run time; None: any folder."""
         self._folders = folders
         self._verbosity = verbosity or {}
         self._paths = paths or SourcePaths()
         self.clock = clock or WallClock()
         self._epoch = time.time()
-        self._world: World | None = None
+        self._world: EnvironmentHost | None = None
         if environment is not None:
             self._world = _enter(environment, self.clock, environment_arguments)
         self._write = out or sys.stdout.write
@@ -86,14 +118,17 @@ class Team:
         self._seed = seed
         self._stop: tuple[float, int] | None = None
         self._kills: list[tuple[float, str]] = []
-        self._directory = Directory()
+        self._offered: list[tuple[str, str]] = []
+        """Agents and the services that they offer, in the order of registration."""
+        self._wanted: list[tuple[str, str]] = []
+        """Agents and the services that they subscribe to."""
         self.minds: dict[str, Mind] = {}
         self.failures = 0
-        """How many intentions have ended by a failure that nothing handled, or were stuck when the run ended."""
+        """Intentions that have ended by an unhandled failure, or waited in vain when the run ended."""
         try:
             for name, program in programs:
                 self._add(name, program)
-        except BaseException:  # a signal, say: the environment has begun and must end
+        except BaseException:  # such as a signal: the environment has begun and must end
             if self._world is not None:
                 self._world.stop()
             raise
@@ -119,7 +154,7 @@ class Team:
         return mind
 
     def run(self, timeout: float | None, exit_when_idle: bool) -> int:
-        """Run until the team stops (its exit code), is idle (0), or ``timeout`` seconds are over (1)."""
+        """Run until the team stops, is idle, or ``timeout`` seconds are over; return the exit code, 0 or 1."""
         gc.collect()
         gc.freeze()
         try:
@@ -130,17 +165,17 @@ class Team:
             sys.stdout.flush()
             self._finish()
 
-    def _tell_stuck(self) -> None:
-        """Tell which intentions are left when nothing can happen any more."""
+    def _report_stuck(self) -> None:
+        """Print the intentions that wait although nothing can happen any more."""
         left = stuck(self.minds.values())
-        for mind, intention in left[:MOST_TOLD]:
+        for mind, intention in left[:MOST_STUCK]:
             self._carry_out(mind, stuck_note(intention))
-        if len(left) > MOST_TOLD:
-            print(f"agentd: {len(left) - MOST_TOLD} more intentions wait as these do", file=sys.stderr)
+        if len(left) > MOST_STUCK:
+            print(f"agentd: {len(left) - MOST_STUCK} more intentions wait as these do", file=sys.stderr)
         self.failures += len(left)
 
     def _finish(self) -> None:
-        """Tell what is left to be told."""
+        """Print counts of dropped inputs and of decisions."""
         for mind in self.minds.values():
             for note in mind.drops.unlogged(mind.now):
                 self._carry_out(mind, note)
@@ -160,33 +195,33 @@ class Team:
                 continue
             sys.stdout.flush()
             if exit_when_idle and self.idle:
-                self._tell_stuck()
+                self._report_stuck()
                 return 0
             wake = min(self.due(timeout), default=now + SLEEP)
             self.pass_time(wake - now)
 
     @property
     def idle(self) -> bool:
-        """Whether nothing can happen any more of itself: nothing is due and no action of the environment runs."""
+        """Whether nothing is due and no action of the environment runs."""
         if self._world is not None and (self._world.waited_for or self._world.stirred):
             return False
         return not list(self.due(None))
 
     def pass_time(self, seconds: float) -> None:
-        """Wait so long, or until the environment stirs."""
+        """Wait for `seconds`, or until the environment has something to deliver."""
         if self._world is None:
             self.clock.pass_time(seconds)
         else:
             self.clock.pass_time(seconds, self._world.sleep)
 
     def turns(self) -> bool:
-        """Let each mind that has something to do run for a while; whether there was one."""
+        """Give each mind that has something to do a turn. Return whether there was one."""
         busy = False
         if self._world is not None:
             self._world.deliver()
         for mind in tuple(self.minds.values()):
             if not self._lives(mind):
-                continue  # another one has killed it in this turn
+                continue  # killed by another agent in this turn
             if not mind.ready:
                 due = mind.wake_at
                 if due is None or due > self.clock.now():
@@ -201,7 +236,7 @@ class Team:
                     else:
                         self._carry_out(mind, effect)
                         if not self._lives(mind):
-                            break  # what it would have done after it has killed itself is not done
+                            break  # it has killed itself
                     if self._stop is not None and self._stop[0] <= self.clock.now():
                         return True
                 if not mind.inputs or not self._lives(mind):
@@ -219,7 +254,7 @@ class Team:
             self._kill(name)
 
     def due(self, timeout: float | None) -> Iterator[float]:
-        """The times at which something has to happen."""
+        """Return the times at which something is due, in seconds."""
         if timeout is not None:
             yield timeout
         if self._stop is not None:
@@ -294,10 +329,7 @@ class Team:
 
     def _do_create(self, mind: Mind, name: str, path: str) -> str:
         name = self._free_name(name)
-        program = CompiledProgram(name)
-        if path:
-            program = self._read(mind, path)
-        self._add(name, program)
+        self._add(name, self._read(mind, path) if path else CompiledProgram(name))
         return name
 
     def _do_clone(self, mind: Mind, name: str) -> str:
@@ -328,31 +360,36 @@ class Team:
         self.minds.pop(name, None)
         if self._world is not None:
             self._world.leave(name)
-        self._directory.forget(name)
+        self._offered = [entry for entry in self._offered if entry[0] != name]
+        self._wanted = [entry for entry in self._wanted if entry[0] != name]
 
     def _do_df_register(self, mind: Mind, service: str) -> Any:
-        for subscriber in self._directory.register(mind.name, service):
-            told = self.minds.get(subscriber)
-            if told is not None:
-                told.feed(Mail("df", "tell", provider(mind.name, service)))
+        if (mind.name, service) not in self._offered:
+            self._offered.append((mind.name, service))
+            for subscriber, wanted in self._wanted:
+                if wanted == service and subscriber in self.minds:
+                    self.minds[subscriber].feed(_provider(mind.name, service))
         return EMPTY
 
     def _do_df_deregister(self, mind: Mind, service: str) -> Any:
-        self._directory.deregister(mind.name, service)
+        self._offered = [entry for entry in self._offered if entry != (mind.name, service)]
         return EMPTY
 
     def _do_df_search(self, mind: Mind, service: str) -> Any:
-        return make_list([atom(name) for name in self._directory.search(service)])
+        return make_list([atom(agent) for agent, offered in self._offered if offered == service])
 
     def _do_df_subscribe(self, mind: Mind, service: str) -> Any:
-        for agent in self._directory.subscribe(mind.name, service):
-            mind.feed(Mail("df", "tell", provider(agent, service)))
+        if (mind.name, service) not in self._wanted:
+            self._wanted.append((mind.name, service))
+        for agent, offered in self._offered:
+            if offered == service:
+                mind.feed(_provider(agent, service))
         return EMPTY
 
     def _check(self, path: str) -> None:
-        """Raise TeamRequestRefused for a file out of the folders that programs may name files in at run time."""
+        """Raise TeamRequestRefused for a file outside of the allowed folders."""
         try:
-            if self._folders is not None and "\0" not in path:  # no file has such a name: who opens it says so
+            if self._folders is not None and "\0" not in path:  # opening such a name raises an error of its own
                 allowed(path, self._folders)
         except NotAllowed as error:
             raise TeamRequestRefused("unknown", f"{error}; allow it with --allow-folder FOLDER") from None
@@ -363,7 +400,7 @@ class Team:
             Path(path).write_text(text, encoding="utf-8")
         except OSError as error:
             raise TeamRequestRefused("unknown", f"cannot write {path}: {error.strerror or error}") from error
-        except ValueError as error:  # a name that no file can have, or a text that UTF-8 cannot write
+        except ValueError as error:  # an invalid file name, or text that UTF-8 cannot encode
             raise TeamRequestRefused("unknown", f"cannot write {path}: {error}") from error
         return EMPTY
 
@@ -387,10 +424,55 @@ class Team:
             return None
 
 
-def _enter(environment: Environment, clock: WallClock, arguments: Sequence[str]) -> World:
-    """Begin an environment. Raises `agentd.extensions.user_code.UserCodeError`."""
-    from agentd.environment.environment_host import World
+def _provider(agent: str, service: str) -> Mail:
+    """The message to a subscriber: ``provider(Agent, Service)``."""
+    return Mail("df", "tell", literal("provider", atom(agent), atom(service)))
 
-    world = World(environment, clock.now, lambda text: print(f"agentd: {text}", file=sys.stderr))
+
+def _enter(environment: Environment, clock: WallClock, arguments: Sequence[str]) -> EnvironmentHost:
+    """Begin an environment. Raises `agentd.extensions.user_code.UserCodeError`."""
+    from agentd.standalone.environment_host import EnvironmentHost
+
+    world = EnvironmentHost(environment, clock.now, lambda text: print(f"agentd: {text}", file=sys.stderr))
     world.init(list(arguments))
     return world
+
+
+# --- intentions that wait when a run ends ---
+
+
+def stuck(minds: Iterable[Mind]) -> list[tuple[Mind, Intention]]:
+    """Return the intentions that wait or are suspended, without those that wait for branches of their own."""
+    return [
+        (mind, intention)
+        for mind in minds
+        for intention in mind.all_intentions()
+        if (intention.stack or intention.held) and not isinstance(mind.waiting.get(intention.id, (None, None))[1], Fork)
+    ]
+
+
+def stuck_note(intention: Intention) -> Log:
+    """Return the warning about an intention that nothing can resume."""
+    if not intention.stack and intention.held is not None:
+        return Log("warning", f"{event_text(intention.held)} was suspended before it began, and nothing resumes it")
+    frames = intention.stack[::-1]
+    details = [f"in the plan for {', called by '.join(_goals(intention))}{', ...' if frames[_MOST_GOALS:] else ''}"]
+    step = intention.last
+    if step is None:
+        return Log("warning", "an intention does not run any more", tuple(details))
+    formula = brief(written(step, code_of(step, frames[0])))
+    if intention.suspended is not None:
+        text = f"the intention was suspended after {formula}, and nothing resumes it"
+    else:
+        text = f"{formula} waits for what cannot come any more"
+        if intention.waiting is not None and intention.waiting.kind not in ("time", "formula", "event"):
+            details.insert(0, f"it waits for: {wait_text(intention.waiting)}")
+    return Log("warning", text, tuple(details), step.syntax.position)
+
+
+def _goals(intention: Intention) -> list[str]:
+    found = []
+    for frame in intention.stack[: -1 - _MOST_GOALS : -1]:
+        position = frame[PLAN].syntax.position
+        found.append(f"{goal_text(frame)} ({position.file}:{position.line})")
+    return found

@@ -11,10 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
-from agentd.exit_handling import Terminated, seconds
 from agentd.extensions.user_code import UserCodeError
+from agentd.process import Terminated, allow_deep_calls, seconds
 from agentd.runtime.program_paths import read_folders
-from agentd.standalone.command import DEEPEST_CALLS, add_environment_arguments, add_path_argument, make_environment
+from agentd.standalone.command import add_environment_arguments, add_path_argument, make_environment
 from agentd.testing.discovery import Case, TestPaths, find_cases
 from agentd.testing.results import Outcome, Unread, Verdict
 from agentd.testing.runner import Settings, run_case
@@ -46,8 +46,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Find the tests, run them and report the results."""
-    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
+    """Find the tests, run them, tell what came of them."""
+    allow_deep_calls()
     begun = time.monotonic()
     try:
         settings = _settings(args)

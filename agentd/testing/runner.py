@@ -20,8 +20,7 @@ from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.data.effects import Log, Print, StopTeam
 from agentd.mind.data.inputs import GoalAdded
-from agentd.standalone.clocks import VirtualClock
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.standalone_team import Team, VirtualClock
 from agentd.testing.assertions import FAILED
 from agentd.testing.discovery import LIBRARY, Case, TestPaths
 from agentd.testing.results import Asserted, Outcome, TestEnded, Verdict

@@ -1,9 +1,8 @@
-"""What one agent does and what is done to it, for people who look on."""
+"""Events of one agent for observers: actions and their outcomes, mail, prints, orders of operators."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from typing import Final
 
 from agentd.conversion.log_format import line_of
@@ -13,42 +12,39 @@ from agentd.mind.data.effects import Effect, Log, PerformAction, Print, SendMail
 from agentd.mind.data.inputs import ActionDone, Mail
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.trace.decision_digest import called
-from agentd.trace.environment_reads import Given
+from agentd.trace.input_records import Given
+from commd.common.clock import Clock
 from schemas.wire.mind_records import Deed
 
 MOST_LINES: Final = 100
-"""Prints and logs in a batch: what floods them shall not hide the rest."""
+"""Prints and logs in a batch: a flood of them must not hide the rest."""
 MOST: Final = 300
 """Other deeds in a batch."""
 LAST_ACTIONS: Final = 60
-"""So many deeds of actions are remembered while nobody listens."""
+"""Actions and outcomes that are remembered without subscribers."""
 LONGEST: Final = 2_000
 """Characters of a text."""
 OFFICE: Final = "mail"
-"""Who tells of mail that was not delivered."""
+"""The sender of notices about mail that was not delivered."""
 UNDELIVERED: Final = "undelivered"
 _DETAIL: Final = signature("detail", 1)
-"""The annotation of a notice that says more than its code."""
+"""The annotation of a notice with more than its code."""
 
 
 class ActivityEvents:
-    """The deeds of one agent since somebody asked last."""
+    """The deeds of one agent since the last `take`."""
 
-    def __init__(
-        self, agent: str, action_id: Callable[[int], str], mail_id: Callable[[str], str], now: Callable[[], float]
-    ) -> None:
-        """`action_id` and `mail_id` give what a mind has numbered its id on the bus; `now` is the mission time."""
-        self._own = f".{agent}"
-        """What ids of the agent's own messages end with in its mind."""
+    def __init__(self, agent: str, boot: str, life: str, clock: Clock) -> None:
+        """`boot` and `life` are parts of the ids of this life's actions and messages on the bus."""
         self.listened = False
         self.actions: deque[Deed] = deque(maxlen=LAST_ACTIONS)
         """The last actions and their outcomes."""
-        self._action_id, self._mail_id, self._now = action_id, mail_id, now
+        self._agent, self._boot, self._life, self._now = agent, boot, life, clock.now
         self._new: list[Deed] = []
         self._lines = self._left_out = 0
 
     def did(self, cycle: int, effect: Effect) -> None:
-        """The mind has done something."""
+        """Note an effect."""
         match effect:
             case PerformAction(id=number, name=name, parameters=parameters):
                 text = called(name, parameters)[:LONGEST]
@@ -71,7 +67,7 @@ class ActivityEvents:
                 pass
 
     def sent(self, cycle: int, mail: SendMail, receivers: list[str]) -> None:
-        """A message has been taken by the outbox, once for each receiver."""
+        """Note a message that the outbox has accepted, once for each receiver."""
         if self._is_full():
             self._left_out += len(receivers)
             return
@@ -91,7 +87,7 @@ class ActivityEvents:
             )
 
     def given(self, cycle: int, item: Given) -> None:
-        """Something has gone into the mind."""
+        """Note an input."""
         if type(item) is ActionDone:
             state = item.state or ("succeeded" if item.ok else "failed")
             identity, time = self._action_id(item.id), self._now()
@@ -111,11 +107,11 @@ class ActivityEvents:
             id=mail.msg_id,
             other=mail.sender,
             performative=mail.performative,
-            in_reply_to=self._mail_id(answers) if answers.endswith(self._own) else answers,
+            in_reply_to=self._mail_id(answers) if answers.endswith(f".{self._agent}") else answers,
         )
 
     def _undelivered(self, cycle: int, mail: Mail) -> Deed | None:
-        """A notice about a message that was not delivered: `undelivered(Receiver, Performative, Content, Why)`."""
+        """Return the deed of a notice `undelivered(Receiver, Performative, Content, Why)`; None for other mail."""
         told = mail.content
         if mail.sender != OFFICE or type(told) is not Literal or told.sig.functor != UNDELIVERED or len(told.args) < 4:
             return None
@@ -132,6 +128,12 @@ class ActivityEvents:
             reason=str(next(details, told.args[3])),
         )
 
+    def _action_id(self, number: int) -> str:
+        return f"{self._agent}:{self._boot}:{number}"
+
+    def _mail_id(self, identity: str) -> str:
+        return f"{identity}.{self._life}"
+
     def _action(self, deed: Deed) -> None:
         self.actions.append(deed)
         if self.listened:
@@ -142,18 +144,18 @@ class ActivityEvents:
         self._new.append(deed)
 
     def _is_full(self) -> bool:
-        """Whether further deeds are only counted: to put them into words would cost."""
+        """Return whether further deeds are only counted, since converting them to text takes time."""
         return self.listened and len(self._new) - self._lines >= MOST
 
     def add(self, deed: Deed) -> None:
-        """Tell a deed while somebody listens."""
+        """Add a deed while there are subscribers."""
         if self._is_full():
             self._left_out += 1
         elif self.listened:
             self._new.append(deed)
 
     def take(self) -> tuple[tuple[Deed, ...], int]:
-        """Return the deeds since this was asked last, and how many more there were."""
+        """Return the deeds since the last call, and the number of those left out."""
         found = tuple(self._new), self._left_out
         self._new, self._lines, self._left_out = [], 0, 0
         return found

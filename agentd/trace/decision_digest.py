@@ -1,4 +1,4 @@
-"""What a mind decides and does, as lines of text and as a digest: two lives agree if these do."""
+"""Decisions and effects of a mind as lines of text and as a digest: two lives are equal if their digests are."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from agentd.mind.plans.plan_library import Plan
 
 
 class Names(dict[Any, str]):
-    """The texts of events (by their `Relevant`) and of the places of plans, each made once; of None "-"."""
+    """Texts of events (by their `Relevant`) and of the positions of plans, each made once; for None "-"."""
 
     def __missing__(self, what: Any) -> str:
         if len(self) > MOST_KNOWN:  # a program may add plans for ever
@@ -41,22 +41,22 @@ class Names(dict[Any, str]):
 
 
 class DecisionDigest:
-    """What a mind decides and does in a stretch of its life, noted for a digest.
+    """The digest of the decisions and effects of a mind in one batch.
 
-    A busy mind decides many thousand times a second: what tells its decisions apart is put into one list of texts and
-    one of numbers, and made into bytes only at the end.
+    A busy mind decides many thousand times a second: the distinguishing texts and numbers are collected in two lists,
+    and encoded only at the end.
     """
 
     def __init__(self) -> None:
         self.count = 0
-        """Decisions, failures and deeds so far."""
+        """Decisions, failures and effects so far."""
         self._names = Names()
         self._texts: list[str] = []
         self._numbers = array("d")
         self._deeds: list[str] = []
 
     def decided(self, entries: Iterable[Any]) -> None:
-        """Note records of `agentd.mind.introspection.decision_log.Decisions`."""
+        """Add records of `agentd.mind.introspection.decision_log.Decisions`."""
         names, text, number = self._names, self._texts.append, self._numbers.append
         for entry in entries:
             self.count += 1
@@ -78,12 +78,12 @@ class DecisionDigest:
                     text(_brief(term))
 
     def did(self, deed: str) -> None:
-        """Note something that was done: `deed_line`."""
+        """Add an effect: `deed_line`."""
         self.count += 1
         self._deeds.append(deed)
 
     def take(self) -> tuple[int, str]:
-        """Return how much there was since this was asked last, and its digest; others have another one."""
+        """Return the count and the digest since the last call."""
         if sys.byteorder == "big":
             self._numbers.byteswap()
         found = blake2b(self._numbers.tobytes(), digest_size=12)
@@ -94,14 +94,13 @@ class DecisionDigest:
 
 
 class DecisionLines:
-    """Writes records of `agentd.mind.introspection.decision_log.Decisions` as lines; it is quick rather than that
-    they are readable."""
+    """Writes records of `agentd.mind.introspection.decision_log.Decisions` as lines: fast, not readable."""
 
     def __init__(self) -> None:
         self._names = Names()
 
     def of(self, entry: Any) -> str:
-        """A record as a line."""
+        """Return a record as a line."""
         if type(entry) is Failure:
             return f"{entry.cycle} failure {entry.intention} {entry.failed.error}"
         relevant, args, _, _ = entry[2]
@@ -112,7 +111,7 @@ class DecisionLines:
 
 
 def _brief(term: Any) -> str:
-    """What distinguishes a term, mostly: it takes the same time for large ones."""
+    """Return what mostly distinguishes a term, in the same time for large ones."""
     kind = type(term)
     if kind is float:
         return repr(term)
@@ -127,12 +126,12 @@ MOST_KNOWN: Final = 10_000
 
 
 def deed_line(cycle: int, effect: Effect) -> str:
-    """What a mind wants done, as a line."""
+    """Return an effect as a line."""
     return f"{cycle} {effect_text(effect)}"
 
 
 def effect_text(effect: Effect) -> str:
-    """What a mind wants done, in words."""
+    """Return an effect as text."""
     match effect:
         case Print(text=text):
             return f"print {text}"
@@ -155,6 +154,6 @@ def effect_text(effect: Effect) -> str:
 
 
 def called(name: str, parameters: Iterable[Any]) -> str:
-    """A name with its arguments, as a program writes it."""
+    """Return a name with its arguments, as a program writes it."""
     found = ",".join(map(short_text, parameters))
     return f"{name}({found})" if found else name

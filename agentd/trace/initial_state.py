@@ -1,4 +1,4 @@
-"""What a mind is made of, told so that the same can be made again."""
+"""The initial state of a mind, recorded so that it can be rebuilt: program texts, settings, restored state."""
 
 from __future__ import annotations
 
@@ -6,40 +6,95 @@ import base64
 import binascii
 import re
 import zlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import UTC, timedelta, timezone, tzinfo
+from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from agentd.language.parse import parse_program, parse_source
+from agentd.language.syntax_tree.nodes import Program
+from agentd.language.syntax_tree.source import Source, read_source
 from agentd.mind.persistence.rows import StoredMind
-from agentd.trace.program_sources import Sources
 from schemas.wire.mind_records import MindBirth
 
 MOST_MEMORY: Final = 2_000_000
-"""Bytes of what a former life has left, compressed; more of it does not fit into a record."""
+"""Bytes of restored state in a record, compressed; more does not fit."""
+
+
+@dataclass(slots=True)
+class Sources:
+    """The texts of an agent's program: its files, and what the mission file adds."""
+
+    main: str = ""
+    """The path of the main file, as it was read; empty: there is none."""
+    mission: str = ""
+    """The path of the mission file, as positions name it."""
+    beliefs: tuple[str, ...] = ()
+    """Those of the mission file, unparsed."""
+    goals: tuple[str, ...] = ()
+    on_restart: str = ""
+    """The goal that a restarted agent pursues instead of its own pending goals; empty: none."""
+    formulas: tuple[str, ...] = ()
+    """The mission's `done` and `failed` formulas of this agent."""
+    _packed: dict[str, bytes] = field(default_factory=dict)
+
+    def parse_file(self, path: str | Path) -> Program:
+        """Parse a file as `agentd.language.parse.parse_file` does, and keep its text."""
+        return parse_source(lambda: self._read(path), path)
+
+    def _read(self, path: str | Path) -> Source:
+        source = read_source(path)
+        self.keep(str(path), source.text)
+        return source
+
+    def keep(self, path: str, text: str) -> None:
+        """Keep the text that was read from a path."""
+        self._packed[path] = _packed(text)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The texts by their paths."""
+        return {path: zlib.decompress(packed).decode() for path, packed in self._packed.items()}
+
+
+@lru_cache(maxsize=256)
+def _packed(text: str) -> bytes:
+    """Compress a text; agents of one process that run the same program share the result."""
+    return zlib.compress(text.encode(), 6)
+
+
+class Texts:
+    """Reads programs from texts."""
+
+    def __init__(self, files: Mapping[str, str]) -> None:
+        self._files = files
+
+    def parse_file(self, path: str | Path) -> Program:
+        """Parse a text as `agentd.language.parse.parse_file` does a file. Raises FileNotFoundError."""
+        text = self._files.get(str(path))
+        if text is None:
+            raise FileNotFoundError(2, "it is not in the recording", str(path))
+        return parse_program(text, str(path))
 
 
 @dataclass(slots=True)
 class InitialState:
-    """What one mind was made of."""
+    """The initial state of one mind; compressed only when `record` is called."""
 
-    sources: Sources | None
-    seed: int
-    start: float
-    epoch: float
-    zone: tzinfo
-    names_variables: bool
-    ask_timeout: float | None
-    decisions: int
-    kept: bool
-    stored: StoredMind | None
-    """What was restored."""
+    settings: MindBirth
+    """The record without the texts of the program and the restored state."""
+    sources: Sources | None = None
+    stored: StoredMind | None = None
+    """What was restored of a former life."""
     unknown: str = ""
-    """Why it cannot be made again, if that is so."""
+    """Why the mind cannot be rebuilt; empty: it can."""
 
     def record(self) -> MindBirth:
-        """Return it as a record."""
+        """Return the complete record."""
         sources, unknown = self.sources or Sources(), self.unknown
         if self.sources is None:
             unknown = unknown or "the sources of its program were not kept"
@@ -47,7 +102,8 @@ class InitialState:
         if len(memory) > MOST_MEMORY:
             unknown = unknown or f"what it had kept of a former life is too large to record: {len(memory)} bytes"
             memory = ""
-        return MindBirth(
+        return msgspec.structs.replace(
+            self.settings,
             program=sources.main,
             files=sources.files,
             mission=sources.mission,
@@ -55,14 +111,6 @@ class InitialState:
             goals=sources.goals,
             on_restart=sources.on_restart,
             formulas=sources.formulas,
-            decisions=self.decisions,
-            kept=self.kept,
-            seed=self.seed,
-            start=self.start,
-            epoch=self.epoch,
-            zone=str(self.zone),
-            names_variables=self.names_variables,
-            ask_timeout=self.ask_timeout,
             memory=memory,
             unknown=unknown,
         )
@@ -79,13 +127,13 @@ _ROWS: Final = msgspec.msgpack.Decoder(_Rows)
 
 
 def pack(stored: StoredMind) -> str:
-    """Return a stored mind as text."""
+    """Encode a stored mind as text: MessagePack, zlib, base64."""
     rows = (stored.beliefs, stored.predicates, stored.plans, stored.pending, stored.values)
     return base64.b64encode(zlib.compress(msgspec.msgpack.encode(rows), 1)).decode()
 
 
 def unpack(text: str) -> StoredMind:
-    """Return the stored mind that a text stands for. Raises ValueError."""
+    """Decode what `pack` has written. Raises ValueError."""
     try:
         packed = zlib.decompress(base64.b64decode(text, validate=True))
         beliefs, predicates, plans, pending, values = _ROWS.decode(packed)
@@ -98,7 +146,7 @@ _OFFSET: Final = re.compile(r"UTC(?:([+-])(\d\d):(\d\d)(?::(\d\d))?)?\Z")
 
 
 def zone_of(text: str) -> tzinfo:
-    """Return the zone of a birth. Raises ValueError."""
+    """Return the time zone of a record. Raises ValueError."""
     match = _OFFSET.match(text)
     if match is None:
         raise ValueError(f"`{text}` is no offset from UTC")

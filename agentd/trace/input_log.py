@@ -1,8 +1,8 @@
-"""All that goes into one mind, from its birth on: kept for a while for who comes late, told while somebody listens.
+"""Log of every input to one mind, in batches: published while there are subscribers, kept for late joiners.
 
-What is kept are the inputs themselves; they become records when somebody asks. Once they take too much memory, the
-beginning is dropped whole, for a life can be lived again from its birth only. The time is noted where it has made a
-difference (`agentd.mind.data.intention.Timers.looks`), and now and then.
+The inputs are kept as they are and become records on request. When they take too much memory, everything kept is
+dropped, because a mind can be rebuilt from its birth only. The time is noted where it has made a difference
+(`agentd.mind.data.intention.Timers.looks`), and at intervals.
 """
 
 from __future__ import annotations
@@ -26,210 +26,205 @@ from agentd.mind.data.inputs import (
     TimeRead,
     TooDeep,
 )
+from agentd.mind.data.intention import Timers
 from agentd.trace.decision_digest import DecisionDigest, deed_line
-from agentd.trace.environment_reads import CameBack, Given, MailRefused, NamesRead
-from agentd.trace.input_records import Included, written
+from agentd.trace.input_records import CameBack, Given, Included, MailRefused, NamesRead, written
 from schemas.wire.mind_records import MindBirth, MindInputs, MindStep
 
 MOST_BYTES: Final = 2_000_000
-"""Bytes that what is kept since birth takes at most, roughly."""
+"""Bytes (estimated) of the inputs kept since birth at most."""
 INPUT_BYTES: Final = 200
-"""What an input takes, roughly, besides its term."""
+"""Estimated bytes of an input besides its term."""
 PART_BYTES: Final = 50
-"""What a part of a term takes."""
+"""Estimated bytes of a part of a term."""
 STEP_BYTES: Final = 16
-"""What a time takes."""
+"""Bytes of a time."""
 MOST_PARTS: Final = MOST_BYTES // PART_BYTES
-"""So many parts of a term are counted."""
+"""Parts of a term that are counted at most."""
 BATCH_BYTES: Final = 50_000
-"""Bytes after which a batch is closed in any case."""
+"""Bytes (estimated) after which a batch is closed."""
 STEP_EVERY: Final = 0.05
-"""Mission seconds after which the time of a mind that is not idle is noted in any case: decisions show it."""
+"""Mission seconds between two noted times of a mind that is not idle: decisions show the time."""
 STEP_CYCLES: Final = 20
-"""So many cycles tell one that is not idle from one that only wakes now and then."""
+"""Cycles that distinguish a mind that is not idle from one that only wakes at intervals."""
 
 
 class InputBatch:
-    """A stretch of a life: one batch."""
+    """The inputs of some cycles."""
 
-    __slots__ = ("decided", "digest", "final", "firsts", "inputs", "last", "number", "times", "told", "weight")
+    __slots__ = ("decided", "digest", "final", "firsts", "inputs", "last", "number", "published", "times", "weight")
 
-    def __init__(self, number: int, told: bool) -> None:
+    def __init__(self, number: int, published: bool) -> None:
         self.number = number
         self.last = 0
         self.firsts, self.times = array("q"), array("d")
-        """The first cycles of steps, and their times."""
+        """The first cycles of steps, and their mission times in seconds."""
         self.inputs: list[tuple[int, Given]] = []
         self.weight = 0
-        """Bytes that it takes, roughly."""
+        """Estimated bytes."""
         self.decided, self.digest = 0, ""
-        """How much was decided and done, and its digest, if somebody listened."""
-        self.told = told
-        """Whether it is told as it ends."""
+        """The number of decisions and effects, and their digest, if there were subscribers."""
+        self.published = published
+        """Whether it is published when it is closed, or was later."""
         self.final = False
-        """Whether the life ends with it."""
+        """Whether it is the last one of this life."""
 
 
 class InputLog:
-    """What goes into one mind, batch by batch."""
+    """The inputs of one mind, batch by batch. Made before the mind, for its first inputs; `follow` completes it."""
 
     def __init__(
         self,
-        mind: Mind,
+        agent: str,
         birth: Callable[[], MindBirth | None],
-        early: Iterable[tuple[int, Given]] = (),
-        *,
+        names: Collection[str],
         room: Callable[[], int] = lambda: MOST_BYTES,
-        forgotten: Callable[[], None] = lambda: None,
+        dropped: Callable[[], None] = lambda: None,
     ) -> None:
-        """`birth` tells what the mind was made of, when somebody asks; `early` has gone into it meanwhile.
+        """`birth` returns the initial state of the mind; `names` can be sent to, always up to date.
 
-        `room`: so many bytes may be kept; `forgotten` is called when it was too much.
+        `room` returns the bytes that may be kept; `dropped` is called when that was too little.
         """
         self.included: dict[int, Included] = {}
         """Programs that were read at run time, by the id of the request."""
         self.dropped = 0
-        """Inputs that are in no batch: those of the beginning when they were dropped, and all while nobody listened."""
+        """Inputs that are in no batch: those that were dropped, and later ones without subscribers."""
         self.listened = False
-        self._mind, self._birth, self._timers = mind, birth, mind.timers
+        """Whether there are subscribers."""
+        self.on = True
+        """Whether inputs are noted: from birth until they are dropped, and while there are subscribers."""
+        self._agent, self._birth, self._names, self._room, self._on_dropped = agent, birth, names, room, dropped
+        self._mind: Mind
+        self._timers: Timers
         self._kept: list[InputBatch] | None = []
         """The batches since birth."""
         self._kept_inputs = self._kept_bytes = 0
-        self._room, self._forgotten = room, forgotten
-        self._names: tuple[str, ...] | None = None
-        """Who could be sent to when the mind asked last."""
+        self._names_read: tuple[str, ...] | None = None
+        """The names that the mind has read last."""
         self._acts = DecisionDigest()
-        """What was decided and done since the present batch began, while somebody listens."""
+        """The decisions and effects of the present batch, while there are subscribers."""
         self._looks = -1
         self._step_at, self._step_from = -1.0, 0
         self._open = InputBatch(0, False)
-        self._begun = mind.cycle
+        self._begun = 0
         """The cycle after which the present batch began."""
-        self.on = True
-        """Whether inputs are noted now: from birth until that is too much, and while somebody listens."""
-        self._put: Callable[[InputBatch], None] = lambda stretch: None
-        for cycle, item in early:
-            self.given(cycle, item)
+        self._put: Callable[[InputBatch], None] = lambda batch: None
 
-    # --- what happens ---
+    def follow(self, mind: Mind) -> None:
+        """Log this mind, which was made with `given` and `names`."""
+        self._mind, self._timers, self._begun = mind, mind.timers, mind.cycle
+
+    # --- inputs ---
 
     def given(self, cycle: int, item: Given) -> None:
-        """Something has gone into the mind."""
-        stretch = self._open
-        stretch.inputs.append((cycle, item))
-        stretch.weight += weight(item)
+        """Note an input."""
+        batch = self._open
+        batch.inputs.append((cycle, item))
+        batch.weight += weight(item)
 
     def ran(self, first: int, now: float, effects: Iterable[Effect] = ()) -> None:
-        """The mind has run some cycles at a time; `first` is the first of them. `effects`, what it wants done, are for
-        `did`.
-        """
-        stretch, looks = self._open, self._timers.looks
-        if looks != self._looks or (now >= self._step_at and (first >= self._step_from or stretch.inputs)):
+        """Note a run of the mind from cycle `first` on at mission time `now`, in seconds; effects are for `did`."""
+        batch, looks = self._open, self._timers.looks
+        if looks != self._looks or (now >= self._step_at and (first >= self._step_from or batch.inputs)):
             self._looks, self._step_at, self._step_from = looks, now + STEP_EVERY, first + STEP_CYCLES
-            stretch.firsts.append(first)
-            stretch.times.append(now)
-            stretch.weight += STEP_BYTES
-        if stretch.weight > BATCH_BYTES:
+            batch.firsts.append(first)
+            batch.times.append(now)
+            batch.weight += STEP_BYTES
+        if batch.weight > BATCH_BYTES:
             self.close()
 
     def decided(self, entries: Iterable[Any]) -> None:
-        """The mind has decided something (`agentd.mind.introspection.decision_log`); while somebody listens."""
+        """Note decisions (`agentd.mind.introspection.decision_log`), while there are subscribers."""
         self._acts.decided(entries)
 
     def did(self, cycle: int, effect: Effect) -> None:
-        """The mind has done something; while somebody listens."""
+        """Note an effect, while there are subscribers."""
         self._acts.did(deed_line(cycle, effect))
 
-    def reading(self, names: Callable[[], Collection[str]]) -> Callable[[], Collection[str]]:
-        """Return `names`, who can be sent to, as the mind is to ask for them: what it learns by that is noted."""
-        mind = self._mind
-
-        def read() -> Collection[str]:
-            found = names()
-            if self.on and mind.on_input is not None and (known := tuple(found)) != self._names:
-                self._names = known
-                self.given(mind.cycle, NamesRead(known))
-            return found
-
-        return read
+    def names(self) -> Collection[str]:
+        """Return the names that can be sent to; a reading by the mind is an input."""
+        if self.on and self._mind.on_input is not None and (known := tuple(self._names)) != self._names_read:
+            self._names_read = known
+            self.given(self._mind.cycle, NamesRead(known))
+        return self._names
 
     # --- batches ---
 
     def listen(self, put: Callable[[InputBatch], None] | None) -> None:
-        """From now on somebody listens: `put` takes each batch as it is closed. None: nobody does."""
+        """Publish each batch with `put` when it is closed; None: there are no subscribers any more."""
         if self.on and (self._mind.cycle > self._begun or self._open.inputs):
-            self.close()  # a batch is listened to as a whole or not at all
+            self.close()  # a batch is published whole or not at all
         self.listened = put is not None
-        self._put = put if put is not None else lambda stretch: None
+        self._put = put if put is not None else lambda batch: None
         if self.listened and not self.on:
-            self.on = True  # the number that is left out says that something is missing
+            self.on = True  # the number that is left out shows that inputs are missing
             self._open = InputBatch(self._open.number + 1, True)
             self._looks, self._step_at = -1, -1.0
-        self._open.told = self.listened
+        self._open.published = self.listened
         if not self.listened and self._kept is None:
             self.on = False
 
     def close(self) -> None:
         """End the present batch and begin the next."""
-        stretch, self._open = self._open, InputBatch(self._open.number + 1, self.listened)
-        stretch.last = self._begun = self._mind.cycle
+        batch, self._open = self._open, InputBatch(self._open.number + 1, self.listened)
+        batch.last = self._begun = self._mind.cycle
         if self.listened:
-            stretch.decided, stretch.digest = self._acts.take()
+            batch.decided, batch.digest = self._acts.take()
         if self._kept is not None:
-            self._kept.append(stretch)
-            self._kept_inputs += len(stretch.inputs)
-            self._kept_bytes += stretch.weight
+            self._kept.append(batch)
+            self._kept_inputs += len(batch.inputs)
+            self._kept_bytes += batch.weight
             if self._kept_bytes > self._room():
-                self.forget()
-        self._put(stretch)
+                self.drop()
+        self._put(batch)
 
     def flush(self) -> None:
-        """End the present batch if anything happened in it."""
-        stretch = self._open
-        if stretch.inputs or stretch.firsts or self._acts.count:
+        """End the present batch unless it is empty."""
+        batch = self._open
+        if batch.inputs or batch.firsts or self._acts.count:
             self.close()
 
     def end(self) -> None:
-        """The life has ended in order: tell who listens, with a last batch although nothing may have happened in it."""
+        """Publish a last batch, empty or not: the life has ended without a defect."""
         self._open.final = True
         self.close()
 
-    def forget(self) -> None:
-        """Drop the beginning: from now on nobody who comes late gets it."""
+    def drop(self) -> None:
+        """Drop what is kept since birth: late joiners will not get it."""
         self._kept = None
         self.included.clear()
         self._birth = lambda: None
         if not self.listened:
             self.dropped += self._kept_inputs
             self.on = False
-        self._forgotten()
+        self._on_dropped()
 
-    def untold(self) -> list[InputBatch]:
-        """Return the batches since birth that were not told as they ended, each once."""
-        found = [stretch for stretch in self._kept or () if not stretch.told]
-        for stretch in found:
-            stretch.told = True
+    def unpublished(self) -> list[InputBatch]:
+        """Return the kept batches that were not published when they were closed, each once."""
+        found = [batch for batch in self._kept or () if not batch.published]
+        for batch in found:
+            batch.published = True
         return found
 
     def since_birth(self) -> Iterator[MindInputs] | None:
-        """Return all batches since birth; None if the beginning has been dropped."""
+        """Return all batches since birth; None if they were dropped."""
         if self._kept is None:
             return None
         self.flush()
         return None if self._kept is None else map(self.record, list(self._kept))
 
-    def record(self, stretch: InputBatch) -> MindInputs:
+    def record(self, batch: InputBatch) -> MindInputs:
         """Return a batch as a record, without its header."""
         return MindInputs(
-            agent=self._mind.name,
-            number=stretch.number,
-            birth=self._birth() if stretch.number == 0 else None,
-            last=stretch.last,
-            steps=tuple(MindStep(first=f, now=n) for f, n in zip(stretch.firsts, stretch.times, strict=True)),
-            inputs=tuple(written(cycle, item, self.included) for cycle, item in stretch.inputs),
-            decided=stretch.decided,
-            digest=stretch.digest,
-            final=stretch.final,
+            agent=self._agent,
+            number=batch.number,
+            birth=self._birth() if batch.number == 0 else None,
+            last=batch.last,
+            steps=tuple(MindStep(first=f, now=n) for f, n in zip(batch.firsts, batch.times, strict=True)),
+            inputs=tuple(written(cycle, item, self.included) for cycle, item in batch.inputs),
+            decided=batch.decided,
+            digest=batch.digest,
+            final=batch.final,
         )
 
 
@@ -237,7 +232,7 @@ _PERCEPT: Final = frozenset((PerceptReplaced, PerceptAdded, PerceptRemoved))
 
 
 def weight(item: Given) -> int:
-    """Bytes that an input takes, roughly."""
+    """Estimate the bytes of an input."""
     if type(item) in _PERCEPT:
         return INPUT_BYTES + PART_BYTES * _parts(item.literal)  # type: ignore[union-attr]
     if isinstance(item, Mail):
@@ -257,7 +252,7 @@ def weight(item: Given) -> int:
 
 
 def _parts(term: Any) -> int:
-    """How many parts a term has, up to some number."""
+    """Count the parts of a term, up to `MOST_PARTS`."""
     if type(term) is Literal and (not term.annots or term.annots is PERCEPT):
         count = 1 + len(term.args)
         for part in term.args:

@@ -1,9 +1,14 @@
-"""What goes into a mind as records, and back: nothing may be lost, for a mind shall live again by them."""
+"""The inputs of a mind as records and back, without loss: a recorded mind is rebuilt from them.
+
+Besides `agentd.mind.data.inputs` a mind reads its environment: who can be sent to, whether a message was accepted, and
+what a restart has found. Replayed, it must read the same.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.compiler.compile import CompiledProgram, in_namespace
@@ -13,6 +18,7 @@ from agentd.mind.data.inputs import (
     ActionDone,
     BeliefAdded,
     GoalAdded,
+    Input,
     Mail,
     PerceptAdded,
     PerceptRemoved,
@@ -23,154 +29,182 @@ from agentd.mind.data.inputs import (
     TimeRead,
     TooDeep,
 )
-from agentd.trace.environment_reads import CameBack, Given, Interrupted, MailRefused, NamesRead
-from agentd.trace.program_sources import Sources, Texts
+from agentd.trace.initial_state import Sources, Texts
 from schemas.wire.mind_records import MindInput
 from schemas.wire.terms import Map, Term
 
-KINDS: Final = {
-    kind.__name__: kind
-    for kind in (
-        PerceptReplaced,
-        PerceptAdded,
-        PerceptRemoved,
-        PerceptsChanged,
-        Mail,
-        ActionDone,
-        TeamReply,
-        GoalAdded,
-        BeliefAdded,
-        SignalRaised,
-        TimeRead,
-        TooDeep,
-        NamesRead,
-        MailRefused,
-        CameBack,
-        Interrupted,
-    )
-}
 UNWRITTEN: Final = "Unwritten"
-"""The kind of an input that has no form as a record; `why` says why."""
+"""The kind of an input that no record can hold; its field `why` says why."""
+
+
+@dataclass(slots=True)
+class NamesRead:
+    """The names that can be sent to, in order; recorded when the program asks and they have changed."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class MailRefused:
+    """The outbox did not accept a message: the plan that sent it has failed."""
+
+    msg_id: str
+    error: str
+    message: str
+
+
+@dataclass(slots=True)
+class CameBack:
+    """A restored mind was notified of its restart, before its first cycle (`agentd.persistence.restore.come_back`)."""
+
+    life: int
+    interrupted: tuple[Literal, ...]
+
+
+@dataclass(slots=True)
+class Interrupted:
+    """An action of a former life has ended, and no plan has waited for it."""
+
+    literal: Literal
+
+
+Reading: TypeAlias = NamesRead | MailRefused | CameBack | Interrupted
+Given: TypeAlias = Input | Reading
+"""Everything that a mind is given."""
 
 
 class Included:
-    """A program that was read while the mind ran (`.include`): the answer's value, and what it was made of."""
+    """A program that was read at run time (`.include`): the value of the reply, and its sources."""
 
     def __init__(self, program: CompiledProgram, path: str, namespace: str, sources: Sources) -> None:
         self.program, self.path, self.namespace, self.sources = program, path, namespace, sources
 
 
 class Unreadable(ValueError):
-    """A record of what went into a mind that says nothing to this version; says why."""
-
-
-def written(cycle: int, item: Given, included: Mapping[int, Included]) -> MindInput:
-    """Return an input as a record; `included` are the programs that were read at run time, by the request's id."""
-    try:
-        return MindInput(cycle=cycle, kind=type(item).__name__, fields=_fields(item, included))
-    except (BadTerm, RecursionError) as bad:
-        why = str(bad) if isinstance(bad, BadTerm) else "nested too deeply"
-        return MindInput(cycle=cycle, kind=UNWRITTEN, fields={"of": type(item).__name__, "why": why})
-
-
-def _fields(item: Given, included: Mapping[int, Included]) -> dict[str, Term]:
-    match item:
-        case PerceptReplaced() | PerceptRemoved():
-            return {"literal": to_wire(item.literal), "key": list(map(float, item.key))}
-        case PerceptAdded() | GoalAdded() | BeliefAdded() | SignalRaised() | Interrupted():
-            return {"literal": to_wire(item.literal)}
-        case PerceptsChanged():
-            changed: list[Term] = []
-            for (sig, args), literal in item.percepts.items():
-                changed.append([to_wire(literal or Literal(sig, args)), literal is not None])
-            return {"percepts": changed}
-        case Mail():
-            texts: dict[str, Term] = {"sender": item.sender, "performative": item.performative}
-            return texts | {"content": to_wire(item.content), "id": item.msg_id, "in_reply_to": item.in_reply_to}
-        case ActionDone():
-            return {"id": item.id, "ok": item.ok, "reason": item.reason, "state": item.state, "cause": item.cause}
-        case TeamReply():
-            return _reply(item, included)
-        case TimeRead():
-            return {"seconds": item.seconds}
-        case NamesRead():
-            return {"names": list(item.names)}
-        case MailRefused():
-            return {"id": item.msg_id, "error": item.error, "message": item.message}
-        case CameBack():
-            return {"life": item.life, "interrupted": [to_wire(literal) for literal in item.interrupted]}
-        case TooDeep():
-            return {}
-
-
-def _reply(item: TeamReply, included: Mapping[int, Included]) -> dict[str, Term]:
-    fields: dict[str, Term] = {"id": item.id, "error": item.error, "message": item.message}
-    if item.value is None:
-        return fields
-    if not isinstance(item.value, CompiledProgram):
-        return fields | {"value": to_wire(item.value)}
-    read = included.get(item.id)
-    if read is None:
-        raise BadTerm("the program that was included is not known")
-    files = Map(tuple(read.sources.files.items()))
-    return fields | {"program": read.path, "namespace": read.namespace, "files": files}
-
-
-def read(record: MindInput) -> Given:
-    """Return what went in. Raises Unreadable."""
-    fields = record.fields
-    if record.kind == UNWRITTEN:
-        raise Unreadable(f"what went in at cycle {record.cycle} could not be recorded: {fields.get('why')}")
-    kind = KINDS.get(record.kind)
-    if kind is None:
-        raise Unreadable(f"`{record.kind}`, which went in at cycle {record.cycle}, is not known to this version")
-    try:
-        return _item(kind, fields)
-    except (KeyError, TypeError, ValueError, AttributeError) as bad:
-        why = f"{type(bad).__name__}: {bad}"
-        raise Unreadable(f"the {record.kind} that went in at cycle {record.cycle} cannot be read: {why}") from None
-
-
-def _item(kind: type[Any], fields: dict[str, Any]) -> Given:
-    if kind in (PerceptReplaced, PerceptRemoved):
-        return kind(_literal(fields["literal"]), tuple(map(int, fields["key"])))  # type: ignore[no-any-return]
-    if kind in (PerceptAdded, GoalAdded, BeliefAdded, SignalRaised, Interrupted):
-        return kind(_literal(fields["literal"]))  # type: ignore[no-any-return]
-    if kind is PerceptsChanged:
-        pairs = [(_literal(term), holds) for term, holds in fields["percepts"]]
-        return PerceptsChanged({(one.sig, one.args): one if holds else None for one, holds in pairs})
-    if kind is Mail:
-        content = from_wire(fields["content"])
-        return Mail(fields["sender"], fields["performative"], content, fields["id"], fields["in_reply_to"])
-    if kind is ActionDone:
-        texts = fields["reason"], fields["state"], fields["cause"]
-        return ActionDone(int(fields["id"]), bool(fields["ok"]), *texts)
-    if kind is TeamReply:
-        return TeamReply(int(fields["id"]), _value(fields), fields["error"], fields["message"])
-    if kind is TimeRead:
-        return TimeRead(float(fields["seconds"]))
-    if kind is NamesRead:
-        return NamesRead(tuple(fields["names"]))
-    if kind is MailRefused:
-        return MailRefused(fields["id"], fields["error"], fields["message"])
-    if kind is CameBack:
-        return CameBack(int(fields["life"]), tuple(map(_literal, fields["interrupted"])))
-    return TooDeep()
-
-
-def _value(fields: dict[str, Any]) -> Any:
-    if "program" not in fields:
-        return from_wire(fields["value"]) if "value" in fields else None
-    texts = Texts(dict(fields["files"].entries))
-    return in_namespace(texts.parse_file(fields["program"]), fields["namespace"], texts.parse_file)
+    """A record of an input that this version cannot read; the text says why."""
 
 
 def _literal(term: Any) -> Literal:
     found = from_wire(term)
     if type(found) is not Literal:
         raise TypeError(f"{found} is no literal")
-    annots = found.annots
-    for known in (PERCEPT, SELF):  # they are told by their identity
-        if annots == known:
+    for known in (PERCEPT, SELF):  # compared by identity elsewhere
+        if found.annots == known:
             return Literal(found.sig, found.args, known)
     return found
+
+
+def _changes_written(changes: dict[Any, Literal | None]) -> list[Term]:
+    return [[to_wire(one or Literal(sig, args)), one is not None] for (sig, args), one in changes.items()]
+
+
+def _changes_read(pairs: list[Any]) -> dict[Any, Literal | None]:
+    literals = [(_literal(term), holds) for term, holds in pairs]
+    return {(one.sig, one.args): one if holds else None for one, holds in literals}
+
+
+def _several_written(literals: tuple[Literal, ...]) -> list[Term]:
+    return [to_wire(one) for one in literals]
+
+
+def _several_read(terms: list[Any]) -> tuple[Literal, ...]:
+    return tuple(map(_literal, terms))
+
+
+class _Field(NamedTuple):
+    """One field of an input."""
+
+    name: str
+    """In the record."""
+    attribute: str
+    write: Callable[[Any], Term] = lambda value: value
+    read: Callable[[Any], Any] = lambda value: value
+
+
+def _plain(*names: str) -> tuple[_Field, ...]:
+    return tuple(_Field(name, name) for name in names)
+
+
+_LITERAL: Final = _Field("literal", "literal", to_wire, _literal)
+_KEY: Final = _Field("key", "key", lambda key: list(map(float, key)), lambda key: tuple(map(int, key)))
+_NUMBER: Final = _Field("id", "id", read=int)
+_IDENTITY: Final = _Field("id", "msg_id")
+_FIELDS: Final[dict[type[Any], tuple[_Field, ...]]] = {
+    PerceptReplaced: (_LITERAL, _KEY),
+    PerceptAdded: (_LITERAL,),
+    PerceptRemoved: (_LITERAL, _KEY),
+    PerceptsChanged: (_Field("percepts", "percepts", _changes_written, _changes_read),),
+    Mail: (
+        *_plain("sender", "performative"),
+        _Field("content", "content", to_wire, from_wire),
+        _IDENTITY,
+        *_plain("in_reply_to"),
+    ),
+    ActionDone: (_NUMBER, _Field("ok", "ok", read=bool), *_plain("reason", "state", "cause")),
+    TeamReply: (_NUMBER, *_plain("error", "message")),
+    GoalAdded: (_LITERAL,),
+    BeliefAdded: (_LITERAL,),
+    SignalRaised: (_LITERAL,),
+    TimeRead: (_Field("seconds", "seconds", read=float),),
+    TooDeep: (),
+    NamesRead: (_Field("names", "names", list, tuple),),
+    MailRefused: (_IDENTITY, *_plain("error", "message")),
+    CameBack: (
+        _Field("life", "life", read=int),
+        _Field(
+            "interrupted", "interrupted", lambda all_: list(map(to_wire, all_)), lambda all_: tuple(map(_literal, all_))
+        ),
+    ),
+    Interrupted: (_LITERAL,),
+}
+"""The fields of each kind of input. The value of a TeamReply is handled apart: it may be a program."""
+KINDS: Final = {kind.__name__: kind for kind in _FIELDS}
+
+
+def written(cycle: int, item: Given, included: Mapping[int, Included]) -> MindInput:
+    """Return an input as a record; `included` are the programs that were read at run time, by the request's id."""
+    kind = type(item)
+    try:
+        fields: dict[str, Term] = {one.name: one.write(getattr(item, one.attribute)) for one in _FIELDS[kind]}
+        if isinstance(item, TeamReply) and item.value is not None:
+            fields |= _value_written(item, included)
+        return MindInput(cycle=cycle, kind=kind.__name__, fields=fields)
+    except (BadTerm, RecursionError) as bad:
+        why = str(bad) if isinstance(bad, BadTerm) else "nested too deeply"
+        return MindInput(cycle=cycle, kind=UNWRITTEN, fields={"of": kind.__name__, "why": why})
+
+
+def _value_written(reply: TeamReply, included: Mapping[int, Included]) -> dict[str, Term]:
+    if not isinstance(reply.value, CompiledProgram):
+        return {"value": to_wire(reply.value)}
+    read = included.get(reply.id)
+    if read is None:
+        raise BadTerm("the program that was included is not known")
+    files = Map(tuple(read.sources.files.items()))
+    return {"program": read.path, "namespace": read.namespace, "files": files}
+
+
+def read(record: MindInput) -> Given:
+    """Return the input of a record. Raises Unreadable."""
+    fields: dict[str, Any] = record.fields
+    if record.kind == UNWRITTEN:
+        raise Unreadable(f"the input of cycle {record.cycle} could not be recorded: {fields.get('why')}")
+    kind = KINDS.get(record.kind)
+    if kind is None:
+        raise Unreadable(f"the input `{record.kind}` of cycle {record.cycle} is not known to this version")
+    try:
+        values = {one.attribute: one.read(fields[one.name]) for one in _FIELDS[kind]}
+        if kind is TeamReply:
+            values["value"] = _value_read(fields)
+        item: Given = kind(**values)
+    except (KeyError, TypeError, ValueError, AttributeError) as bad:
+        why = f"{type(bad).__name__}: {bad}"
+        raise Unreadable(f"the input {record.kind} of cycle {record.cycle} cannot be read: {why}") from None
+    return item
+
+
+def _value_read(fields: dict[str, Any]) -> Any:
+    if "program" not in fields:
+        return from_wire(fields["value"]) if "value" in fields else None
+    texts = Texts(dict(fields["files"].entries))
+    return in_namespace(texts.parse_file(fields["program"]), fields["namespace"], texts.parse_file)

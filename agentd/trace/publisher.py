@@ -1,12 +1,12 @@
-"""What one agent tells of its course, on three channels of the bus, each only while somebody listens to it."""
+"""Publish the trace of one agent on three channels of the bus, each only while it has subscribers."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Collection, Coroutine, Iterable
+from collections.abc import Callable, Iterable
 from time import perf_counter
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import msgspec
 
@@ -16,13 +16,14 @@ from agentd.mind import Mind
 from agentd.mind.data.effects import Effect, SendMail
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Mail
+from agentd.runtime.agent_directory import AgentDirectory
 from agentd.trace.activity_events import ActivityEvents
-from agentd.trace.environment_reads import CameBack, Given, Interrupted, MailRefused
 from agentd.trace.initial_state import InitialState
 from agentd.trace.input_log import MOST_BYTES, InputBatch, InputLog
-from agentd.trace.input_records import Included
+from agentd.trace.input_records import CameBack, Given, Included, Interrupted, MailRefused
 from commd.bus.bus import Bus, Query
 from commd.common.clock import Clock
+from commd.common.tasks import Tasks
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
 from schemas.wire.mind_records import Deed, MindDecisions, MindDeeds, MindInputs
@@ -33,145 +34,132 @@ log = logging.getLogger("trace")
 PERIOD: Final = 0.25
 """Wall seconds between two batches."""
 SHARE: Final = 0.007
-"""Of the time since the last batch the decisions of this one may take so much to be put into words, of all agents of
-the process together; the rest is left out and counted."""
+"""Share of the time since the last batch that converting decisions may take, of all agents of the process together;
+the rest is left out and counted."""
 LEAST: Final = 2
 MOST: Final = 100
-"""So many decisions are in a batch at least and at most, if there were so many."""
+"""Decisions in a batch at least and at most, if there were that many."""
 MOST_TOGETHER: Final = 4 * MOST_BYTES
-"""Bytes that all agents of the process together may keep of what has gone into them since their births, roughly."""
+"""Bytes (estimated) of inputs that all agents of the process keep together."""
 TOO_LATE: Final = (
     "the beginning of this life is not kept any more: more has gone into it since than is kept; "
     "begin to record before the agent begins"
 )
 
 Channel: TypeAlias = Literal["inputs", "decisions", "deeds"]
-Office: TypeAlias = Callable[[SendMail], None]
 Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
-"""Hears that the mind has run from a cycle on, at a mission time, and what it wants done."""
+"""Gets a run of the mind: first cycle, mission time, effects."""
 _all: set[Tracing] = set()
-"""Those of this process: what each may keep and take depends on how many there are."""
+"""The tracings of this process: their number limits what each may keep and spend."""
 
 
 class Tracing:
-    """What one agent tells of itself."""
+    """The trace of one agent. Made before its mind, for the mind's first inputs; `follow` completes it."""
 
     def __init__(
         self,
         bus: Bus,
         clock: Clock,
-        mind: Mind,
+        agent: str,
         birth: InitialState,
-        early: Iterable[tuple[int, Given]],
-        names: Callable[[], Collection[str]],
+        directory: AgentDirectory,
         life: str,
-        spawn: Callable[[Coroutine[Any, Any, None]], object],
+        tasks: Tasks,
     ) -> None:
-        """`early` has gone into the mind while it was made; `names` are all that can be sent to; `life` is what the ids
-        of this life's messages end with.
-        """
-        agent = mind.name
+        """`life` is the end of the ids of this life's messages."""
         self.birth = birth
-        self.course = InputLog(
-            mind,
-            birth.record,
-            early,
-            room=lambda: min(MOST_BYTES, MOST_TOGETHER // max(1, len(_all))),
-            forgotten=self._hook,
-        )
-        self.deeds = ActivityEvents(
-            agent, lambda number: f"{agent}:{bus.boot}:{number}", lambda one: f"{one}.{life}", clock.now
-        )
+        self.inputs = InputLog(agent, birth.record, directory.names, self._room, self._hook)
+        self.deeds = ActivityEvents(agent, bus.boot, life, clock)
         self.ran: Ran | None = None
-        """To be called after each run of the mind; None: that is not needed."""
-        self._bus, self._clock, self._mind, self._spawn = bus, clock, mind, spawn
-        self._life = life
+        """To be called after each run of the mind; None while nobody needs it."""
+        self._mind: Mind
+        self.life = life
+        self._bus, self._clock, self._agent, self._tasks = bus, clock, agent, tasks
         self._heard: set[Channel] = set()
+        """The channels that have subscribers."""
         self._flushing = False
         self._decided_at, self._per_view = perf_counter(), 0.0002
-        """When decisions were put into words last, and the wall seconds that it takes for one, about."""
-        self._office: Office | None = None
-        self._receivers: Callable[[SendMail], list[str]] = lambda mail: []
+        """When decisions were converted last, and the wall seconds that one takes, estimated."""
         self._keys: dict[Channel, str] = {
             channel: keys.trace(bus.fleet, agent, channel) for channel in ("inputs", "decisions", "deeds")
         }
-        mind.agents = self.course.reading(names)
-        mind.on_input = self.course.given
-        self._withdraw = [bus.serve(self._keys["inputs"], MindInputs, self._tell_since_birth, observers=True)]
+        self._withdraw: list[Callable[[], None]] = []
+
+    def follow(self, mind: Mind) -> None:
+        """Trace this mind, which was made with `inputs.given` and `inputs.names`, and serve its trace."""
+        self._mind = mind
+        self.inputs.follow(mind)
+        self._withdraw.append(self._bus.serve(self._keys["inputs"], MindInputs, self._answer_since_birth, observers=True))
         for channel, key in self._keys.items():
-            self._withdraw.append(bus.listened(key, lambda somebody, c=channel: self._listened(c, somebody)))  # type: ignore[misc]
+            self._withdraw.append(self._bus.listened(key, lambda there, c=channel: self._listened(c, there)))  # type: ignore[misc]
         _all.add(self)
         self._hook()
 
-    # --- what happens ---
+    def _room(self) -> int:
+        return min(MOST_BYTES, MOST_TOGETHER // max(1, len(_all)))
+
+    # --- events ---
 
     def _ran(self, first: int, now: float, effects: Iterable[Effect]) -> None:
-        """The mind has run from cycle `first` on, at mission time `now`, and wants this done; somebody listens."""
-        course, recorder = self.course, self._mind.recorder
+        """Take a run of the mind from cycle `first` on, at mission time `now`, while there are subscribers."""
+        inputs, recorder = self.inputs, self._mind.recorder
         if recorder is not None:
             recorder.settle()
-        if course.listened:
+        if inputs.listened:
             for effect in effects:
-                course.did(self._mind.cycle, effect)
-        if course.on:
-            course.ran(first, now)
+                inputs.did(self._mind.cycle, effect)
+        if inputs.on:
+            inputs.ran(first, now)
 
     def did(self, effect: Effect) -> None:
-        """What the mind wants done is being done."""
+        """Take an effect that is carried out."""
         self.deeds.did(self._mind.cycle, effect)
 
     def done(self, item: Given) -> None:
-        """An action has ended."""
+        """Take the end of an action."""
         self.deeds.given(self._mind.cycle, item)
 
     def ordered(self, order: str) -> None:
-        """An operator has done something to the mind."""
+        """Take an operator's order, as text."""
         self.deeds.add(Deed(cycle=self._mind.cycle, time=self._clock.now(), kind="operator", text=order))
 
-    def send_by(self, office: Office, receivers: Callable[[SendMail], list[str]]) -> None:
-        """Let `office` be the post office of the mind, with what is sent or refused noted while that is needed."""
-        self._office, self._receivers = office, receivers
-        self._hook()
-
-    def _send(self, mail: SendMail) -> None:
-        course, mind = self.course, self._mind
-        assert self._office is not None
-        try:
-            self._office(mail)
-        except Failed as failed:
-            if course.on:
-                course.given(mind.cycle, MailRefused(mail.msg_id, failed.error, failed.message))
-            raise
-        if course.listened:
-            course.did(mind.cycle, mail)
+    def sent(self, mail: SendMail, receivers: list[str]) -> None:
+        """Take a message that the outbox has accepted."""
+        if self.inputs.listened:
+            self.inputs.did(self._mind.cycle, mail)
         if self.deeds.listened:
-            self.deeds.sent(mind.cycle, mail, self._receivers(mail))
+            self.deeds.sent(self._mind.cycle, mail, receivers)
+
+    def refused(self, mail: SendMail, failed: Failed) -> None:
+        """Take a message that the outbox has refused; its plan fails."""
+        if self.inputs.on:
+            self.inputs.given(self._mind.cycle, MailRefused(mail.msg_id, failed.error, failed.message))
 
     def came_back(self, reading: CameBack | Interrupted) -> None:
-        """A restored mind is about to be told something, between two runs."""
-        if self.course.on:
-            self.course.given(self._mind.cycle + 1, reading)
+        """Take the notification of a restored mind, between two runs."""
+        if self.inputs.on:
+            self.inputs.given(self._mind.cycle + 1, reading)
 
     def included(self, request: int, program: Included) -> None:
-        """The team has read a program that the mind asked for."""
-        if self.course.on:
-            self.course.included[request] = program
+        """Take a program that the mind has included."""
+        if self.inputs.on:
+            self.inputs.included[request] = program
 
     def cloned(self, other: str) -> None:
-        """The mind is made of what another one has become."""
+        """Note that the mind is a copy of another one, so that it cannot be rebuilt."""
         self.birth.unknown = f"it is a clone of {other}, and what that had become is not recorded"
 
     def _given(self, cycle: int, item: Given) -> None:
-        """Something has gone into the mind, and somebody follows its deeds."""
-        if self.course.on:
-            self.course.given(cycle, item)
+        """Take an input while the channel of deeds has subscribers."""
+        if self.inputs.on:
+            self.inputs.given(cycle, item)
         if type(item) is Mail:
             self.deeds.given(cycle, item)
 
-    # --- who listens ---
+    # --- subscribers ---
 
     def _listened(self, channel: Channel, somebody: bool) -> None:
-        """Somebody has begun to listen to a channel, or nobody does any more."""
+        """Follow whether a channel has subscribers."""
         log.debug("agent=%s trace=%s listened=%s", self._mind.name, channel, somebody)
         if somebody:
             self._heard.add(channel)
@@ -179,10 +167,10 @@ class Tracing:
             self._heard.discard(channel)
         match channel:
             case "inputs":
-                self.course.listen(self._put if somebody else None)
+                self.inputs.listen(self._put if somebody else None)
                 self._count()
                 if somebody:
-                    self._spawn(self._put_kept())
+                    self._tasks.spawn(self._put_kept())
             case "decisions":
                 self._count()
             case "deeds":
@@ -191,79 +179,82 @@ class Tracing:
         self._hook()
         if self._heard and not self._flushing:
             self._flushing = True
-            self._spawn(self._flush_now_and_then())
+            self._tasks.spawn(self._flush_periodically())
 
     def _hook(self) -> None:
-        """Have what happens told to those only who want it: what nobody wants costs nothing."""
-        mind, course, deeds = self._mind, self.course, self.deeds.listened
-        mind.on_input = self._given if deeds else course.given if course.on else None
-        if course.listened or "decisions" in self._heard:
+        """Set the hooks of the mind that somebody needs; the others cost nothing."""
+        inputs = self.inputs
+        self._mind.on_input = self._given if self.deeds.listened else inputs.given if inputs.on else None
+        if inputs.listened or "decisions" in self._heard:
             self.ran = self._ran
         else:
-            self.ran = course.ran if course.on else None
-        if self._office is not None:
-            mind.post_office = self._send if course.on or deeds else self._office
+            self.ran = inputs.ran if inputs.on else None
 
     def _count(self) -> None:
         recorder = self._mind.recorder
         if recorder is None:
             return
-        if self.course.listened:
-            recorder.count_all(self.course.decided)
+        if self.inputs.listened:
+            recorder.count_all(self.inputs.decided)
         elif "decisions" in self._heard:
             recorder.count_all()
         else:
             recorder.count_none()
 
-    async def _flush_now_and_then(self) -> None:
+    async def _flush_periodically(self) -> None:
         while self._heard:
             await asyncio.sleep(PERIOD)
             self.flush()
         self._flushing = False
 
-    # --- what is told ---
+    # --- batches ---
 
     def flush(self) -> None:
-        """Tell what has happened since this was called last."""
+        """Publish the events since the last call."""
         if "deeds" in self._heard:
             self._put_deeds()
         if "decisions" in self._heard:
             self._put_decisions()
-        if self.course.listened:
-            self.course.flush()
+        if self.inputs.listened:
+            self.inputs.flush()
 
     def close(self, *, in_order: bool) -> None:
-        """Tell what is left, then no more; `in_order`: the life has ended, it was not broken off by a defect."""
+        """Publish the last events; `in_order`: the life has ended without a defect."""
         self.flush()
-        if in_order and self.course.listened:
-            self.course.end()
+        if in_order and self.inputs.listened:
+            self.inputs.end()
         self._heard.clear()
         _all.discard(self)
         for withdraw in self._withdraw:
             withdraw()
         self._withdraw.clear()
 
-    def _put(self, stretch: InputBatch) -> None:
-        record = self.course.record(stretch)
+    def _put(self, batch: InputBatch) -> None:
+        record = self.inputs.record(batch)
         self._bus.put(self._keys["inputs"], msgspec.structs.replace(record, header=self._header("inputs")))
 
     async def _put_kept(self) -> None:
-        """Tell what was kept while nobody listened, without a long turn."""
-        for stretch in self.course.untold():
-            self._put(stretch)
+        """Publish the batches that were kept without subscribers, one in each pass of the event loop."""
+        for batch in self.inputs.unpublished():
+            self._put(batch)
             await asyncio.sleep(0)
 
     def _header(self, channel: Channel) -> Header:
-        """The next header on a channel; its `boot` is this life of the agent, of which a process may have several."""
-        header = self._bus.header(f"trace/{channel}", self._mind.name)
-        return msgspec.structs.replace(header, boot=self._life)
+        """Return the next header on a channel. Its `boot` is the life of the agent: a process may have several."""
+        header = self._bus.header(f"trace/{channel}", self._agent)
+        return msgspec.structs.replace(header, boot=self.life)
 
     def _put_deeds(self) -> None:
         deeds, left_out = self.deeds.take()
         if deeds or left_out:
-            agent, now, speed = self._mind.name, self._clock.now(), self._clock.speed
-            header = self._header("deeds")
-            record = MindDeeds(header=header, agent=agent, deeds=deeds, left_out=left_out, now=now, speed=speed)
+            record = MindDeeds(
+                header=self._header("deeds"),
+                agent=self._agent,
+                deeds=deeds,
+                left_out=left_out,
+                now=self._clock.now(),
+                speed=self._clock.speed,
+            )
             self._bus.put(self._keys["deeds"], record)
 
     def _put_decisions(self) -> None:
@@ -277,10 +268,9 @@ class Tracing:
         if not shown:
             return
         decisions, failures = decisions_of(mind, Look(last=shown))
-        header = self._header("decisions")
         record = MindDecisions(
-            header=header,
-            agent=mind.name,
+            header=self._header("decisions"),
+            agent=self._agent,
             decisions=decisions,
             failures=failures,
             left_out=left_out,
@@ -290,11 +280,11 @@ class Tracing:
         self._bus.put(self._keys["decisions"], record)
         self._per_view += 0.2 * ((perf_counter() - begin) / shown - self._per_view)
 
-    async def _tell_since_birth(self, query: Query[MindInputs]) -> None:
-        """Answer who wants all that went in since birth; not who asks for everything there is."""
+    async def _answer_since_birth(self, query: Query[MindInputs]) -> None:
+        """Answer a query for all inputs since birth, but not one for every key there is."""
         if not query.key.endswith("/trace/inputs"):
             return
-        batches = self.course.since_birth()
+        batches = self.inputs.since_birth()
         self._hook()
         if batches is None:
             query.reply_error(TOO_LATE)

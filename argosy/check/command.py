@@ -15,11 +15,11 @@ from agentd.check.command import Robot, findings_of
 from agentd.check.external_knowledge import RAISED_BY_AGENTD, Elsewhere, from_team
 from agentd.check.finding_kinds import FAILS_WHERE_REACHED
 from agentd.check.programs import Surveyed, read_survey
-from agentd.conversion.slow_notice import loading, told_if_long
 from agentd.language.compiler.compile import DirectiveError
 from agentd.language.parse import parse_file, parse_literal
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Formula, Program, Structure
+from agentd.process import loading_notice
 from agentd.runtime.program_loader import compose, endings
 from agentd.runtime.program_paths import SourcePaths
 from argosy.check.belief_mentions import beliefs_of, mentioned
@@ -51,7 +51,7 @@ def run(args: Namespace) -> int:
     findings: list[Finding] = []
     results: list[str] = []
     for path in args.mission:
-        with told_if_long(loading([path])):
+        with loading_notice([path]):
             mission, found = check_mission(path)
         if mission is not None:
             found = sorted([*found, *_only_real(mission), *check_boards(mission)])

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
-import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
@@ -19,6 +18,7 @@ import agentd.daemon
 import bridged.daemon
 import commd.daemon
 from agentd.extensions.plugins import discover
+from agentd.process import allow_deep_calls
 from commd.bus.errors import AlreadyRunning, BusClosed
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, run_daemon
 from commd.process.systemd import Member, Unit
@@ -65,7 +65,7 @@ class _Options(ArgumentParser):
 
 def run(args: Namespace) -> int:
     """Run the board until it is told to stop, or a part of it fails. Returns the exit code."""
-    sys.setrecursionlimit(max(sys.getrecursionlimit(), agentd.daemon.DEEPEST_CALLS))
+    allow_deep_calls()
     discover()
     if args.keys is not None or args.config is not None:
         hear_refusals()

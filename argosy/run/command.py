@@ -16,7 +16,7 @@ from typing import Protocol, Self, TextIO
 
 import msgspec
 
-from agentd.conversion.slow_notice import loading, told_if_long
+from agentd.process import loading_notice
 from argosy.check.command import at_start, check_mission
 from argosy.cli.journal import Entry, Journal
 from argosy.cli.port_check import endpoint, in_use, link_in_use
@@ -92,7 +92,7 @@ class RunRefused(Exception):
 
 def run(args: Namespace) -> int:
     """Run a mission. Returns the exit code: 0 only if the mission was done."""
-    with told_if_long(loading([args.mission])):
+    with loading_notice([args.mission]):
         mission, findings = check_mission(args.mission, restarts=args.restart)
     findings = at_start(findings)
     for finding in findings:

@@ -22,8 +22,8 @@ import msgspec
 from agentd.environment import Environment
 from agentd.language.compiler.compile import compile_program
 from agentd.language.parse import parse_file
+from agentd.process import allow_deep_calls
 from agentd.standalone import standalone_team
-from agentd.standalone.command import DEEPEST_CALLS
 from benchmarks.processes import BenchmarkFailed, lines, started
 from benchmarks.reasoner.counter import Counter
 from benchmarks.reasoner.rows import ROWS, Row
@@ -123,7 +123,7 @@ def main() -> None:
     parser.add_argument("row", choices=[row.key for row in ROWS])
     parser.add_argument("--json", action="store_true", help="by module, for programs")
     args = parser.parse_args()
-    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
+    allow_deep_calls()
     team = count(next(row for row in ROWS if row.key == args.row))
     if args.json:
         print(msgspec.json.encode(by_module(team)).decode())

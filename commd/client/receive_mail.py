@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 
 from commd.bus.bus import Bus, Query
-from commd.client.receive_once import EXPIRED, MessageRefused, Numbered, ReceiveOnce
+from commd.client.receive_once import EXPIRED, MessageRefused, Numbered, ReceiveOnce, is_expired
 from commd.process.state_dir import make_private_file
 from schemas.wire.records import Mail, Message, Refusal
 
@@ -153,8 +153,7 @@ class ProgramInbox(ReceiveOnce):
         if _number(message) in self._late:
             raise MessageRefused(EXPIRED)
         answer = self._asked.get(message.in_reply_to)
-        expired = message.ttl is not None and message.ttl <= 0
-        if answer is not None and not answer.done() and not expired:
+        if answer is not None and not answer.done() and not is_expired(message):
             answer.set_result(message)  # before there is room for the message: its asker waits for nothing else
         return partial(self._queue, message)
 

@@ -33,6 +33,11 @@ class MessageRefused(ValueError):
         self.reason = reason
 
 
+def is_expired(message: Message) -> bool:
+    """Return whether the time to live of a message is over."""
+    return message.ttl is not None and message.ttl <= 0
+
+
 class Numbered(NamedTuple):
     """Whose numbers they are."""
 
@@ -135,7 +140,7 @@ class ReceiveOnce:
                 if seq and seq <= progress.handed:
                     waits[place] = whose, seq
                     continue
-                if message.ttl is not None and message.ttl <= 0:
+                if is_expired(message):
                     raise MessageRefused(EXPIRED)
             except MessageRefused as bad:
                 refused[place] = bad.reason

@@ -12,13 +12,21 @@ from commd.bus.bus import Bus
 from commd.bus.errors import BusError, QueryFailed
 from commd.mail.message import LARGEST, adds_up
 from schemas.wire import keys
-from schemas.wire.codec import BadRecord, codec
+from schemas.wire.codec import BadRecord, Wire, codec
 from schemas.wire.records import Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Term
 
 ANSWER_TIMEOUT = 8.0
 """Wall seconds that `commd` has for one answer: a full disk is waited for there."""
 RETRY = 0.2
+
+
+class Unsendable(ValueError):
+    """A message that cannot be sent: its refusal has a code and a text."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(text)
+        self.reason = Refusal(code=code, text=text)
 
 
 class NotSent(Exception):
@@ -43,6 +51,17 @@ class MailboxFull(NotSent):
 
 class SendTimeout(NotSent, TimeoutError):
     """`commd` has not said that it took the message. `send_again` sends it under its own number: never twice."""
+
+
+def size_of(message: Message, wire: Wire) -> int:
+    """Return the bytes of a message as it is sent. Raises Unsendable for one that is too large or nested too deeply."""
+    try:
+        size = len(codec(Message).encode(message, wire))
+    except BadRecord as bad:
+        raise Unsendable("not_sendable", str(bad)) from None
+    if size > LARGEST:
+        raise Unsendable("message_too_large", f"{size} bytes, expected at most {LARGEST} (1 MB)")
+    return size
 
 
 async def hand_to_commd(bus: Bus, sender: str, messages: tuple[Message, ...], timeout: float) -> Receipt:
@@ -117,11 +136,9 @@ class Sending:
 
     async def _hand_over(self, message: Message, patience: float, until: float = inf) -> None:
         try:
-            size = len(codec(Message).encode(message, self._bus.wire))
-        except BadRecord as bad:
+            size_of(message, self._bus.wire)
+        except Unsendable as bad:
             raise TooLarge(message, str(bad)) from None
-        if size > LARGEST:
-            raise TooLarge(message, f"{size} bytes, expected at most {LARGEST}")
         loop = asyncio.get_running_loop()
         until = min(until, loop.time() + patience)
         while True:

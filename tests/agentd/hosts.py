@@ -16,8 +16,9 @@ from agentd.mind.data.inputs import Mail, TeamReply
 from agentd.persistence.checkpoint import Checkpoint, CheckpointError, Saving
 from agentd.persistence.restore import RestoredState, open_memory
 from agentd.runtime.agent_directory import AgentDirectory
-from agentd.runtime.agent_host import AgentHost, Part
-from agentd.trace.program_sources import Sources
+from agentd.runtime.agent_host import AgentHost
+from agentd.runtime.program_loader import Part
+from agentd.trace.initial_state import Sources
 from commd.bus.bus import Bus
 from commd.common.clock import Clock
 
@@ -79,7 +80,7 @@ class Hosted:
         self.disk.open.set()
         self._stop.set()
         await self._life
-        await self.host.part_with(forget=False)
+        await self.host.close_checkpoint(forget=False)
         self.host.close()
         self._writer.shutdown()
 
@@ -89,7 +90,7 @@ class Hosted:
         self._life.cancel()
         self._stop.set()
         await asyncio.gather(self._life, return_exceptions=True)
-        await self.host.part_with(forget=False)
+        await self.host.close_checkpoint(forget=False)
         self.host.close()
         self._writer.shutdown()
 
@@ -110,10 +111,11 @@ async def host_on(
     )
     sources = Sources(main=f"{name}.asl")
     sources.keep(sources.main, source)
-    made = Part(name=name, program=program, **{"robot": None, "done": {}, "failed": {}, "sources": sources, **part})
-    host = AgentHost(bus, Clock(), made, roster, _no_team, bus.token(f"test/{name}/{bus.boot}"), memory)
+    made = Part(name=name, program=program, **{"sources": sources, **part})
+    host = AgentHost(bus, Clock(), made, roster, NoTeam(), bus.token(f"test/{name}/{bus.boot}"), memory)
     return Hosted(host, memory)
 
 
-async def _no_team(host: AgentHost, request: TeamRequest) -> TeamReply:
-    return TeamReply(request.id, None, "unknown", "there is no team")
+class NoTeam:
+    async def answer(self, host: AgentHost, request: TeamRequest) -> TeamReply:
+        return TeamReply(request.id, None, "unknown", "there is no team")

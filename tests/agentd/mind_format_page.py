@@ -97,7 +97,7 @@ def example(endpoint: str, folder: Path, meanwhile: Any = None) -> Any:
         await served(operator, control)
         await until(lambda: len(scout.host.view().questions) == 1, "it asks ana")
         scout.tell(Mail("ana", "tell", term("victim(30,40)"), "mid1.ana"))
-        scout.host.take(PerceptReplaced(term("altitude(0)")))
+        scout.host.feed(PerceptReplaced(term("altitude(0)")))
         await until(lambda: "ana has found somebody" in scout.prints, "it hears of the victim")
         for order in (
             MindOrder(do="pause"),

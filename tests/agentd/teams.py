@@ -6,8 +6,7 @@ from typing import Any
 
 from agentd.language.compiler.compile import compile_program
 from agentd.language.parse import parse_program
-from agentd.standalone.clocks import VirtualClock
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.standalone_team import Team, VirtualClock
 
 
 class Stage:

@@ -14,7 +14,7 @@ import pytest
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.runtime import agent_host
-from agentd.runtime.agent_host import BATCH, SLICE, Ran, reason
+from agentd.runtime.mind_runner import BATCH, SLICE, Ran, reason
 from commd.common.clock import Clock
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import mind_of

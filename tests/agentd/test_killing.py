@@ -75,3 +75,10 @@ def test_the_action_of_a_killed_agent_is_not_taken_for_one_of_its_successor() ->
     environment.deferred[1].succeed()
     stage.run()
     assert stage.lines[-1] == "[bob] done"
+
+
+def test_the_services_of_a_killed_agent_are_gone() -> None:
+    looker = "!s. +!s <- .wait(100); .df_search(svc, L); .print(L); .kill_agent(gone); .df_search(svc, M); .print(M)."
+    stage = Stage({"gone": "!g. +!g <- .df_register(svc).", "bob": "!g. +!g <- .df_register(svc).", "ann": looker})
+    assert stage.run() == 0
+    assert stage.lines == ["[ann] [gone,bob]", "[ann] [bob]"]

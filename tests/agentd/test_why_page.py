@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from agentd.runtime.program_paths import SourcePaths
-from agentd.standalone.clocks import VirtualClock
 from agentd.standalone.decision_printer import DecisionPrinter
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.standalone_team import Team, VirtualClock
 
 PAGE = (Path(__file__).parents[2] / "docs/guides/why.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from datetime import UTC
+from collections.abc import Collection
 from typing import Any
 
 from agentd.language.compiler.compile import CompiledProgram, compile_program
 from agentd.language.parse import parse_program
 from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
-from agentd.mind.data.inputs import Input
-from agentd.trace.initial_state import InitialState
+from agentd.trace.initial_state import InitialState, Sources
 from agentd.trace.input_log import InputBatch, InputLog
-from agentd.trace.program_sources import Sources
 from schemas.wire.codec import codec
-from schemas.wire.mind_records import MindInputs
+from schemas.wire.mind_records import MindBirth, MindInputs
 
 
 class OpenMind(Mind):
@@ -34,31 +31,31 @@ class Traced:
         start: float = 0.0,
         seed: int = 0,
         epoch: float = 0.0,
-        agents: Callable[[], Collection[str]] = lambda: (),
+        agents: Collection[str] = (),
         decisions: int = 200,
         listened: bool = True,
         **arguments: Any,
     ) -> None:
-        early: list[tuple[int, Input]] = []
+        settings = MindBirth(program="", decisions=decisions, seed=seed, start=start, epoch=epoch)
+        self.start = start
+        self.birth = InitialState(settings, sources)
+        self.course = InputLog(name, self.birth.record, agents)
         self.mind = mind = OpenMind(
             name,
             program,
             start=start,
             seed=seed,
             epoch=epoch,
-            agents=agents,
+            agents=self.course.names,
             has_team=True,
             decisions=decisions,
-            on_input=lambda cycle, item: early.append((cycle, item)),
+            on_input=self.course.given,
             **arguments,
         )
-        self.birth = InitialState(sources, seed, start, epoch, UTC, False, None, decisions, False, None)
-        self.course = InputLog(mind, self.birth.record, early)
-        mind.on_input = self.course.given
-        mind.agents = self.course.reading(agents)
-        self._stretches: list[InputBatch] = []
+        self.course.follow(mind)
+        self._batches: list[InputBatch] = []
         if listened:
-            self.course.listen(self._stretches.append)
+            self.course.listen(self._batches.append)
             if mind.recorder is not None:
                 mind.recorder.count_all(self.course.decided)
         self._run = mind.run
@@ -87,4 +84,4 @@ class Traced:
         """All batches, having crossed the wire."""
         self.course.flush()
         made = codec(MindInputs)
-        return [made.decode(made.encode(self.course.record(stretch))) for stretch in self._stretches]
+        return [made.decode(made.encode(self.course.record(batch))) for batch in self._batches]

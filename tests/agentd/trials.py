@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,8 +20,8 @@ from agentd.language.syntax_tree.printer import source_text
 from agentd.mind import Mind
 from agentd.mind.data.effects import PerformAction, TeamRequest
 from agentd.mind.data.inputs import ActionDone, TeamReply
+from agentd.process import allow_deep_calls
 from agentd.runtime.program_paths import SourcePaths
-from agentd.standalone.command import DEEPEST_CALLS
 from tests.agentd.generated_programs import corpus
 
 HANG: Final = 20.0
@@ -123,7 +122,7 @@ def _seconds(text: str) -> float:
 
 def try_to_run(program: Program, seed: int = 0) -> str:
     """Run a program that was read for a while, without a world: how that ended. Nothing may escape from the mind."""
-    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
+    allow_deep_calls()
     try:
         with at_most(TIRED):
             compiled = compile_program(program, _nothing_to_include)

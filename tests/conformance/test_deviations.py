@@ -10,10 +10,9 @@ from typing import NamedTuple
 
 import pytest
 
+from agentd.process import DEEPEST_CALLS
 from agentd.runtime.program_paths import SourcePaths
-from agentd.standalone.clocks import VirtualClock
-from agentd.standalone.command import DEEPEST_CALLS
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.standalone_team import Team, VirtualClock
 
 PAGE = Path(__file__).parents[2] / "docs/reference/language.md"
 _CELL = re.compile(r"(?<!\\)\|")

@@ -9,11 +9,10 @@ import msgspec
 import pytest
 
 from agentd.conversion.mind_view import decisions_of
+from agentd.process import DEEPEST_CALLS
 from agentd.runtime.program_paths import SourcePaths
-from agentd.standalone.clocks import VirtualClock
-from agentd.standalone.command import DEEPEST_CALLS
 from agentd.standalone.decision_printer import DecisionPrinter
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.standalone_team import Team, VirtualClock
 from tests.conformance.test_conformance import CASES, _arguments, _comparable
 
 

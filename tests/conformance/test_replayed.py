@@ -11,15 +11,14 @@ import pytest
 from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.mind.data.inputs import Input, Mail
+from agentd.process import DEEPEST_CALLS
 from agentd.replay import replayed_mind
 from agentd.replay.replayed_mind import ReplayedMind, digest_of
 from agentd.runtime.program_paths import SourcePaths
 from agentd.standalone import standalone_team
-from agentd.standalone.clocks import VirtualClock
-from agentd.standalone.command import DEEPEST_CALLS
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.standalone_team import Team, VirtualClock
+from agentd.trace.initial_state import Sources
 from agentd.trace.input_records import UNWRITTEN
-from agentd.trace.program_sources import Sources
 from tests.agentd.traced import Traced
 from tests.conformance.test_conformance import CASES, _arguments
 

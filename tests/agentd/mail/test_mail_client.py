@@ -8,10 +8,11 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
-from agentd.mail.inbox import AgentInbox
-from agentd.mail.outbox import LARGEST, Outbox, Unsendable
+from agentd.mail.mail_client import AgentInbox
+from agentd.mail.outbox import Outbox
 from commd.bus.bus import Bus, Query
 from commd.client.receive_once import MessageRefused, Numbered
+from commd.client.send_mail import LARGEST, Unsendable
 from commd.mail.message import adds_up
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
@@ -109,7 +110,7 @@ def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_at_once_when_it
         keep(outbox)
         await until(lambda: outbox.counters["not_answered"] > 0, "nobody answers")
         desk = await a_desk(connect)
-        outbox.hurry()
+        outbox.retry_now()
         await until(lambda: desk.told("b") == [1, 2], "both leave, in order")
 
     on_a_bus(endpoint, body)
@@ -223,7 +224,7 @@ def test_a_message_that_is_too_large_or_cannot_be_written_is_not_taken(endpoint:
         for content, error in (("x" * LARGEST, "message_too_large"), ("\ud800", "not_sendable")):
             with pytest.raises(Unsendable) as raised:
                 outbox.post(["b"], "tell", content, "mid2", "")
-            assert raised.value.error == error
+            assert raised.value.reason.code == error
         assert len(outbox) == 1
 
     on_a_bus(endpoint, body)
@@ -244,10 +245,10 @@ def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or_not_a
         assert outbox.numbers["c"] == 0
         with pytest.raises(Unsendable, match="at most 0 MB may") as raised:
             outbox.post(["c"], "tell", "x" * 4000, "mid1", "")
-        assert raised.value.error == "mailbox_full"
+        assert raised.value.reason.code == "mailbox_full"
         desk = await a_desk(connect)
         keep(outbox)
-        outbox.hurry()
+        outbox.retry_now()
         await until(lambda: len(desk.told("b")) == 10, "they leave")
         await until(lambda: len(outbox) == 0, "there is room again")
         send(outbox, 11)
@@ -268,7 +269,7 @@ def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_anew(en
         send(second, 3)
         keep(second)
         desk = await a_desk(connect)
-        second.hurry()
+        second.retry_now()
         await until(lambda: desk.told("b") == [1, 2, 3], "the rest leaves in order")
         assert [one.header.seq for one in desk.taken] == [2, 3, 1]
         assert [one.header.boot for one in desk.taken] == [first.numbering, first.numbering, second.numbering]
@@ -319,7 +320,7 @@ class Reader:
     def absorb(self, left: int = 0) -> None:
         """The mind takes what waits but so many, and that is on disk."""
         self.inbox.absorb(left)
-        self.inbox.kept(self.inbox.take_absorbed())
+        self.inbox.saved(self.inbox.take_absorbed())
 
 
 async def a_reader(connect: Connect) -> Reader:
@@ -350,7 +351,7 @@ def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(endpoint: s
         reader.inbox.absorb(0)
         await asyncio.sleep(0.1)
         assert not answer.done()
-        reader.inbox.kept(held)
+        reader.inbox.saved(held)
         await asyncio.sleep(0.1)
         assert not answer.done()
         reader.absorb()
@@ -362,7 +363,7 @@ def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(endpoint: s
 def test_what_is_not_absorbed_in_time_is_to_be_sent_again_and_is_not_fed_twice(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.mail.inbox.PATIENCE", 0.2)
+    monkeypatch.setattr("agentd.mail.mail_client.PATIENCE", 0.2)
 
     async def body(connect: Connect) -> None:
         reader = await a_reader(connect)

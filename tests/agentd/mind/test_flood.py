@@ -9,8 +9,7 @@ from agentd.language.parse import parse_program
 from agentd.mind import Mind
 from agentd.mind.data.effects import Log, Print, SendMail
 from agentd.mind.data.inputs import Mail, PerceptAdded
-from agentd.standalone.clocks import VirtualClock
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.standalone_team import Team, VirtualClock
 from tests.agentd.minds import mind_of, run, term
 
 FLOOD = """

@@ -111,7 +111,7 @@ def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
 def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agentd.mail.inbox.PATIENCE", 0.5)
+    monkeypatch.setattr("agentd.mail.mail_client.PATIENCE", 0.5)
     program = HEARS + "+!say(N) <- .send(c, tell, N); .print(said(N)).\n"
 
     async def body(connect: Connect) -> None:
@@ -206,7 +206,7 @@ def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_message
 def test_an_atomic_plan_is_kept_whole(endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.BUSY_PATIENCE", 0.0)
     monkeypatch.setattr("agentd.persistence.checkpointer.OTHERS_EVERY", 0.0)
-    monkeypatch.setattr("agentd.runtime.agent_host.SLICE", 1)
+    monkeypatch.setattr("agentd.runtime.mind_runner.SLICE", 1)
     program = "n(0). m(0). !go.\n@a[atomic] +!go : n(N) <- -+n(N+1); -+m(N+1); !!go.\n"
 
     async def body(connect: Connect) -> None:
@@ -261,7 +261,7 @@ def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
         assert agent.prints[0].startswith(f"1 {too_large}")
         assert agent.prints[5].startswith(f"5 {too_large}")
         desk = await a_desk(connect)
-        agent.host.hurry()
+        agent.host.retry_mail()
         await until(lambda: len(desk.taken) == 6, "what was taken leaves")
         assert desk.told("b") == desk.told("d") == [1, 2, 3]
         await agent.end()
@@ -335,7 +335,7 @@ def test_what_cannot_be_read_of_mail_and_actions_is_told_and_left_out_once(endpo
             ("state_damaged", "action a:1:1"),
         ]
         desk = await a_desk(connect)
-        again.host.hurry()
+        again.host.retry_mail()
         await until(lambda: len(desk.taken) == 1, "the other one leaves")
         assert desk.taken[0].header.seq == 2
         await again.end()
@@ -394,7 +394,7 @@ def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
         await until(lambda: agent.prints == ["got(x)"], "it has something to keep")
         agent._stop.set()
         await agent._life
-        await asyncio.wait_for(agent.host.part_with(forget=False), 120)
+        await asyncio.wait_for(agent.host.close_checkpoint(forget=False), 120)
         assert "its file is left as it is: the disk does not answer" in caplog.text
         agent.disk.open.set()
 

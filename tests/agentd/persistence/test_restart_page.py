@@ -10,7 +10,7 @@ from agentd.mail import outbox
 from agentd.mind import Mind
 from agentd.persistence import checkpointer
 from agentd.runtime import action_client
-from commd.client import actions, receive_once
+from commd.client import actions, receive_once, send_mail
 from commd.liveness import presence
 
 PAGE = (Path(__file__).parents[3] / "docs/guides/restart.md").read_text()
@@ -34,7 +34,7 @@ def test_the_figures_of_the_page_are_those_of_the_code() -> None:
         f"at most {1 / checkpointer.MAIL_EVERY:g} times a second",
         f"at the latest after {checkpointer.BUSY_PATIENCE:g} s",
         f"{outbox.MOST_FOR_ONE:,} messages to this receiver, or {outbox.MOST_BYTES // 2**20} MB",
-        f"more than {outbox.LARGEST // 2**20} MB encoded",
+        f"more than {send_mail.LARGEST // 2**20} MB encoded",
     }
     assert [one for one in said if one not in PAGE] == []
     assert 1 / checkpointer.OTHERS_EVERY == 2

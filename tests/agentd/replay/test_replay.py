@@ -33,9 +33,17 @@ from agentd.mind.data.inputs import (
     TooDeep,
 )
 from agentd.replay.replay import CannotReplay, acts, compare, replay
-from agentd.trace.environment_reads import CameBack, Interrupted, MailRefused, NamesRead
 from agentd.trace.input_log import MOST_BYTES
-from agentd.trace.input_records import UNWRITTEN, Unreadable, read, written
+from agentd.trace.input_records import (
+    UNWRITTEN,
+    CameBack,
+    Interrupted,
+    MailRefused,
+    NamesRead,
+    Unreadable,
+    read,
+    written,
+)
 from schemas.wire.codec import codec
 from schemas.wire.mind_records import DecisionView, MindDecisions, MindInput
 from schemas.wire.records import Perception
@@ -49,7 +57,7 @@ Schedule = list[tuple[float, list[Input]]]
 
 def live(traced: Traced, schedule: Iterable[tuple[float, list[Input]]], cycles: int = 7) -> None:
     """Let a mind live: in each turn it runs until there is nothing to do, some cycles at a time."""
-    now = [traced.birth.start]
+    now = [traced.start]
     traced.mind.clock = lambda: now[0]
     for turn, (seconds, items) in enumerate(schedule):
         for item in items:
@@ -101,7 +109,7 @@ class World:
 
     def __init__(self, source: str, **arguments: Any) -> None:
         self.names = ["bob", "ann"]
-        self.traced = Traced.of(source, start=0.1, seed=3, epoch=1.7e9, agents=lambda: self.names, **arguments)
+        self.traced = Traced.of(source, start=0.1, seed=3, epoch=1.7e9, agents=self.names, **arguments)
         self._run = self.traced.run
         self.traced.run = self.run  # type: ignore[method-assign]
         self.traced.mind.post_office = self.post
@@ -333,7 +341,7 @@ def test_a_recording_that_is_no_whole_life_is_refused_in_words() -> None:
     with pytest.raises(CannotReplay, match=r"has no file lib\.asl; its files are bob\.asl"):
         compare(batches, files={"lib.asl": ""})
     strange = [MindInput(cycle=3, kind="Telepathy")]
-    with pytest.raises(CannotReplay, match=r"`Telepathy`, which went in at cycle 3, is not known to this version"):
+    with pytest.raises(CannotReplay, match=r"`Telepathy` of cycle 3 is not known to this version"):
         replay(_with(batches, 1, inputs=tuple(strange)))
 
 
@@ -419,7 +427,7 @@ def test_what_has_no_form_on_the_wire_is_told_when_it_is_read() -> None:
         deep = make_list([deep])
     record = written(3, Mail("ann", "tell", deep), {})
     assert record.kind == UNWRITTEN
-    with pytest.raises(Unreadable, match="what went in at cycle 3 could not be recorded: nested deeper than 100"):
+    with pytest.raises(Unreadable, match="the input of cycle 3 could not be recorded: nested deeper than 100"):
         read(record)
 
 

@@ -14,9 +14,10 @@ from agentd.conversion.term_conversion import BadTerm, to_wire
 from agentd.language.terms.terms import Literal, atom
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.inputs import ActionDone, Mail
-from agentd.runtime.action_client import ActionClient, NoJournal
+from agentd.runtime.action_client import ActionClient
 from commd.bus.bus import Bus, Query
 from commd.client.actions import ActionRequests
+from commd.common.tasks import Tasks
 from schemas.wire import keys
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cancel, State
 from tests.agentd.hosts import Hosted, host_on
@@ -306,9 +307,9 @@ class Alone:
         self.told: list[object] = []
         self.tasks: list[asyncio.Task[None]] = []
         action_requests, tell = cast(ActionRequests, hands), self.told.append
-        self.action_client = ActionClient("a", "2", action_requests, NoJournal(), tell, self._spawn, tell)
+        self.action_client = ActionClient("a", "2", action_requests, None, tell, tell, cast(Tasks, self))
 
-    def _spawn(self, work: Any) -> None:
+    def spawn(self, work: Any) -> None:
         self.tasks.append(asyncio.get_running_loop().create_task(work))
 
     async def ended(self) -> list[object]:
@@ -344,7 +345,7 @@ def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_told_once_and_not_
         assert await alone.action_client.take_up([LEFT]) == []
         hands.over.set()
         waits: list[Any] = []
-        alone.action_client._spawn = waits.append
+        alone.spawn = waits.append  # type: ignore[method-assign]
         alone.action_client.begin(PerformAction(7, "goto", (1.0,)))
         if dropped:
             alone.action_client.cancel(7)

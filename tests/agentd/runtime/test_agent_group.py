@@ -10,7 +10,6 @@ import pytest
 
 from agentd.extensions.file_access import MOST_SAVED, AgentFiles, NotAllowed, state_folder
 from agentd.runtime.agent_group import MOST_MADE
-from agentd.standalone.service_directory import Directory
 from tests.agentd.test_daemon import mission
 from tests.support.buses import session
 from tests.support.processes import running
@@ -266,16 +265,3 @@ def test_the_state_is_where_it_was_asked_for_or_where_systemd_or_the_user_keep_i
     monkeypatch.delenv("STATE_DIRECTORY")
     monkeypatch.setenv("XDG_STATE_HOME", "/home/u/.state")
     assert state_folder(None, "sar") == Path("/home/u/.state/argosy/sar")
-
-
-def test_a_directory_tells_subscribers_once_and_forgets_who_has_gone() -> None:
-    directory = Directory()
-    assert directory.subscribe("a", "cook") == []
-    assert directory.register("b", "cook") == ["a"]
-    assert directory.register("b", "cook") == []
-    directory.register("c", "cook")
-    assert directory.search("cook") == ["b", "c"]
-    directory.forget("b")
-    directory.forget("a")
-    assert directory.search("cook") == ["c"]
-    assert directory.register("d", "cook") == []

@@ -286,7 +286,7 @@ def test_a_pause_ends_when_too_much_waits(tmp_path: Path, endpoint: str, monkeyp
         bob = await desk(connect, tmp_path)
         await bob.order("pause")
         for number in range(11):
-            bob.agent.host.take(PerceptReplaced(term(f"at({number})")))
+            bob.agent.host.feed(PerceptReplaced(term(f"at({number})")))
         await until(lambda: "at(10)[source(percept)]" in bob.agent.beliefs, "it goes on by itself")
         (note,) = bob.agent.host.health().notes
         assert note.code == "mind_went_on"

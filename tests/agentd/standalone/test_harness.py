@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from agentd.runtime.program_paths import SourcePaths
-from agentd.standalone.clocks import VirtualClock
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.standalone_team import Team, VirtualClock
 from tests.agentd.teams import Stage
 
 HARNESS = Path(__file__).parents[2] / "data" / "harness"

@@ -90,7 +90,7 @@ def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
     monkeypatch.setattr(courses, "BATCH_BYTES", 10 * courses.INPUT_BYTES)
 
     async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
-        course = agent.host._tracing.course
+        course = agent.host._tracing.inputs
         await until(lambda: not course.on, "the beginning is dropped")
         await greeted(agent, 1, 2)
         assert agent.host._mind.on_input is None  # nobody is told of inputs any more
@@ -110,7 +110,7 @@ def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
-        course = agent.host._tracing.course
+        course = agent.host._tracing.inputs
         async with session(endpoint, "first", "tool") as once:
             first = Recorder(once, "uav", "inputs")
             await until(lambda: len(first.batches) > 1, "what goes in is told")
@@ -120,7 +120,7 @@ def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is
             assert await second.catch_up() == ""
             assert replay(second.inputs).agrees
         await until(lambda: not course.listened, "nobody listens any more")
-        course.forget()
+        course.drop()
         number = course._open.number
         third = Recorder(bus, "uav", "inputs")
         await until(lambda: bool(third.batches), "what goes in is told again")
@@ -133,7 +133,7 @@ def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp
     async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
         deeds = Recorder(bus, "uav", "deeds")
         await until(lambda: agent.host._tracing.deeds.listened, "the agent knows that somebody listens")
-        assert not agent.host._tracing.course.listened
+        assert not agent.host._tracing.inputs.listened
         agent.tell(hello(7))
         agent.tell(Mail("ann", "achieve", term("fly(5)"), "mid8.ann.1"))
         agent.tell(
@@ -148,7 +148,7 @@ def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp
         agent.host._ordered("goal !fly(3)")
         await until(lambda: any(one.kind == "log" for one in deeds.deeds), "the last of it is told")
         found = {one.kind: one for one in deeds.deeds if one.other != "ann" or "hello" in one.text}
-        life = agent.host._mailing.life
+        life = agent.host._tracing.life
         assert found["received"].text == "hello(7)"
         assert (found["received"].id, found["received"].other) == ("mid7.ann.1", "ann")
         assert (found["sent"].text, found["sent"].other, found["sent"].performative) == ("hello(7)", "ann", "tell")
@@ -240,7 +240,7 @@ BACK = '+restarted(N) <- .findall(C, count(C), L); .print("back ", N, " ", L).\n
 
 async def lives_on(agent: Hosted, number: int) -> None:
     """Let an agent do what is different in each of its lives."""
-    await until(lambda: agent.host._tracing.course.listened, "somebody listens")
+    await until(lambda: agent.host._tracing.inputs.listened, "somebody listens")
     await greeted(agent, number, number + 10)
     agent.tell(Mail("ann", "achieve", term(f"slow({number})"), f"a{number}"))
     agent.tell(Mail("ann", "achieve", term(f"plan({number})"), f"p{number}"))

@@ -1,4 +1,4 @@
-"""How a command of `agentd` ends before its work is done: by a signal, or because nobody can take its output."""
+"""What each command of `agentd` does as a process: recursion limit, signals, exit codes, a notice that it is slow."""
 
 from __future__ import annotations
 
@@ -8,16 +8,28 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from time import process_time
 from types import FrameType
 
+DEEPEST_CALLS = 9000
+"""Depth of calls between rules; a deeper computation fails its plan."""
 LONGEST = 1e9
-"""Seconds, some 30 years: no clock of the system can wait much longer, and nobody wants to."""
+"""Seconds (about 30 years) of the longest `--timeout`: no system clock can wait much longer."""
+PATIENCE = 1.0
+"""Seconds of processor time until the notice that loading is slow; time that other processes take does not count."""
+_NAMED = 3
+"""Files named in that notice at most."""
+
+
+def allow_deep_calls() -> None:
+    """Raise Python's recursion limit to `DEEPEST_CALLS`, unless it is higher."""
+    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEPEST_CALLS))
 
 
 class Terminated(BaseException):
-    """The process was asked to end; no plan, plug-in or environment may take this for an error of its own."""
+    """A signal has ended the process; no plan, plug-in or environment may catch this as an error of its own."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -26,10 +38,10 @@ class Terminated(BaseException):
 
 @contextmanager
 def termination() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise `Terminated` in the main thread, so that what was begun is ended in order.
+    """Let the first SIGTERM or SIGHUP raise `Terminated` in the main thread, so that the command can clean up.
 
-    Only the first does: a second one must not break off the end of an environment. A signal that the one who started
-    the process has set to be ignored (``nohup``) stays ignored.
+    Further ones are ignored: they must not interrupt the cleaning up. A signal that the parent process has set to be
+    ignored (``nohup``) stays ignored.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -51,8 +63,8 @@ def termination() -> Iterator[None]:
 
 
 def guarded(command: Callable[[], int]) -> int:
-    """Run a command and flush what it has printed; its exit code, also where it was broken off."""
-    if sys.stderr is None:  # nobody wants to hear: printing to None would go to stdout
+    """Run a command and flush its output. Return its exit code, also if it was interrupted."""
+    if sys.stderr is None:  # without it, `print` would write errors to stdout
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - for the rest of the process
     if sys.stdout is None:
         print("agentd: error: standard output is closed; send it to /dev/null if nobody wants it", file=sys.stderr)
@@ -68,12 +80,12 @@ def guarded(command: Callable[[], int]) -> int:
         with suppress(OSError):
             print(f"agentd: ended by {ended}", file=sys.stderr)
         return ended.exit_code
-    except SystemExit as error:  # raised by code of the user's that nothing stands around
+    except SystemExit as error:  # raised by user code outside of any guard
         from agentd.extensions.user_code import describe_error
 
         print(f"agentd: error: the program's Python ended the process: {describe_error(error)}", file=sys.stderr)
         return 1
-    except BrokenPipeError:  # the reader has gone, as in `agentd run ... | head`: nobody is left to tell
+    except BrokenPipeError:  # the reader has gone, as in `agentd run ... | head`
         _forget_output()
         return 1
     except OSError as error:
@@ -85,13 +97,13 @@ def guarded(command: Callable[[], int]) -> int:
 
 
 def _forget_output() -> None:
-    """Let what could not be written not fail once more when Python ends."""
+    """Discard buffered output that could not be written, so that it does not fail once more when Python exits."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def seconds(text: str) -> float:
-    """The value of ``--timeout``. Raises argparse.ArgumentTypeError."""
+    """Parse the value of ``--timeout``, in seconds. Raises argparse.ArgumentTypeError."""
     try:
         value = float(text)
     except ValueError:
@@ -99,3 +111,26 @@ def seconds(text: str) -> float:
     if math.isnan(value) or not 0 < value <= LONGEST:
         raise argparse.ArgumentTypeError(f"`{text}`: more than 0 s and at most {LONGEST:.0f} s are needed")
     return value
+
+
+@contextmanager
+def loading_notice(files: Iterable[str], after: float = PATIENCE) -> Iterator[None]:
+    """Print once on stderr that files are still loading if the block takes `after` seconds of processor time."""
+    names = list(files)
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    done, begun = threading.Event(), process_time()
+
+    def watch() -> None:
+        while not done.wait(after):
+            if process_time() - begun >= after:
+                with suppress(OSError, ValueError):  # stderr is closed
+                    print(f"still loading {', '.join(names[:_NAMED])}{more} ...", file=sys.stderr, flush=True)
+                return
+
+    watching = threading.Thread(target=watch, name="progress", daemon=True)
+    watching.start()
+    try:
+        yield
+    finally:
+        done.set()
+        watching.join(PATIENCE)  # the notice is printed before later output

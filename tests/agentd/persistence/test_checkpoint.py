@@ -17,8 +17,16 @@ from hypothesis import strategies as st
 
 from agentd.mind.data.inputs import GoalAdded
 from agentd.mind.persistence.rows import MindChanges
-from agentd.persistence import sqlite_file
-from agentd.persistence.checkpoint import ActionInFlight, Checkpoint, CheckpointError, Outgoing, Saving, remove
+from agentd.persistence.checkpoint import (
+    MIGRATIONS,
+    ActionInFlight,
+    Checkpoint,
+    CheckpointError,
+    Outgoing,
+    Saving,
+    Stored,
+    remove,
+)
 from tests.agentd.kept_minds import Life, state_of
 from tests.agentd.minds import term
 
@@ -50,6 +58,19 @@ FULL = Saving(
 )
 
 
+def full(path: Path) -> Checkpoint:
+    """A checkpoint of scout with `FULL` in it."""
+    checkpoint = Checkpoint.open(path, "scout")
+    checkpoint.save(FULL)
+    return checkpoint
+
+
+def content(checkpoint: Checkpoint) -> Stored:
+    stored = checkpoint.read()
+    assert stored is not None
+    return stored
+
+
 def test_nothing_is_stored_before_the_first_save(path: Path) -> None:
     checkpoint = Checkpoint.open(path, "scout")
     assert checkpoint.read() is None
@@ -60,11 +81,8 @@ def test_nothing_is_stored_before_the_first_save(path: Path) -> None:
 
 
 def test_everything_that_was_saved_is_read_in_the_next_life(path: Path) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
-    checkpoint.close()
-    stored = Checkpoint.open(path, "scout").read()
-    assert stored is not None
+    full(path).close()
+    stored = content(Checkpoint.open(path, "scout"))
     assert stored.mind.beliefs == [(-1, b"last"), (1, b"one"), (2, b"two")]
     assert stored.mind.predicates == [(0, b"p")]
     assert stored.mind.plans == [(-1, b"first"), (1, b"end")]
@@ -80,14 +98,12 @@ def test_everything_that_was_saved_is_read_in_the_next_life(path: Path) -> None:
 
 
 def test_a_save_changes_what_it_names_and_leaves_the_rest(path: Path) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
+    checkpoint = full(path)
     changes = MindChanges(
         beliefs=[(3, b"three")], beliefs_gone=[1, 99], plans_gone=[1], pending_gone=[(0, 7)], values={"counts": b"d"}
     )
     checkpoint.save(Saving(mind=changes, absorbed={("ann", "n1"): 6}, delivered=[1], ended=["scout:b:1"]))
-    stored = checkpoint.read()
-    assert stored is not None
+    stored = content(checkpoint)
     assert stored.mind.beliefs == [(-1, b"last"), (2, b"two"), (3, b"three")]
     assert stored.mind.plans == [(-1, b"first")]
     assert stored.mind.pending == [((1, 3), 1, b"own")]
@@ -102,8 +118,7 @@ def test_the_last_number_taken_never_falls(path: Path) -> None:
     checkpoint = Checkpoint.open(path, "scout")
     for seq in (5, 3):
         checkpoint.save(Saving(absorbed={("ann", "n"): seq}))
-    stored = checkpoint.read()
-    assert stored is not None
+    stored = content(checkpoint)
     assert stored.absorbed == {("ann", "n"): 5}
 
 
@@ -114,8 +129,7 @@ def test_of_each_sender_the_last_numberings_that_were_used_are_remembered(
     checkpoint = Checkpoint.open(path, "scout")
     for number in range(12):
         checkpoint.save(Saving(absorbed={("ann", f"n{number}"): 1, ("cid", "n"): number, ("ann", "n0"): number}))
-    stored = checkpoint.read()
-    assert stored is not None
+    stored = content(checkpoint)
     assert set(stored.absorbed) == {("cid", "n"), ("ann", "n0"), *[("ann", f"n{n}") for n in range(5, 12)]}
 
 
@@ -199,18 +213,15 @@ def test_a_process_killed_at_any_moment_leaves_a_whole_save_and_none_that_it_had
 
 
 def test_a_save_that_fails_half_way_writes_nothing_and_can_be_saved_again(path: Path) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
+    checkpoint = full(path)
     saving = Saving(mind=MindChanges(beliefs=[(5, b"five")]), actions={"id": ActionInFlight("go", None)})  # type: ignore[arg-type]
     with pytest.raises(CheckpointError, match=r"mind\.sqlite cannot be written: NOT NULL"):
         checkpoint.save(saving)
-    stored = checkpoint.read()
-    assert stored is not None
+    stored = content(checkpoint)
     assert (5, b"five") not in stored.mind.beliefs
     saving.actions = {}
     checkpoint.save(saving)
-    stored = checkpoint.read()
-    assert stored is not None
+    stored = content(checkpoint)
     assert (5, b"five") in stored.mind.beliefs
 
 
@@ -230,8 +241,7 @@ class Failing:
 
 
 def test_what_is_saved_into_a_file_made_anew_is_read_by_the_next_life(path: Path) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
+    checkpoint = full(path)
     assert checkpoint._database is not None
     checkpoint._database = Failing(checkpoint._database)  # type: ignore[assignment]
     with pytest.raises(CheckpointError, match="disk I/O error"):
@@ -239,16 +249,14 @@ def test_what_is_saved_into_a_file_made_anew_is_read_by_the_next_life(path: Path
     remove(path)
     checkpoint.save(belief(5))
     checkpoint.close()
-    stored = Checkpoint.open(path, "scout").read()
-    assert stored is not None
+    stored = content(Checkpoint.open(path, "scout"))
     assert stored.mind.beliefs == [(5, b"x")]
 
 
 def test_a_full_disk_is_told_nothing_is_lost_and_the_same_save_succeeds_when_there_is_room(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
+    checkpoint = full(path)
     assert checkpoint._database is not None
     (pages,) = checkpoint._database.execute("PRAGMA page_count").fetchone()
     checkpoint._database.execute(f"PRAGMA max_page_count={pages + 4}")
@@ -259,8 +267,7 @@ def test_a_full_disk_is_told_nothing_is_lost_and_the_same_save_succeeds_when_the
     checkpoint.save(Saving(absorbed={("ann", "n2"): 3}))
     checkpoint._database.execute("PRAGMA max_page_count=1073741823")
     checkpoint.save(large)
-    stored = checkpoint.read()
-    assert stored is not None
+    stored = content(checkpoint)
     assert stored.absorbed == {("ann", "n1"): 9, ("ann", "n2"): 3}
     assert [one.number for one in stored.outgoing] == [1, 2, 9]
 
@@ -357,9 +364,7 @@ def test_a_database_of_something_else_is_set_aside(path: Path) -> None:
 
 
 def test_a_file_of_a_newer_version_is_refused_and_left_alone(path: Path) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
-    checkpoint.close()
+    full(path).close()
     database = sqlite3.connect(path)
     database.execute("PRAGMA user_version=99")
     database.close()
@@ -378,7 +383,7 @@ def test_a_file_of_another_agent_is_refused(path: Path) -> None:
 
 
 def test_a_file_that_is_in_use_is_refused(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sqlite_file, "LOCK_PATIENCE", 0.05)
+    monkeypatch.setattr("agentd.persistence.checkpoint.LOCK_PATIENCE", 0.05)
     checkpoint = Checkpoint.open(path, "scout")
     with pytest.raises(CheckpointError, match="another process has it open"):
         Checkpoint.open(path, "scout")
@@ -394,11 +399,9 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
 
 
 def test_an_older_file_is_brought_to_the_present_version_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
-    checkpoint.close()
+    full(path).close()
     script = "ALTER TABLE belief ADD COLUMN note TEXT DEFAULT 'none'; UPDATE belief SET note = 'migrated'"
-    monkeypatch.setattr(sqlite_file, "MIGRATIONS", (*sqlite_file.MIGRATIONS, script))
+    monkeypatch.setattr("agentd.persistence.checkpoint.MIGRATIONS", (*MIGRATIONS, script))
     for _ in range(2):
         again = Checkpoint.open(path, "scout")
         assert again._database is not None
@@ -409,21 +412,17 @@ def test_an_older_file_is_brought_to_the_present_version_once(path: Path, monkey
 
 
 def test_a_migration_that_fails_leaves_the_file_as_it_was(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
-    checkpoint.close()
+    full(path).close()
     with monkeypatch.context() as patched:
-        patched.setattr(sqlite_file, "MIGRATIONS", (*sqlite_file.MIGRATIONS, "DELETE FROM belief; NONSENSE"))
+        patched.setattr("agentd.persistence.checkpoint.MIGRATIONS", (*MIGRATIONS, "DELETE FROM belief; NONSENSE"))
         with pytest.raises(CheckpointError, match="NONSENSE"):
             Checkpoint.open(path, "scout")
-    stored = Checkpoint.open(path, "scout").read()
-    assert stored is not None
+    stored = content(Checkpoint.open(path, "scout"))
     assert len(stored.mind.beliefs) == 3
 
 
 def test_a_forgotten_file_is_gone_with_all_that_belongs_to_it(path: Path) -> None:
-    checkpoint = Checkpoint.open(path, "scout")
-    checkpoint.save(FULL)
+    checkpoint = full(path)
     checkpoint.forget()
     assert list(path.parent.iterdir()) == []
     assert Checkpoint.open(path, "scout").read() is None
@@ -470,8 +469,7 @@ def test_a_mind_goes_through_the_file_and_comes_back_the_same(path: Path) -> Non
         life.feed(GoalAdded(term(f"g({n})")), GoalAdded(term(f"put(at({n})[source(ann)])")))
     checkpoint.save(Saving(mind=life.keeper.changes()))
     checkpoint.close()
-    stored = Checkpoint.open(path, "bob").read()
-    assert stored is not None
+    stored = content(Checkpoint.open(path, "bob"))
     again = Life(source, stored.mind)
     assert state_of(again.mind) == state_of(life.mind)
     assert [str(one) for one in again.keeper.pending_own] == [f"+!g({n})[source(self)]" for n in range(5)]

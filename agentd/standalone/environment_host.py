@@ -1,4 +1,4 @@
-"""The host of an environment: carries its percepts and outcomes to the minds, and survives what goes wrong in it."""
+"""Run an environment with its minds: perform actions, feed percepts and outcomes, contain the user's mistakes."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from agentd.mind.data.effects import CancelAction, PerformAction
 from agentd.mind.data.inputs import ActionDone
 from agentd.values import plain_signature
 
-MOST_TOLD = 1000
-"""So many different mistakes of an environment are told."""
+MOST_REPORTED = 1000
+"""Different mistakes of an environment that are reported."""
 
 
-class World:
-    """An `Environment` with the minds in it. ``tell`` takes a line for people when the user's code goes wrong."""
+class EnvironmentHost:
+    """An `Environment` with the minds in it. ``report`` gets a line for people about each mistake in it."""
 
-    def __init__(self, environment: Environment, now: Callable[[], float], tell: Callable[[str], object]) -> None:
+    def __init__(self, environment: Environment, now: Callable[[], float], report: Callable[[str], object]) -> None:
         self._environment = environment
         self._board = environment._board
-        self._tell_people = tell
-        self._told: set[str] = set()
+        self._report_line = report
+        self._reported: set[str] = set()
         self.now = now
         self._minds: dict[str, Mind] = {}
         self._waiting: dict[tuple[str, int], Deferred] = {}
@@ -37,40 +37,40 @@ class World:
         self._count = count()
         self._lock = threading.Lock()
         self._called = False
-        """Whether a call has been asked for since `deliver` looked at them last."""
+        """Whether `after` was called since the last `deliver`."""
         self._stirred = threading.Event()
         self._asleep = False
         environment._host = self
 
     def init(self, arguments: list[str]) -> None:
-        """Let the environment begin. Raises `UserCodeError`."""
+        """Initialize the environment. Raises `UserCodeError`."""
         try:
             self._environment.init(arguments)
         except MISTAKES as error:
             raise UserCodeError(f"the environment's init failed: {describe_error(error)}") from error
-        except BaseException:  # the process is to end: what init has begun is ended too
+        except BaseException:  # the process ends: so must what init has begun
             self.stop()
             raise
 
     def join(self, mind: Mind) -> None:
-        """A mind comes into being."""
+        """Add a mind."""
         self._minds[mind.name] = mind
         self._board.join(mind.name)
         self._guarded("joined", self._environment.joined, mind.name)
 
     def took_over(self, mind: Mind, other: Mind) -> None:
-        """A mind has become a copy of another one, whose percepts it does not share unless they are those of all."""
+        """Retract the other mind's own percepts from a mind that has become a copy of it."""
         self._board.recall(mind.name, self._board.seen_by(other.name))
 
     def leave(self, name: str) -> None:
-        """A mind is gone."""
+        """Remove a mind."""
         self._minds.pop(name, None)
         self._board.leave(name)
         for key in [key for key in self._waiting if key[0] == name]:
             self._waiting.pop(key).forget(key)
 
     def perform(self, mind: Mind, action: PerformAction) -> None:
-        """Have an action executed; its outcome is fed to the mind, now or later."""
+        """Execute an action; its outcome is fed to the mind, now or later."""
         name, parameters = action.name, action.parameters
         try:
             outcome = self._environment.execute(mind.name, Literal(plain_signature(name, len(parameters)), parameters))
@@ -78,7 +78,7 @@ class World:
             mind.feed(ActionDone(action.id, False, str(failed)))
         except MISTAKES as error:
             reason = f"the environment's execute went wrong in {name}/{len(parameters)}: {describe_error(error)}"
-            self._tell(reason)
+            self._report(reason)
             mind.feed(ActionDone(action.id, False, reason))
         else:
             if outcome is True:
@@ -86,7 +86,7 @@ class World:
             else:
                 self._outcome(mind, action, outcome)
         if self._board.changed:
-            self._tell_percepts()
+            self._feed_percepts()
 
     def _outcome(self, mind: Mind, action: PerformAction, outcome: Any) -> None:
         if outcome is False:
@@ -100,28 +100,28 @@ class World:
                 f"the environment's execute returned {outcome!r} for {action.name}/{len(action.parameters)}; "
                 "expected True, False or a Deferred"
             )
-            self._tell(reason)
+            self._report(reason)
             mind.feed(ActionDone(action.id, False, reason))
 
     def cancel(self, mind: Mind, action: CancelAction) -> None:
-        """The intention that waited for an action is gone."""
+        """Forget an action: the intention that waited for it is gone."""
         key = (mind.name, action.id)
         deferred = self._waiting.pop(key, None)
         if deferred is not None:
             deferred.forget(key)
 
     def perceive(self, mind: Mind) -> None:
-        """A mind asks for its percepts."""
+        """Update the percepts of a mind that asks for them."""
         self._guarded("perceive", self._environment.perceive, mind.name)
         self.deliver()
 
     def deliver(self) -> None:
-        """Call what is due, and feed the minds what has changed for them since the last time."""
+        """Make the calls that are due, and feed the minds the changes since the last time."""
         newer = next(self._count)
         while (call := self._due_call(newer)) is not None:
             self._guarded("after", call)
         if self._board.changed:
-            self._tell_percepts()
+            self._feed_percepts()
         while self._settled:
             name, number, deferred = self._settled.popleft()
             if self._waiting.get((name, number)) is not deferred or deferred.outcome is None:
@@ -132,14 +132,14 @@ class World:
                 mind.feed(ActionDone(number, *deferred.outcome))
 
     def _due_call(self, newer: int) -> Callable[[], object] | None:
-        """Take a call that is due; those ``newer`` than this number wait: one may ask for itself again, at once."""
+        """Take a call that is due and not ``newer`` than this number: a call may schedule itself with no delay."""
         with self._lock:
             self._called = False
             if self._calls and self._calls[0][0] <= self.now() and self._calls[0][1] < newer:
                 return heapq.heappop(self._calls)[2]
             return None
 
-    def _tell_percepts(self) -> None:
+    def _feed_percepts(self) -> None:
         self._board.changed = False
         for name, mind in self._minds.items():
             changed = self._board.take(name)
@@ -147,7 +147,7 @@ class World:
                 mind.feed(changed)
 
     def after(self, seconds: float, call: Callable[[], object]) -> None:
-        """Call something in the environment's thread after so many seconds; any thread may ask for it."""
+        """Call something in the environment's thread in `seconds`; any thread may schedule that."""
         with self._lock:
             heapq.heappush(self._calls, (self.now() + max(0.0, seconds), next(self._count), call))
             self._called = True
@@ -156,22 +156,22 @@ class World:
 
     @property
     def due(self) -> float | None:
-        """When something of the environment is due that nothing else announces."""
+        """The time of the next call, in seconds."""
         with self._lock:
             return self._calls[0][0] if self._calls else None
 
     @property
     def stirred(self) -> bool:
-        """Whether something has come that was not delivered yet."""
+        """Whether there is something to deliver."""
         return self._board.changed or self._called or bool(self._settled)
 
     @property
     def waited_for(self) -> bool:
-        """Whether an action's outcome is outstanding, so that something may come although nothing is due."""
+        """Whether the outcome of an action is outstanding: it may come although nothing is due."""
         return bool(self._waiting)
 
     def sleep(self, seconds: float) -> None:
-        """Wait, in real time, until something comes from another thread, but no longer than this."""
+        """Wait until another thread changes something, at most `seconds` of real time."""
         self._asleep, self._board.on_change = True, self._stirred.set
         if not self.stirred:
             self._stirred.wait(seconds)
@@ -179,20 +179,20 @@ class World:
         self._stirred.clear()
 
     def stop(self) -> None:
-        """Let the environment end."""
+        """Stop the environment."""
         self._guarded("stop", self._environment.stop)
 
-    def _tell(self, text: str) -> None:
-        """Tell people, once: what goes wrong in every step shall not fill the screen."""
-        if text not in self._told and len(self._told) < MOST_TOLD:
-            self._told.add(text)
-            self._tell_people(text)
+    def _report(self, text: str) -> None:
+        """Report a mistake once: one that repeats in every step must not fill the screen."""
+        if text not in self._reported and len(self._reported) < MOST_REPORTED:
+            self._reported.add(text)
+            self._report_line(text)
 
     def _guarded(self, what: str, call: Callable[..., object], *arguments: Any) -> None:
         try:
             call(*arguments)
         except MISTAKES as error:
-            self._tell(f"the environment's {what} went wrong: {describe_error(error)}")
+            self._report(f"the environment's {what} went wrong: {describe_error(error)}")
 
     def _on_settled(self, name: str, number: int, deferred: Deferred) -> None:
         self._settled.append((name, number, deferred))

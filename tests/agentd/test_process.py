@@ -1,4 +1,4 @@
-"""How commands end before their work is done: by signals, and when nobody can take their output."""
+"""Commands as processes: signals, an output that cannot be written, and the notice that loading is slow."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from time import process_time, sleep
 
 import pytest
+
+from agentd.process import loading_notice
 
 AGENTD = [sys.executable, "-m", "agentd"]
 FULL = Path("/dev/full")
@@ -159,3 +162,17 @@ def test_an_agent_without_a_name_is_refused(folder: Path) -> None:
     )
     assert done.returncode == 2
     assert done.stderr == "=x.asl: the agent has no name; NAME=FILE.asl is expected\n"
+
+
+def test_loading_that_takes_long_is_noted_once_on_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    with loading_notice(["a.asl", "b.asl", "c.asl", "d.asl"], after=0.02):
+        end = process_time() + 0.2
+        while process_time() < end:
+            pass
+    assert capsys.readouterr().err == "still loading a.asl, b.asl, c.asl and 1 more ...\n"
+
+
+def test_loading_that_only_waits_for_the_processor_is_not_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    with loading_notice(["never.asl"], after=0.1):
+        sleep(0.15)
+    assert capsys.readouterr().err == ""

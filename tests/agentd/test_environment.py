@@ -11,11 +11,10 @@ from typing import Any
 import pytest
 
 from agentd import ActionFailed, Deferred, Environment, literal
-from agentd.environment.environment_host import World
-from agentd.environment.percepts import PerceptBoard
+from agentd.environment import PerceptBoard
 from agentd.extensions.user_code import UserCodeError, load_class
-from agentd.standalone.clocks import WallClock
-from agentd.standalone.standalone_team import Team
+from agentd.standalone.environment_host import EnvironmentHost
+from agentd.standalone.standalone_team import Team, WallClock
 from tests.agentd.teams import Stage
 
 
@@ -239,7 +238,7 @@ def test_another_thread_settles_an_action_and_changes_percepts(tmp_path: Path) -
 def test_another_thread_asks_for_a_call_while_the_team_sleeps() -> None:
     asleep = threading.Event()
 
-    class Sleeper(World):
+    class Sleeper(EnvironmentHost):
         def sleep(self, seconds: float) -> None:
             asleep.set()
             super().sleep(seconds)

@@ -1,0 +1,142 @@
+"""A mind on the event loop: its sleep with one timer that is moved as little as possible, and its lag."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+
+from agentd.mind.data.inputs import SignalRaised
+from agentd.runtime.mind_runner import LagEstimator, WakeupTimer
+from tests.agentd.hosts import host_on
+from tests.support.buses import Connect, on_a_bus, until
+
+
+async def wakes_when_set(timer: WakeupTimer) -> None:
+    sleeping = asyncio.create_task(timer.wait(None))
+    await asyncio.sleep(0)
+    assert timer.asleep
+    timer.set()
+    assert not timer.asleep
+    await sleeping
+
+
+async def does_not_sleep_if_it_was_set_before(timer: WakeupTimer) -> None:
+    timer.set()
+    await timer.wait(None)
+    timer.clear()
+    assert not timer.asleep
+
+
+async def wakes_at_its_time_and_not_before(timer: WakeupTimer) -> None:
+    loop = asyncio.get_running_loop()
+    begun = loop.time()
+    await timer.wait(0.05)
+    assert loop.time() - begun >= 0.049
+
+
+async def keeps_a_timer_that_is_due_earlier_and_does_not_wake_then(timer: WakeupTimer) -> None:
+    loop = asyncio.get_running_loop()
+    begun = loop.time()
+    sleeping = asyncio.create_task(timer.wait(0.02))
+    await asyncio.sleep(0)
+    alarm = timer._alarm
+    timer.within(0.1)
+    assert timer._alarm is alarm
+    await sleeping
+    assert loop.time() - begun >= 0.099
+
+
+async def replaces_a_timer_that_is_due_too_late(timer: WakeupTimer) -> None:
+    sleeping = asyncio.create_task(timer.wait(1000))
+    await asyncio.sleep(0)
+    timer.within(0.02)
+    await sleeping
+
+
+async def without_a_time_sleeps_until_set(timer: WakeupTimer) -> None:
+    sleeping = asyncio.create_task(timer.wait(0.02))
+    await asyncio.sleep(0)
+    timer.within(None)
+    await asyncio.sleep(0.1)
+    assert timer.asleep
+    timer.set()
+    await sleeping
+
+
+async def leaves_no_timer_when_closed(timer: WakeupTimer) -> None:
+    sleeping = asyncio.create_task(timer.wait(0.02))
+    await asyncio.sleep(0)
+    timer.close()
+    await asyncio.sleep(0.1)
+    assert timer.asleep
+    sleeping.cancel()
+
+
+@pytest.mark.parametrize(
+    "behaviour",
+    [
+        wakes_when_set,
+        does_not_sleep_if_it_was_set_before,
+        wakes_at_its_time_and_not_before,
+        keeps_a_timer_that_is_due_earlier_and_does_not_wake_then,
+        replaces_a_timer_that_is_due_too_late,
+        without_a_time_sleeps_until_set,
+        leaves_no_timer_when_closed,
+    ],
+    ids=lambda behaviour: behaviour.__name__,
+)
+def test_a_wakeup_timer(behaviour: Callable[[WakeupTimer], Awaitable[None]]) -> None:
+    async def main() -> None:
+        async with asyncio.timeout(240):
+            await behaviour(WakeupTimer())
+
+    asyncio.run(main())
+
+
+def test_a_mind_that_takes_what_waits_between_two_looks_is_not_behind() -> None:
+    backlog = LagEstimator()
+    assert backlog.lag(100, 0, 1.0) == 0
+    assert backlog.lag(150, 20, 2.0) == 0
+    assert backlog.lag(170, 30, 3.0) == 0
+    assert backlog.lag(5000, 0, 4.0) == 0
+
+
+def test_a_mind_is_behind_for_as_long_as_what_waited_has_not_been_taken() -> None:
+    backlog = LagEstimator()
+    backlog.lag(0, 1000, 10.0)
+    assert [backlog.lag(200 * second, 1000, 10.0 + second) for second in (1, 2, 3, 4)] == [1, 2, 3, 4]
+    assert backlog.lag(1000, 1000, 15.0) == 0, "what waits now has not waited since then"
+    assert backlog.lag(1100, 900, 16.0) == 1
+
+
+def test_what_is_dropped_is_not_waited_for() -> None:
+    backlog = LagEstimator()
+    backlog.lag(0, 1000, 0.0)
+    assert backlog.lag(1, 0, 1.0) == 0
+    assert backlog.lag(2, 5, 9.0) == 0
+
+
+WAITS = """
+!start.
++!start <- !guarded.
+@a[atomic] +!guarded <- .print(waits); .wait(60000).
++news(_) <- .print(news).
+"""
+
+
+def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(endpoint: str, tmp_path: Path) -> None:
+    async def body(connect: Connect) -> None:
+        agent = await host_on(await connect("a"), "a", WAITS, tmp_path)
+        await until(lambda: "waits" in agent.prints, "the atomic plan waits")
+        for number in range(3):
+            agent.host.feed(SignalRaised.named("news", number))
+        await until(lambda: len(agent.host._mind.events) == 3, "the events wait")
+        agent.host.health()
+        await asyncio.sleep(0.05)
+        assert agent.host.health().lag == 0
+        await agent.end()
+
+    on_a_bus(endpoint, body)
