@@ -89,7 +89,9 @@ class Tracing:
         """Trace this mind, which was made with `inputs.given` and `inputs.names`, and serve its trace."""
         self._mind = mind
         self.inputs.follow(mind)
-        self._withdraw.append(self._bus.serve(self._keys["inputs"], MindInputs, self._answer_since_birth, observers=True))
+        self._withdraw.append(
+            self._bus.serve(self._keys["inputs"], MindInputs, self._answer_since_birth, observers=True)
+        )
         for channel, key in self._keys.items():
             self._withdraw.append(self._bus.listened(key, lambda there, c=channel: self._listened(c, there)))  # type: ignore[misc]
         _all.add(self)
