@@ -28,9 +28,9 @@ from benchmarks.mail import agents, boards
 from benchmarks.mail import part as mail_part
 from benchmarks.mail.part import BATCH, FLYING
 from benchmarks.processes import BenchmarkFailed, lines, started
-from benchmarks.reasoner.footprint import FOOTPRINTS
+from benchmarks.reasoner.footprint import FOOTPRINTS, program_of_plans
 from benchmarks.reasoner.instructions import counted
-from benchmarks.reasoner.rows import ROWS
+from benchmarks.reasoner.rows import PROGRAMS, ROWS
 from benchmarks.reasoner.subjects import Agentd
 from benchmarks.results import ROOT
 from benchmarks.startup import footprints
@@ -69,8 +69,24 @@ def reasoner(quick: bool) -> Found:
         if row.key in COUNTED and not quick:
             found[f"{row.operation}, a cycle (instructions)"] = counted(row).whole
     for one in FOOTPRINTS:
-        found[f"{one.title} ({one.unit})"] = one.measure(Agentd(), 1 if quick else 5)
+        if one.unit == "MB":
+            found[f"{one.title} ({one.unit})"] = one.measure(Agentd(), 1 if quick else 3)
+    with tempfile.TemporaryDirectory() as folder:
+        plans = Path(folder, "plans.asl")
+        plans.write_text(program_of_plans(1000), encoding="utf-8")
+        for title, program in (("start", PROGRAMS / "s_first.asl"), ("start of a program of 1,000 plans", plans)):
+            found[f"{title}, processor time (s)"] = min(_start(program) for _ in range(1 if quick else 5))
     return found
+
+
+def _start(program: Path) -> float:
+    """Return the processor time of a program in seconds from its start to its end, after its first print."""
+    before = _processor_of_children()
+    with Agentd().prepared([("ag", program)]) as command, started(command) as process:
+        for _ in lines(process):
+            pass
+        process.wait()
+    return _processor_of_children() - before
 
 
 def _rounds(programs: list[tuple[str, Path]], environment: str) -> dict[str, list[float]]:
