@@ -767,4 +767,27 @@ MISTAKES: tuple[tuple[str, str, str], ...] = (
         "the '{' of line 1, column 11 is not closed before the end of the text; expected '}'",
     ),
     ("+!g <- a. { +!h <- b ].", "1:22", "the '{' of line 1, column 11 is not closed before ']'; expected '}'"),
+    ("+!g <- .print(1) .print(2).", "1:18", "a ; is missing before '.print'"),
+    ("+!g <- !a(1)[x] b.", "1:17", "a ; is missing before 'b'"),
+    ("+!g <- X = { a b }.", "1:16", "a ; is missing before 'b'"),
+    ("+!g <- foo; bar; a b c.", "1:20", "a ; is missing before 'b'"),
+    ("+!g <- if (x) { while (y) { a b } }.", "1:31", "a ; is missing before 'b'"),
+    (
+        "+!g <- X = -foo.",
+        "1:12",
+        "- computes with numbers, its operand must not be the atom foo; a variable begins with a capital letter",
+    ),
+    ("+!g <- X = (a & b) * 2.", "1:12", "* computes with numbers, its operand must not be a logical formula"),
+    ("+!g <- X = [1] + 2.", "1:12", "+ computes with numbers, its operand must not be a list"),
+    (
+        "+!g <- +.print(1).",
+        "1:8",
+        "an internal action is not a belief: .print takes no + or -; is a ';' missing before it?",
+    ),
+    ("+!g : not [1] <- a.", "1:11", "what follows not: expected a formula that can be true or false, got a list"),
+    (
+        "+!g <: not .suspend <- a.",
+        "1:12",
+        ".suspend cannot be used in the goal condition of a plan: it may have to wait; use it in the body",
+    ),
 )

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
 
-from agentd.check.command import add_arguments, run
+from tests.agentd.check.test_check import check
 
 MISTAKES = """
 !go. !lost. ever_said.
@@ -16,16 +15,14 @@ MISTAKES = """
 +!unused <- .print(unused).
 +!round <- .print(round); !round.
 """
-"""Each of these is told of the program as it stands."""
+"""Each of these is reported of the program."""
 
 TOLD = {"belief-never-added", "goal-without-plan", "plan-never-used", "busy-loop"}
 
 
 def told(capsys: pytest.CaptureFixture[str], *files: Path) -> list[tuple[str, str, str]]:
     """Kind, severity and text of the findings."""
-    parser = ArgumentParser()
-    add_arguments(parser)
-    run(parser.parse_args(["--json", *map(str, files)]))
+    check("--json", *map(str, files))
     return [(one["kind"], one["severity"], one["message"]) for one in json.loads(capsys.readouterr().out)]
 
 

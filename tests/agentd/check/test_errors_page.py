@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
 
-from agentd.check.command import add_arguments, run
 from agentd.check.finding_kinds import Kind
+from tests.agentd.check.test_check import check
 
 PAGE = (Path(__file__).parents[3] / "docs/reference/errors.md").read_text(encoding="utf-8")
 SHOWN = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)
@@ -25,9 +24,7 @@ def test_a_program_of_the_page_gets_the_messages_below_it(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("hello.asl").write_text(program, encoding="utf-8")
-    parser = ArgumentParser()
-    add_arguments(parser)
-    assert run(parser.parse_args(["hello.asl"])) == 1
+    assert check("hello.asl") == 1
     assert capsys.readouterr().err == output
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
 
-from agentd.check.command import add_arguments, run
 from agentd.check.finding_kinds import Kind
+from tests.agentd.check.test_check import check
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "tests" / "data" / "check"
@@ -22,12 +21,6 @@ ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax", "project", "know
 @pytest.fixture(autouse=True)
 def _here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-
-
-def check(*args: str) -> int:
-    parser = ArgumentParser()
-    add_arguments(parser)
-    return run(parser.parse_args(args))
 
 
 def kinds_found(capsys: pytest.CaptureFixture[str], *args: str) -> set[tuple[str, int, str]]:

@@ -187,10 +187,12 @@ def spans(text: str) -> Iterator[Span]:
         ({key: re.compile(rule[key]) for key in ("match", "begin", "end") if key in rule}, rule)
         for rule in textmate.grammar()["patterns"]
     ]
+    firsts = [patterns.get("match") or patterns["begin"] for patterns, _ in rules]
     inside: tuple[dict[str, re.Pattern[str]], dict[str, Any]] | None = None
     start = 0
     for line in text.splitlines(keepends=True):
         at = 0
+        hits = [first.search(line) for first in firsts]
         while at < len(line):
             if inside is not None:
                 end = inside[0]["end"].search(line, at)
@@ -198,15 +200,10 @@ def spans(text: str) -> Iterator[Span]:
                 yield start + at, start + upto, inside[1]["name"]
                 at, inside = upto, inside if end is None else None
                 continue
-            found = min(
-                (
-                    (match.start(), number, match)
-                    for number, (patterns, _) in enumerate(rules)
-                    if (match := (patterns.get("match") or patterns["begin"]).search(line, at))
-                ),
-                default=None,
-                key=lambda hit: hit[:2],
-            )
+            hits = [
+                hit if hit is None or hit.start() >= at else firsts[i].search(line, at) for i, hit in enumerate(hits)
+            ]
+            found = min(((hit.start(), number, hit) for number, hit in enumerate(hits) if hit), default=None)
             if found is None:
                 break
             match, (patterns, rule) = found[2], rules[found[1]]
@@ -226,12 +223,13 @@ def test_the_grammar_sees_every_program_as_the_lexer_does() -> None:
     """Character by character; blanks and what is no token aside."""
     seen = 0
     for name, text in [("the sample", SAMPLE), *texts()]:
-        if "\x0c" in text or "\r" in text or any(kind == BROKEN for _, kind, _ in classed(text)):
+        pieces = list(classed(text))
+        if "\x0c" in text or "\r" in text or any(kind == BROKEN for _, kind, _ in pieces):
             continue  # lines end otherwise there
         scopes = [""] * len(text)
         for begin, end, scope in spans(text):
             scopes[begin:end] = [scope] * (end - begin)
-        for at, kind, piece in classed(text):
+        for at, kind, piece in pieces:
             if isinstance(kind, Class):
                 expected = kind.value.scope
                 got = {scope for scope, char in zip(scopes[at : at + len(piece)], piece, strict=True) if char.strip()}

@@ -84,59 +84,6 @@ fact(1).
     assert [f.line for f in errors_of(program).findings] == [2, 3 + line, 4 + length, 7 + length]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("+!g <- a b.", "a ; is missing before 'b'"),
-        ("+!g <- .print(1) .print(2).", "a ; is missing before '.print'"),
-        ("+!g <- a(1) !b.", "a ; is missing before '!'"),
-        ("+!g <- !a(1)[x] b.", "a ; is missing before 'b'"),
-        ("+!g <- X = f(1) if (a) { b }.", "a ; is missing before 'if'"),
-        ("+!g <- ?a ?b.", "a ; is missing before '?'"),
-        ("+!g <- X = { a b }.", "a ; is missing before 'b'"),
-        ("b(1) b(2).", "the belief before 'b' does not end with a '.'"),
-        ("+!g <- foo; bar; a b c.", "a ; is missing before 'b'"),
-        ("+!g <- if (x) { while (y) { a b } }.", "a ; is missing before 'b'"),
-        ("+!g(X) : c(X) & d(X), e <- a.", "the formulas of a context are joined by & (and) or |, not by a comma"),
-        ("r(X) :- c(X) & d(X), e.", "the formulas of a rule are joined by & (and) or |, not by a comma"),
-        ("+!g <- .print(f(1, [2; 3])).", "the '[' of line 1, column 20 is not closed before ';'; expected ']'"),
-        ("+!g <- f(g(1)].", "the '(' of line 1, column 9 is not closed before ']'; expected ')'"),
-        ("+!g <- a). b.", "nothing opens this )"),
-        ("+!g <- a; +!h.", "+! begins a plan; is a '.' missing before it? in a body, a goal is !g"),
-        ("b. * a.", "'*' cannot begin a plan"),
-        ("+!g <- !h; ^ a.", "'^' is not allowed here after ';'; expected a formula of a plan body or '.'"),
-        ("+!g : X is 3 <- a.", "there is no 'is'; = computes: X = Y + 1"),
-        ("+!g <- X := 3.", "a variable gets its value by = and not by :="),
-        ("+!g <- !while.", "'while' is a keyword and cannot be used as a name"),
-        ("b(X) :- X = 3 mod.", "a number or variable is missing after the operator"),
-        ("+!g <- a; if (b) { c }; else { d }.", "else needs an if before it; no ; is written before else"),
-        ("+!g <- foo(1) + 2 = X.", "foo/1 is not a function"),
-        ("+!g <- X = -foo.", "- computes with numbers, its operand must not be the atom foo"),
-        ("+!g <- X = (a & b) * 2.", "* computes with numbers, its operand must not be a logical formula"),
-        ("+!g <- X = [1] + 2.", "+ computes with numbers, its operand must not be a list"),
-        ("+!g <- 5.", "a number is not a formula of a plan body"),
-        ("+!g <- X + 1.", "an arithmetic expression is not a formula of a plan body"),
-        ("+!g <- +5.", "a number is not a belief"),
-        ("+!g <- +.print(1).", "an internal action is not a belief"),
-        ("+!g <- a |&| !.", "! needs a goal: a literal or a variable"),
-        ("+!g : X & 3 <- a.", "right of &: expected a formula that can be true or false, got a number"),
-        ("+!g : not [1] <- a.", "what follows not: expected a formula that can be true or false, got a list"),
-        ("r :- a | .wait(1).", ".wait cannot be used in the body of a rule"),
-        ("+!g <: not .suspend <- a.", ".suspend cannot be used in the goal condition of a plan"),
-        ("+!g <- if (3) { a }.", "the condition of if: expected a formula"),
-        ("^b <- a.", "^ is for events of goals"),
-        ("{ end }", "{ end } without a { begin ... } before it"),
-        ("b. { +!g. }", "plans in { } belong to the plan before them"),
-        ("{ start namespace(n) }", "a directive is written { start(...) } or { begin namespace(...) }"),
-        ("b(ä).", "'ä' is not a letter of the language, which has a-z and A-Z; a name with others"),
-        ("b('abc).", "the quoted name that begins here is not closed"),
-        ("b(a\\b).", "\\ is allowed only in strings"),
-    ],
-)
-def test_a_mistake_has_its_message(text: str, message: str) -> None:
-    assert message in errors_of(text).findings[0].message
-
-
 def test_an_error_shows_its_place_its_line_and_a_caret() -> None:
     assert str(errors_of('!start.\n\t+!start <- .print("a"), b.')) == (
         "a.asl:2:24: error: body formulas are separated by ; and not by a comma\n"
