@@ -14,28 +14,21 @@ from agentd.language.syntax_tree.nodes import (
     Arithmetic,
     Body,
     BodyFormula,
-    BodyTerm,
     For,
-    Fork,
     If,
-    InternalAction,
-    ListTerm,
     Not,
     Or,
     Plan,
-    PlanTerm,
     Relation,
     Rule,
-    RuleTerm,
     Step,
     String,
-    Structure,
     Term,
     Trigger,
-    TriggerTerm,
     Variable,
     While,
 )
+from agentd.language.syntax_tree.traversal import children
 from schemas.files.findings import Finding
 
 _Node: TypeAlias = Term | Body | BodyFormula | Plan | Rule | Trigger
@@ -69,7 +62,7 @@ def _in_scope(scope: _Node) -> Iterator[Finding]:
             first[node.name] = node
         elif isinstance(node, String):
             counts.update(_IN_STRING.findall(node.value))
-        pending.extend(_children(node))
+        pending.extend(children(node))
     for name, variable in first.items():
         if counts[name] == 1 and not variable.anonymous:
             yield _only_once(variable)
@@ -139,7 +132,7 @@ def _unbound_in(scope: _Node) -> Iterator[Finding]:
         inside = id(node) if isinstance(node, Not) else negation
         compares = isinstance(node, Arithmetic) or (isinstance(node, Relation) and node.operator in _COMPARISONS)
         compares |= comparing and isinstance(node, Arithmetic | Variable)
-        pending += (_Use(child, inside, compares, place) for child in reversed(_children(node)))
+        pending += (_Use(child, inside, compares, place) for child in reversed(children(node)))
     for name, uses in compared.items():
         sources = given.get(name, {})
         lost = [
@@ -155,46 +148,3 @@ def _unbound_in(scope: _Node) -> Iterator[Finding]:
 
 
 _COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "\\=="))
-
-
-def _children(node: _Node) -> list[_Node]:
-    match node:
-        case Variable() | Structure():
-            inside: list[_Node] = list(node.args) if isinstance(node, Structure) else []
-            inside += [node.namespace] if isinstance(node.namespace, Variable) else []
-            return inside + ([node.annotations] if node.annotations is not None else [])
-        case InternalAction(args=terms) | Arithmetic(operands=terms):
-            return list(terms)
-        case ListTerm(items, tail):
-            return [*items, *([tail] if tail is not None else [])]
-        case Relation(left=left, right=right) | And(left, right) | Or(left, right):
-            return [left, right]
-        case Not(operand):
-            return [operand]
-        case PlanTerm(inner) | TriggerTerm(inner) | BodyTerm(inner) | RuleTerm(inner):
-            return [inner]
-        case Rule(head, body):
-            return [head, body]
-        case Trigger(literal=literal):
-            return [literal]
-        case Plan():
-            parts = (node.label, node.trigger, node.context, node.body, *node.subplans, node.goal_condition)
-            return [part for part in parts if part is not None]
-        case _:
-            return _of_body(node)
-
-
-def _of_body(node: _Node) -> list[_Node]:
-    match node:
-        case Body(formulas):
-            return list(formulas)
-        case Step(term=term):
-            return [term]
-        case If(branches, otherwise):
-            parts: list[_Node] = [part for branch in branches for part in branch]
-            return parts if otherwise is None else [*parts, otherwise]
-        case While(condition, body) | For(condition, body):
-            return [condition, body]
-        case Fork(branches=bodies):
-            return list(bodies)
-    return []

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from agentd.language.parse import parse_term
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import Problem, SyntaxErrors
 from agentd.language.syntax_tree.source import read_source
+from agentd.language.syntax_tree.traversal import children
 from agentd.mind.data.registry import FUNCTIONS, find_action
 from agentd.runtime.program_paths import Setup, SourcePaths
 from schemas.files.findings import Finding, Findings
@@ -219,7 +220,7 @@ def _java_actions(program: CompiledProgram) -> Iterator[Finding]:
     """Internal actions such as ``my.lib.act(X)`` that nothing here provides: in Jason they are Java classes."""
     told: set[tuple[str, int]] = set()
     own = {(name, arity) for name, arity, _ in program.functions}
-    for call in _calls((program.beliefs, program.goals, program.plans)):
+    for call in _calls([*program.beliefs, *program.goals, *program.plans]):
         name, arity = call.name, len(call.args)
         if name.startswith(".") or (name, arity) in told or (name, arity) in own or (name, arity) in FUNCTIONS:
             continue
@@ -229,17 +230,14 @@ def _java_actions(program: CompiledProgram) -> Iterator[Finding]:
             yield _finding(call.position, text, warning=True)
 
 
-def _calls(program: tuple[Any, ...]) -> Iterator[nodes.InternalAction]:
-    """The internal actions in a part of a program, in order."""
-    pending: list[Any] = [program]
+def _calls(items: Sequence[nodes.Item]) -> Iterator[nodes.InternalAction]:
+    """The internal actions in items of a program, in order."""
+    pending: list[Any] = list(reversed(items))
     while pending:
         node = pending.pop()
         if isinstance(node, nodes.InternalAction):
             yield node
-        if isinstance(node, tuple):
-            pending += reversed(node)
-        elif is_dataclass(node) and not isinstance(node, nodes.Position):
-            pending += [getattr(node, part.name) for part in reversed(fields(node))]
+        pending += reversed(children(node))
 
 
 def _finding(position: nodes.Position, message: str, *, warning: bool = False) -> Finding:

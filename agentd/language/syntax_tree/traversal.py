@@ -42,6 +42,23 @@ _PARTS: dict[type, tuple[str, ...]] = {nodes.Position: ()}
 """The fields of each class that may hold variables, the last first."""
 
 
+def children(node: Any) -> list[Any]:
+    """The nodes directly inside a node of any kind, in the order of its fields."""
+    kind = type(node)
+    names = _PARTS.get(kind)
+    if names is None:
+        names = _PARTS[kind] = _part_names(kind)
+    found: list[Any] = []
+    pending = [getattr(node, name) for name in names]
+    while pending:
+        part = pending.pop()
+        if type(part) is tuple:
+            pending.extend(reversed(part))
+        elif is_dataclass(part):
+            found.append(part)
+    return found
+
+
 def _part_names(kind: type) -> tuple[str, ...]:
     if not is_dataclass(kind):
         return ()
