@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from agentd.check.symbol_table import Survey
+from schemas.humanize import joined
 
 Arities: TypeAlias = Mapping[str, int | Collection[int]]
 """Names with the numbers of arguments that they take; a `range` is such a collection."""
@@ -23,9 +24,7 @@ def arguments(arities: int | Collection[int]) -> str:
     numbers = [arities] if isinstance(arities, int) else sorted(set(arities))
     if numbers == [0]:
         return "no arguments"
-    words = [str(number) for number in numbers]
-    text = " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
-    return f"{text} argument{'s' * (numbers != [1])}"
+    return f"{joined(list(map(str, numbers)), 'or')} argument{'s' * (numbers != [1])}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from agentd.check.external_knowledge import Arities, arguments, takes
 from agentd.check.finding_kinds import Kind, finding, warning
@@ -118,19 +118,14 @@ def internal_actions(
         name, arity = call.action.name, len(call.action.args)
         if (name, arity) in survey.functions or (name, ANY_ARITY) in survey.functions:
             continue
-        allowed = _merged(name, actions, functions)
-        if allowed is None and unusable and (reason := unusable.get(name.partition(".")[0])):
+        allowed = [table[name] for table in (actions, functions) if name in table]
+        if not allowed and unusable and (reason := unusable.get(name.partition(".")[0])):
             yield finding(Kind.UNKNOWN_FUNCTION, call.action.position, f"{name}/{arity} cannot be used: {reason}")
-        elif allowed is None:
+        elif not allowed:
             yield _unknown(call, {*actions, *functions, *registered})
         elif not any(takes(arities, arity) for arities in allowed):
             text = " or ".join(arguments(arities) for arities in allowed)
             yield finding(Kind.INTERNAL_ACTION_ARITY, call.action.position, f"{name} takes {text}, not {arity}")
-
-
-def _merged(name: str, *tables: Arities) -> list[int | Collection[int]] | None:
-    found = [table[name] for table in tables if name in table]
-    return found or None
 
 
 def _unknown(call: Call, known: Iterable[str]) -> Finding:

@@ -220,6 +220,7 @@ _QUERIES = {
 """Internal actions whose argument at this place is a formula or a goal, which belongs to the namespace as well."""
 
 
+_Item = TypeVar("_Item", nodes.Belief, nodes.Rule, nodes.Goal, nodes.Plan, nodes.Belief | nodes.Rule)
 _Literal = TypeVar("_Literal", nodes.Structure, nodes.Variable, nodes.Structure | nodes.Variable)
 
 
@@ -238,17 +239,18 @@ class Qualifier:
         """The qualifier of a block of this file."""
         return Qualifier(self.local.get(namespace, namespace), self.default, self.local, self.this_ns)
 
-    def item(self, item: Any) -> Any:
+    def item(self, item: _Item) -> _Item:
         """A belief, rule, goal or plan with its namespace put in."""
         if self.local or self.this_ns:
             item = _renamed(item, self.local, {THIS_NS: self.current})
         if self.this_ns:  # before an argument it means nothing, as in Jason
-            return _renamed(self._qualified(item), {THIS_NS: None})
+            bare: _Item = _renamed(self._qualified(item), {THIS_NS: None})
+            return bare
         if self.current == DEFAULT and self.default == DEFAULT:
             return item
         return self._qualified(item)
 
-    def _qualified(self, item: Any) -> Any:
+    def _qualified(self, item: _Item) -> _Item:
         match item:
             case nodes.Belief(literal=literal):
                 return replace(item, literal=self.literal(literal))

@@ -20,6 +20,7 @@ from agentd.language.parser.lalr import machine
 from agentd.language.parser.lexer import END_OF_TEXT, Tokens
 from agentd.language.syntax_tree.errors import shown
 from agentd.language.syntax_tree.source import Source
+from schemas.humanize import joined
 
 TABLE = Path(__file__).with_name("syntax_errors.txt")
 
@@ -304,7 +305,7 @@ def expected(types: Collection[str]) -> str:
     names += [_NAMES.get(kind) or f"'{texts[kind]}'" for kind in sorted(kinds, key=lambda k: (k != "_END", k))]
     if len(names) > 6:
         names = [*names[:6], "..."]
-    return " or ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
+    return joined(names, "or")
 
 
 _TERM = frozenset(("NUMBER", "STRING", "NAME", "VARIABLE"))
