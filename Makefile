@@ -33,14 +33,14 @@ index: $(VENV)/test.stamp  ## how many recorded exchanges the simulated copter a
 
 soak: $(VENV)/test.stamp  ## what takes longer than CI may; writes docs/measurements/soak.md and docs/measurements/systemd-units.md
 	$(BIN)/python -m tests.soak
-	$(BIN)/python -m tests.soak_flights
-	$(BIN)/python -m tests.soak_mail
-	$(BIN)/python -m tests.soak_rescue
-	$(BIN)/python -m tests.soak_units
-	$(BIN)/python -m tests.soak_secured
-	$(BIN)/python -m tests.soak_actions
-	nice $(BIN)/python -m tests.soak_fuzz
-	nice $(BIN)/python -m tests.soak_parser
+	$(BIN)/python -m tests.soak.flights
+	$(BIN)/python -m tests.soak.mail
+	$(BIN)/python -m tests.soak.rescue
+	$(BIN)/python -m tests.soak.units
+	$(BIN)/python -m tests.soak.secured
+	$(BIN)/python -m tests.soak.actions
+	nice $(BIN)/python -m tests.soak.fuzz
+	nice $(BIN)/python -m tests.soak.parser
 	ARGOSY_THOROUGH=1 nice $(BIN)/python -m pytest -q -m generated
 
 faults: $(VENV)/test.stamp  ## inject every fault of the table; writes docs/measurements/faults.md

@@ -1,1 +1,1 @@
-"""`argosy check`: read all that a mission names, and report what is wrong without starting anything."""
+"""`argosy check`: check a mission and all files that it names, without starting anything."""

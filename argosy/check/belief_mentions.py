@@ -1,4 +1,4 @@
-"""Which beliefs a program mentions and a formula asks for: what nobody ever mentions can never hold."""
+"""The beliefs that a program mentions or a formula tests: a belief that nobody mentions never holds."""
 
 from __future__ import annotations
 

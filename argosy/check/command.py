@@ -1,4 +1,4 @@
-"""`argosy check`: reads everything that a mission names, starts nothing, and tells all that is wrong in one run."""
+"""`argosy check`: check a mission and all files that it names, and report every mistake in one run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be told to be wrong with a team before it runs: receivers, presence, restarts, boards, the radio."""
+"""Mistakes of a team that are visible before it runs: receivers, presence, restarts, boards, radio links."""
 
 from __future__ import annotations
 

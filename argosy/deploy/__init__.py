@@ -1,1 +1,1 @@
-"""Boards: `argosy units`, `argosy board`, `argosy wheelhouse`, and the files they write."""
+"""Deployment to boards: `argosy units`, `argosy board`, `argosy wheelhouse`, and the files they write."""

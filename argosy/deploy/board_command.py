@@ -1,7 +1,6 @@
-"""`argosy board`: commd, bridged and agentd of one board in one process and one event loop, where memory is short.
+"""`argosy board`: commd, bridged and agentd of one board in one process and one event loop, to save memory.
 
-Code, names, tokens and keys on the bus are those of the three daemons. What the parts share is their death: whatever
-fails in one of them ends the process.
+Code, names, tokens and keys on the bus are those of the three daemons. A failure of one part ends the whole process.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ from schemas.files.findings import Findings
 from schemas.mission.model import Mission, load_mission
 
 LEAVE = 60.0
-"""Wall seconds that the parts have to end: a bridge may try three orders of 10 s each to leave its robot safe."""
+"""Wall seconds for the parts to end: a bridge may try three orders of 10 s each to make its robot safe."""
 LOOK = 0.05
-"""Wall seconds between two looks whether the router serves."""
+"""Wall seconds between two checks whether the router serves."""
 SETTLED = 3.0
-"""Wall seconds after the start by which everything is loaded."""
+"""Wall seconds after the start when all modules are loaded."""
 log = logging.getLogger("board")
 
 Serve = Callable[[Mission, Namespace, asyncio.Event, Member], Awaitable[int]]
@@ -52,7 +51,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 class _Options(ArgumentParser):
-    """Takes the declarations of several daemons: an option that two of them have is the same to both."""
+    """Collects the options of several daemons; an option of two daemons has one meaning."""
 
     def __init__(self) -> None:
         self.options: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {}
@@ -64,7 +63,7 @@ class _Options(ArgumentParser):
 
 
 def run(args: Namespace) -> int:
-    """Run the board until it is told to stop, or a part of it fails. Returns the exit code."""
+    """Run the board until a signal, or until a part fails. Returns the exit code."""
     allow_deep_calls()
     discover()
     if args.keys is not None or args.config is not None:
@@ -78,16 +77,16 @@ def run(args: Namespace) -> int:
 
 
 def _settle() -> None:
-    """What is loaded by now stays; see `bridged.daemon`."""
+    """Exclude the loaded modules from garbage collection; see `bridged.daemon`."""
     gc.collect()
     gc.freeze()
 
 
 async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
-    """Run the parts that this board has, the router before the others. To the service manager they are one unit."""
+    """Run the parts of this board, the router first. The service manager sees one unit."""
     board = commd.daemon.chosen(mission, args.board)
     given = Namespace(**{**vars(args), "board": board, "robots": [], "agents": []})
-    if given.config is not None and given.router is None:  # agents and bridges go in where the router opens for them
+    if given.config is not None and given.router is None:  # agents and bridges use the router's own socket
         given.router = config.read(given.config).listen[0]
     daemons: dict[str, Serve] = {"commd": commd.daemon.serve}
     if any(robot.board == board for robot in mission.robots.values()):
@@ -100,10 +99,10 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event) -> int:
 
 
 class Parts:
-    """The daemons of a board, each a task with a stop of its own."""
+    """The daemons of a board, each a task with its own stop event."""
 
     def __init__(self, mission: Mission, args: Namespace, daemons: Mapping[str, Serve], unit: Unit) -> None:
-        """`daemons`: what each part runs, `commd` first."""
+        """`daemons`: the `serve` of each part, `commd` first."""
         self._mission, self._args, self._daemons = mission, args, daemons
         self.members = {name: unit.member(name) for name in daemons}
         self._stops = {name: asyncio.Event() for name in daemons}
@@ -113,7 +112,7 @@ class Parts:
     async def run(self, stop: asyncio.Event) -> int:
         """Run until `stop` or a failure, end every part, and return the exit code.
 
-        A vehicle in flight does not wait for the agents: bridge and agents leave at once, the router after them.
+        Bridge and agents end together, then the router: a vehicle in flight does not wait for the agents.
         """
         router, *others = self._daemons
         told = asyncio.create_task(stop.wait())
@@ -141,7 +140,7 @@ class Parts:
         return bool(self._running) and not told.done() and self._code == EXIT_DONE
 
     def _look(self, told: bool) -> None:
-        """Note what has ended. The agents may have ended by what a program says; the others only when they are told."""
+        """Handle parts that have ended. Agents may end by `.stopMAS`; the others only when told to."""
         for task in [task for task in self._running if task.done()]:
             name = self._running.pop(task)
             code, why = _outcome(task)
@@ -155,7 +154,7 @@ class Parts:
                 self._code = self._code or (EXIT_BAD_INPUT if code == EXIT_BAD_INPUT else EXIT_FAILED)
 
     async def _end(self, names: list[str]) -> None:
-        """Tell parts to stop and wait for them, at most `LEAVE` seconds."""
+        """Stop parts and wait for them, at most `LEAVE` seconds."""
         for name in names:
             self._stops[name].set()
         if leaving := [task for task, name in self._running.items() if name in names]:
@@ -167,7 +166,7 @@ class Parts:
 
 
 def _outcome(task: asyncio.Task[int]) -> tuple[int, str]:
-    """The exit code of a part that has ended, and why in words."""
+    """Return the exit code of a part that has ended, and why."""
     if task.cancelled():
         return EXIT_FAILED, "it was cancelled"
     match task.exception():

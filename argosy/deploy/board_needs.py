@@ -23,25 +23,25 @@ from schemas.files.yaml_positions import Steps
 from schemas.mission.model import Mission, Robot
 
 _BUSES = {"/dev/ttyUSB": ("char-ttyUSB",), "/dev/ttyACM": ("char-ttyACM",)}
-"""Devices that are plugged in: another one of the kind may have the number after a while."""
+"""Device classes of USB adapters, whose numbers may change."""
 _DEVICE = re.compile(r"/dev/[A-Za-z0-9_./:@,+=-]+")
-"""What may stand in a unit as it is: no blanks, no lines, no specifiers of systemd."""
+"""Device names that need no quoting in a unit."""
 _PLUGGED = "/dev/serial/"
-"""Where such a device has a name that lasts."""
+"""Folder of persistent names of USB adapters."""
 _ON_THE_BUS = "zenoh"
 """The driver whose robots are reached by the board's socket."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """What a daemon reaches."""
+    """The devices and addresses that a daemon uses."""
 
     devices: tuple[str, ...] = ()
     """As `DeviceAllow=` takes them."""
     hosts: tuple[str, ...] | None = ()
-    """Addresses; None = whoever there is, empty = no network."""
+    """Addresses; None = any, empty = no network."""
     unknown: tuple[str, ...] = ()
-    """Robots of which nobody can say what they need: their driver is no one of ours, or has code of the user's."""
+    """Robots with unknown needs: their driver is not ours, or runs code of the user."""
 
 
 def robots_of(mission: Mission, board: str) -> dict[str, Robot]:
@@ -50,12 +50,12 @@ def robots_of(mission: Mission, board: str) -> dict[str, Robot]:
 
 
 def agents_of(mission: Mission, board: str) -> list[str]:
-    """Return the agents that live on a board."""
+    """Return the agents of a board."""
     return [name for name, agent in mission.agents.items() if agent.board == board]
 
 
 def reach_of_robots(mission: Mission, board: str) -> Reach:
-    """Return what the bridge of a board reaches. Raises Findings for a manifest that cannot be read."""
+    """Return what the bridge of a board uses. Raises Findings for a manifest that cannot be read."""
     devices: list[str] = []
     hosts: list[str] = []
     unknown: list[str] = []
@@ -102,7 +102,7 @@ def _allowed(device: str) -> tuple[str, ...]:
 
 
 def _peer(link: LinkAddress) -> str | None:
-    """Who is at the other end of a link, None if that may be anybody: one that listens for all, or calls by a name."""
+    """Return the address of a link's other end; None if it is not known: it listens to all, or dials a host name."""
     if link.host == "localhost":
         return link.host
     try:
@@ -129,7 +129,7 @@ def files_of(mission: Mission, board: str) -> dict[str, Path]:
 
 
 def outside(mission: Mission, board: str) -> list[Finding]:
-    """Return a finding for each place that names a file which is not below the mission file.
+    """Return a finding for each reference to a file outside the mission file's folder.
 
     Raises Findings for what cannot be read.
     """
@@ -164,7 +164,7 @@ def _named(mission: Mission, board: str) -> Iterator[tuple[Steps, Path]]:
 
 
 def _sources(mission: Mission, agent: str) -> list[Path]:
-    """Return the files that the program of an agent is made of."""
+    """Return the source files of an agent's program."""
     found = [mission.relative(mission.agents[agent].program)]
 
     def load(path: str) -> Program:

@@ -1,8 +1,7 @@
-"""Firewall rules in front of a board's router, for an operator to read and enable: so many new connections an address.
+"""Firewall rules for a board's router, which an operator can read and enable: they limit new connections per address.
 
-commd judges who may come in (`commd.router.admission`). The rules keep from it what the kernel can refuse for less:
-more than commd works off anyway. They know addresses alone, not who failed, so they let through what an operator may
-need.
+commd decides which connections to admit (`commd.router.admission`). The rules let the kernel drop, at less cost, what
+commd would refuse anyway. They know addresses only, not which of them failed, so their limits are generous.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ WantedBy={target}
 
 
 def firewall_files(board: Board) -> dict[str, str]:
-    """Return the rules and the unit that loads them, by path below the board's root; none if no machine dials it."""
+    """Return the rules and the unit that loads them, by path below the board's root; empty if no machine dials it."""
     if not reachable(board):
         return {}
     mission = board.mission
@@ -110,22 +109,22 @@ def reachable(board: Board) -> bool:
 
 
 def rules_path(board: Board) -> str:
-    """Return where the rules are on the board."""
+    """Return the path of the rules on the board."""
     return f"{board.folder}/firewall.nft"
 
 
 def firewall_unit(board: Board) -> str:
-    """Return the unit that loads the rules."""
+    """Return the name of the unit that loads the rules."""
     return f"argosy-{board.mission.name}-firewall.service"
 
 
 def table(mission: Mission) -> str:
-    """Return the name of the nftables table, of what nft takes in names."""
+    """Return the name of the nftables table, in characters that nft accepts."""
     return "argosy_" + re.sub(r"[^A-Za-z0-9_]", "_", mission.name)
 
 
 def _first(mission: Mission) -> tuple[list[IPv4Address | IPv6Address], list[str]]:
-    """Return the boards' addresses, and those that the mission names otherwise: nft would look them up once."""
+    """Return the boards' IP addresses, and their host names: nft would resolve those only once."""
     hosts = [host_and_port(one.address, DEFAULT_PORT)[0].strip("[]") for one in mission.boards.values() if one.address]
     numbers: list[IPv4Address | IPv6Address] = []
     names: list[str] = []

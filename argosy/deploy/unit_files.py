@@ -1,4 +1,4 @@
-"""The units of a board: the templates that ship, and beside each what the mission adds to it for this board."""
+"""The systemd units of a board: shipped templates, each with a drop-in that the mission adds for this board."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from schemas.files.shipped_files import shipped
 from schemas.mission.model import Mission
 
 VENV = "/opt/argosy"
-"""Where Argosy is installed on a board, as the templates say it."""
+"""Virtual environment on a board, as in the templates."""
 UNITS = "etc/systemd/system"
 WATCHDOG = 10.0
-"""Seconds, as the templates say them."""
+"""Watchdog period in seconds, as in the templates."""
 _HEADER = (
     "# Written by `argosy units` from the mission file: change the mission, or add a file of your own beside this.\n"
 )
@@ -23,7 +23,7 @@ _NO_NETWORK = "PrivateNetwork=yes\nIPAddressDeny=any\nRestrictAddressFamilies=\n
 
 @dataclass(frozen=True)
 class Board:
-    """A board of a mission, and how Argosy is to run there."""
+    """A board of a mission, and how Argosy runs there."""
 
     mission: Mission
     name: str
@@ -32,7 +32,7 @@ class Board:
 
     @property
     def folder(self) -> str:
-        """What the mission has on the board, its keys among it."""
+        """Folder of the mission's files and keys on the board."""
         return f"/etc/argosy/{self.mission.name}"
 
     @property
@@ -42,27 +42,27 @@ class Board:
 
     @property
     def socket(self) -> str:
-        """The router's socket, in a folder that members of the group `argosy` may enter."""
+        """The router's socket, in a folder for members of the group `argosy`."""
         return f"/run/argosy/{self.mission.name}/router.sock"
 
     @property
     def router(self) -> str:
-        """The endpoint of the board's router for its daemons, and for members of the group."""
+        """Endpoint of the board's router for its daemons and members of the group."""
         return f"unixsock-stream/{self.socket}"
 
     @property
     def target(self) -> str:
-        """The unit that stands for all of them."""
+        """The target that starts all of them."""
         return f"argosy-{self.mission.name}.target"
 
     @property
     def keys(self) -> str | None:
-        """The folder of its keys; None if it is linked to no other machine."""
+        """The folder of its keys; None if it has no link to another machine."""
         return f"{self.folder}/keys" if reaches_machines(self.mission, self.name) else None
 
     @property
     def daemons(self) -> tuple[str, ...]:
-        """The templates whose instances run there."""
+        """Names of the templates that run there."""
         if self.one_process:
             return ("board",)
         robots = ("bridged",) if robots_of(self.mission, self.name) else ()
@@ -74,12 +74,12 @@ class Board:
         return tuple(f"{daemon}@{self.mission.name}.service" for daemon in self.daemons)
 
     def user(self, daemon: str) -> str:
-        """Who a daemon runs as."""
+        """Return the user of a daemon."""
         return f"argosy-{daemon}"
 
 
 def unit_files(board: Board) -> dict[str, str]:
-    """Return the texts of units and of what they need to start, by path below the board's root.
+    """Return the units and the files they need to start, by path below the board's root.
 
     Raises Findings for a manifest that cannot be read.
     """
@@ -113,7 +113,7 @@ def _environment(board: Board) -> str:
 
 
 def _tmpfiles(board: Board) -> str:
-    """Who may read what is below /etc/argosy: the mission its daemons, the keys the router alone."""
+    """Return the file modes below /etc/argosy: all daemons read the mission, only the router reads the keys."""
     router = board.user("board" if board.one_process else "commd")
     lines = [
         "z /etc/argosy 0755 root root",
@@ -124,7 +124,7 @@ def _tmpfiles(board: Board) -> str:
 
 
 def _added(board: Board, daemon: str) -> str:
-    """What a mission adds to a template: patience, and the devices and addresses that its daemons reach here."""
+    """Return the drop-in of a template: watchdog period, devices and addresses of this board."""
     machines = Reach(hosts=None) if reaches_machines(board.mission, board.name) else Reach()
     if daemon == "agentd":
         return _patience(board)
@@ -137,7 +137,7 @@ def _added(board: Board, daemon: str) -> str:
 
 
 def _patience(board: Board) -> str:
-    """The watchdog must not end a mind that the mission allows to be busy for so long."""
+    """Return a watchdog period longer than the `agent_silence` that the mission allows."""
     agents = (board.mission.agents[name].robot for name in agents_of(board.mission, board.name))
     silences = [float(board.mission.robots[robot].agent_silence) for robot in agents if robot is not None]
     wanted = 2 * max(silences, default=0.0)
@@ -166,6 +166,6 @@ def _unknown(robots: Sequence[str]) -> str:
 
 
 def templates() -> list[Path]:
-    """Return the templates that ship."""
+    """Return the shipped templates."""
     names = ("commd", "bridged", "agentd", "board")
     return [path for name in names if (path := shipped("deploy", f"systemd/{name}@.service")) is not None]

@@ -1,4 +1,4 @@
-"""`argosy units`: writes what a board needs to run its part of a mission under systemd, as a tree for its root."""
+"""`argosy units`: write the files that a board needs to run its part of a mission under systemd, as a tree for `/`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from schemas.mission.model import Mission, load_mission
 
 GUIDE = "INSTALL.md"
 TAKEN = {"router.json5", "board.env", "firewall.nft", "keys"}
-"""What stands beside the files of a mission on a board."""
+"""Names beside the mission's files on a board."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -37,7 +37,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Write the tree. Returns 0, 2 if the mission cannot be run so, 1 if the folder cannot be written."""
+    """Write the tree. Returns 0, 2 for an unsuitable mission, 1 if the folder cannot be written."""
     try:
         mission = load_mission(args.mission)
         board = Board(mission, chosen(mission, args.board), args.venv, args.one_process)
@@ -61,9 +61,9 @@ def run(args: Namespace) -> int:
 
 
 def write(board: Board, out: Path) -> int:
-    """Write all files of a board; nothing is written if one cannot be made. Returns how many they are.
+    """Write all files of a board, or none if one of them is impossible. Returns their number.
 
-    Raises Findings, FileExistsError for a folder that has something in it, and OSError.
+    Raises Findings, FileExistsError for a folder that is not empty, and OSError.
     """
     check(board.mission)
     secrets = secrets_of(board.mission, board.name)
@@ -90,7 +90,7 @@ def write(board: Board, out: Path) -> int:
 
 
 def check(mission: Mission) -> None:
-    """Raise Findings for a mission whose boards are not run by units."""
+    """Raise Findings for a mission that units cannot run."""
     if mission.router.external:
         text = "router.external: the units run commd as the board's router; leave it out"
         raise Findings([mission.positions.finding(("router", "external"), text)])
@@ -119,7 +119,7 @@ def _venv(text: str) -> str:
 
 
 def guide(board: Board, secrets: Sequence[str]) -> str:
-    """Return the page. `secrets` are the files with passphrases that its robots need."""
+    """Return the installation page. `secrets`: files with passphrases of its robots."""
     mission, target = board.mission.name, board.target
     parts = [
         f"# {mission}: board {board.name}\n",
@@ -173,7 +173,7 @@ def _secrets(board: Board, secrets: Sequence[str]) -> list[str]:
 
 
 def _here(secret: str) -> str:
-    """Where a file with a passphrase is before it is installed: one with a place of its own comes beside the tree."""
+    """Return where the guide expects a passphrase file: one with an absolute path beside the tree."""
     return posixpath.basename(secret) if posixpath.isabs(secret) else secret
 
 

@@ -1,4 +1,4 @@
-"""`argosy wheelhouse`: a folder with all that boards without internet install, downloaded where there is some."""
+"""`argosy wheelhouse`: download all wheels that boards without internet need into a folder."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
 
 PLATFORMS = ("aarch64", "x86_64")
 PYTHONS = ("3.11", "3.13")
-"""Those of 64-bit Raspberry Pi OS: bookworm and trixie."""
+"""Versions of 64-bit Raspberry Pi OS: bookworm and trixie."""
 GLIBC = range(17, 37)
-"""Minor versions of glibc 2 that the boards' systems can run wheels of: bookworm has 2.36."""
+"""Supported minor versions of glibc 2: bookworm has 2.36."""
 EXTRAS = ("operator", "keys")
-"""What may be wanted on a board besides the daemons."""
+"""Optional parts that are useful on a board."""
 PATIENCE = 900.0
 """Wall seconds for one run of pip: a build, or the downloads for one Python."""
 _OF_THIS_MACHINE = frozenset({"INSTALLER", "REQUESTED", "RECORD", "direct_url.json"})
-"""Files of the metadata that an installer adds."""
+"""Metadata files that an installer adds."""
 
 
 class NoWheel(RuntimeError):
-    """A wheel that cannot be had, and why."""
+    """A wheel cannot be built or downloaded; the text says why."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -63,7 +63,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Fill the folder. Returns 0 when it holds everything, 1 when a wheel cannot be had, 2 for bad input."""
+    """Fill the folder. Returns 0 when it is complete, 1 when a wheel is not available, 2 for bad input."""
     try:
         out: Path = args.out
         out.mkdir(parents=True, exist_ok=True)
@@ -85,9 +85,9 @@ def run(args: Namespace) -> int:
 
 
 def own_wheel(folder: Path) -> Path:
-    """Write the wheel of the Argosy that runs here into `folder` and return its path. Raises NoWheel, OSError.
+    """Write the wheel of this installation of Argosy into `folder` and return its path. Raises NoWheel, OSError.
 
-    pip builds it from a checkout that is installed in place; any other installation is packed from its own files.
+    pip builds it from an editable checkout; any other installation is packed from its own files.
     """
     installed = distribution("argosy")
     origin = json.loads(installed.read_text("direct_url.json") or "{}")
@@ -99,7 +99,7 @@ def own_wheel(folder: Path) -> Path:
 
 
 def _packed(installed: Distribution, folder: Path) -> Path:
-    """Pack what an installer took from a wheel: not its scripts and byte code, nor what it wrote itself."""
+    """Pack the files that came from a wheel: no scripts, byte code or files of the installer."""
     files = {
         file.as_posix(): file
         for file in installed.files or ()
@@ -127,7 +127,7 @@ def _given(wheel: Path, out: Path) -> Path:
 
 
 def _download(wheel: Path, extras: tuple[str, ...], platform: str, python: str, out: Path) -> None:
-    """Let pip download the wheels of one platform and Python; pip itself too, which the board may lack."""
+    """Download the wheels for one platform and Python with pip, and pip itself, which the board may lack."""
     tags = [f"manylinux2014_{platform}", *(f"manylinux_2_{minor}_{platform}" for minor in GLIBC)]
     options = ["--only-binary=:all:", "--implementation=cp", f"--python-version={python}", f"--dest={out}"]
     named = f"{wheel}[{','.join(extras)}]" if extras else str(wheel)
@@ -150,7 +150,7 @@ def _pip(*arguments: str, doing: str) -> None:
 
 
 def _recipe(out: Path) -> str:
-    """Return how a board installs, also one whose Python came without pip: a wheel of pip can be run as it is."""
+    """Return the commands that install on a board, also without pip there: the wheel of pip can be run directly."""
     pip = max(out.glob("pip-*.whl"), key=lambda path: path.stat().st_mtime).name
     return f"""on each board, after `scp -r {out} BOARD:`
   sudo python3 -m venv --without-pip /opt/argosy

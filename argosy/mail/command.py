@@ -1,4 +1,4 @@
-"""`argosy mail`: what waits in the mailboxes of a fleet, for how long and for what, and what was given up."""
+"""`argosy mail`: print queued messages and dead letters of a fleet's mailboxes."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from schemas.wire.records import DeadLetter, Mailboxes, Queue
 from schemas.wire.term_text import write
 
 ANSWER_TIMEOUT = 5.0
-"""Wall seconds that a `commd` has to answer."""
+"""Wall seconds for a `commd` to answer."""
 LONGEST = 60
-"""Characters of a dead letter's content that are shown."""
+"""Shown characters of a dead letter's content."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:

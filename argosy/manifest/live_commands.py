@@ -1,4 +1,4 @@
-"""`argosy manifest get` and `set`: the manifest that a running bridge goes by."""
+"""`argosy manifest get` and `set`: read and change the manifest of a running bridge."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from schemas.wire.codec import BadRecord
 from schemas.wire.records import LiveManifest, ManifestChange
 
 ANSWER_TIMEOUT = 5.0
-"""Wall seconds that a bridge has to answer: it need not ask its robot."""
+"""Wall seconds for a bridge to answer, which it does without its robot."""
 
 
 def _add_where(parser: ArgumentParser) -> None:

@@ -1,6 +1,6 @@
-"""The links of a mission's MAVLink robots: who shares one, who stands at the other end, which ends this machine binds.
+"""The links of a mission's MAVLink robots: which robots share one, its other end, and the ends that this machine binds.
 
-A link that is not written in MAVLink's way belongs to another driver, which reads it itself.
+A link in another form belongs to another driver, which reads it itself.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from schemas.files.findings import Finding
 from schemas.mission.model import Mission, Robot
 
 MEETING = ("udpin", "tcpin")
-"""Kinds of links that any number of vehicles can call."""
+"""Kinds of links that several vehicles can dial."""
 _PEERS = {"udpin": "udpout", "udpout": "udpin", "tcpin": "tcp", "tcp": "tcpin"}
 _ANYWHERE = "0.0.0.0"  # noqa: S104  to compare with, not to bind
 _LOOPBACK = {"localhost": "127.0.0.1", "::1": "127.0.0.1", "::": _ANYWHERE}
@@ -22,7 +22,7 @@ _ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  we call ther
 
 
 def address_of(robot: Robot) -> LinkAddress | None:
-    """Return a robot's link; none if it has none, or one that is its driver's to read or to refuse."""
+    """Return a robot's link; None if it has none, or one of another driver's form."""
     try:
         return LinkAddress.parse(robot.link)
     except LinkAddressError:
@@ -50,7 +50,7 @@ def peer_of(link: LinkAddress, address: str | None = None) -> LinkAddress:
 
 
 def together(mission: Mission) -> list[list[str]]:
-    """Return the robots of each bridge: those that share a link of a board have one, every other robot has its own."""
+    """Return the robots of each bridge: robots that share a link of a board share a bridge, others have their own."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for name, robot in mission.robots.items():
         key = (robot.board, "link", robot.link) if robot.link else (robot.board, "robot", name)
@@ -59,12 +59,12 @@ def together(mission: Mission) -> list[list[str]]:
 
 
 def group_of(mission: Mission, name: str) -> list[str]:
-    """Return the robots on a robot's link, itself among them."""
+    """Return the robots on a robot's link, including itself."""
     return next(group for group in together(mission) if name in group)
 
 
 def check_links(mission: Mission) -> list[Finding]:
-    """Return the links that are one in truth, although they are written differently."""
+    """Return a finding for each link that is the same as another one, but written differently."""
     findings: list[Finding] = []
     taken: dict[str, LinkAddress] = {}
     for name, robot in mission.robots.items():
@@ -83,7 +83,7 @@ def check_links(mission: Mission) -> list[Finding]:
 
 
 def free_links(robots: Iterable[str]) -> dict[str, str]:
-    """Return a link of its own for each of these simulated vehicles, at a port of this machine that nobody uses."""
+    """Return a link for each of these simulated vehicles, at a free port of this machine."""
     links = {}
     with ExitStack() as stack:
         for name in robots:

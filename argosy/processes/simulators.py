@@ -1,7 +1,7 @@
-"""Simulated robots: which have a process of their own, by which command it is started, and what cannot be simulated.
+"""Simulated robots: which need a process, its command, and what cannot be simulated.
 
 `simulate: {vehicle: copter, home: [...]}` and `simulate: {vehicle: turtle}` are processes, `bridged simulate`. With
-`simulate: {}` nothing is started: the robot's driver is its own twin, and is told so.
+`simulate: {}` no process is started: the robot's driver uses its simulated twin.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from schemas.manifest.loader import Manifest, load_manifest
 from schemas.mission.model import Mission, Robot, World
 
 _NO_TWIN = "mavlink"
-"""The driver of ours that has nothing simulated in itself: its vehicles are processes."""
+"""The driver without a simulated twin: its vehicles are processes."""
 
 SHORTEST_BATTERY = 6.0
-"""Seconds that a simulated battery lasts at least."""
+"""Shortest life of a simulated battery, in seconds."""
 SHORTEST_RECHARGE = 1.0
-"""Seconds in which it can be charged."""
+"""Shortest time to charge it, in seconds."""
 
 
 def _copter(mission: Mission, name: str, router: str, address: str | None) -> list[str]:
@@ -56,19 +56,19 @@ its board, if that is another machine."""
 
 
 def vehicle_of(robot: Robot) -> str:
-    """Return what is started to simulate a robot; empty if nothing is."""
+    """Return the simulator of a robot; empty = no process."""
     return robot.simulate.process if robot.simulate is not None else ""
 
 
 def machine_of(robot: Robot) -> str:
-    """Return the machine that a robot's simulation runs on: a board, or one that has nothing but simulators."""
+    """Return the machine of a robot's simulator: a board, or a machine for simulators only."""
     return (robot.simulate.board if robot.simulate is not None else None) or robot.board
 
 
 def command(
     mission: Mission, name: str, router: str, address: str | None = None, logs: Path | None = None
 ) -> list[str]:
-    """Return the command of a robot's simulator, but for its speed.
+    """Return the command of a robot's simulator, without `--speed`.
 
     `address` is that of the robot's board if it is another machine, `logs` a folder for what a referee reads. Raises
     LinkAddressError if the simulator could not reach the bridge.
@@ -101,7 +101,7 @@ def check_simulations(mission: Mission, manifests: Mapping[str, Manifest | None]
 
 
 def _of_a_copter(robot: Robot) -> list[tuple[str, str]]:
-    """What is wrong with what only a simulated copter has: the field and the problem."""
+    """Return the problems of settings that only a simulated copter has: field and text."""
     told = robot.simulate
     assert told is not None
     given = {
@@ -165,7 +165,7 @@ def _without_twin(robot: Robot, mission: Mission) -> str:
 
 
 SIGHTINGS = "victim"
-"""The key on which a camera tells what it sees, behind the robot's prefix."""
+"""Key on which a camera reports victims, after the robot's prefix."""
 
 
 def victims(world: World) -> list[Victim]:
@@ -174,17 +174,17 @@ def victims(world: World) -> list[Victim]:
 
 
 def servo_log(folder: Path, robot: str) -> Path:
-    """Return the file in which a robot's simulator writes what its servo outputs did."""
+    """Return the file of a robot's servo log."""
     return folder / f"{robot}.servo.jsonl"
 
 
 def log_arguments(name: str, folder: Path | None) -> list[str]:
-    """Return what a copter's simulator is told of its servo log, if there is a folder for it."""
+    """Return the servo log's arguments of a copter's simulator; empty without a folder."""
     return ["--servo-log", str(servo_log(folder, name))] if folder is not None else []
 
 
 def camera_arguments(mission: Mission, name: str, router: str) -> list[str]:
-    """Return what a copter's simulator is told of its camera; nothing if it has none."""
+    """Return the camera's arguments of a copter's simulator; empty without a camera."""
     robot, world = mission.robots[name], mission.world
     if robot.simulate is None or robot.simulate.camera is None or world is None:
         return []

@@ -1,7 +1,7 @@
-"""Starts, watches and ends the processes of a run. Whatever happens, none is left behind.
+"""Start, restart and end the processes of a run, and leave none behind.
 
-Each process leads a group of its own, so that the terminal's ctrl-C reaches only `argosy run`, which ends the others in
-order; the kernel ends them if `argosy run` is killed (`argosy.processes.launcher`).
+Each process leads its own process group, so that the terminal's ctrl-C reaches only `argosy run`, which ends the others
+in order; the kernel ends them if `argosy run` is killed (`argosy.processes.launcher`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ KEPT_LINES = 50
 MAX_LINE = 65_536
 """Bytes of one line that are read: more than a `LogLine` can have; the rest is cut."""
 HURRIED = 1.0
-"""Seconds that processes still have to leave once the user is in a hurry."""
+"""Wall seconds for processes to end after a second ctrl-C."""
 _LAUNCHER = str(Path(__file__).with_name("launcher.py"))
 _READ_BYTES = 65_536
 
 
 class Child:
-    """A process that was started."""
+    """A started process."""
 
     def __init__(self, process: Process, handle: asyncio.subprocess.Process) -> None:
         self.process, self.handle = process, handle
@@ -41,32 +41,32 @@ class Child:
         self.pid = handle.pid
         self.lines: deque[LogLine] = deque(maxlen=KEPT_LINES)
         self.logged_error = self.stderr_line = ""
-        """The last error that it has logged, and its last line on standard error that is no log line."""
+        """Its last logged error, and its last line on standard error that is not a log line."""
         self.started = time.monotonic()
         self.told_to_leave = self.killed = False
-        """Whether it was told to leave, and whether it was killed as it did not."""
+        """Whether it was told to end; whether it was killed because it did not."""
         self.died: float | None = None
         self.replaced = False
-        """Whether it died and another one is, or is to be, started in its place."""
+        """Whether it has died and is replaced by a restart."""
         self.in_vain = ""
-        """Why it is not started again, to stand behind how it ended."""
+        """Why it is not restarted; appended to how it ended."""
         self.readers: list[asyncio.Task[None]] = []
         self.waiter: asyncio.Task[None] | None = None
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """Whether it is running."""
         return self.died is None
 
     @property
     def dead(self) -> bool:
-        """Whether it ended although nobody told it to, or by a signal that nobody here sent, and for good."""
+        """Whether it ended by itself or by a foreign signal, and is not restarted."""
         code = self.handle.returncode
         crashed = code is not None and code < 0 and code != -signal.SIGTERM and not self.killed
         return self.died is not None and not self.replaced and (crashed or not self.told_to_leave)
 
     def how_it_ended(self) -> str:
-        """Return in words how it ended, with its own last word if it had one."""
+        """Return how it ended as text, with its last error."""
         code = self.handle.returncode
         if code is None:
             return "still runs"
@@ -76,23 +76,23 @@ class Child:
         return f"ended by itself with exit code {code}{f': {error}' if error else ''}{self.in_vain}"
 
     def tell_to_leave(self) -> None:
-        """Let it end in its own way."""
+        """Send SIGTERM."""
         self.told_to_leave = True
         self.signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """End it here and now, as nothing waits for what it would still do."""
+        """Send SIGKILL."""
         self.told_to_leave = self.killed = True
         self.signal(signal.SIGKILL)
 
     def signal(self, number: signal.Signals) -> None:
-        """Send a signal to the process, if it still runs."""
+        """Send a signal to the process, if it is running."""
         if self.alive:
             with suppress(ProcessLookupError):
                 self.handle.send_signal(number)
 
     def kill_group(self) -> None:
-        """Kill whatever is left of the process and of what it started."""
+        """Kill what is left of the process group."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
 
@@ -101,13 +101,13 @@ class Supervisor:
     """The processes of a run."""
 
     def __init__(self, on_line: Callable[[Child, LogLine], None], on_end: Callable[[Child], None]) -> None:
-        """`on_line` gets each line that a process writes, `on_end` each process that ended for whatever reason."""
+        """`on_line` gets each line that a process writes, `on_end` each process that has ended."""
         self.children: list[Child] = []
         self._on_line, self._on_end = on_line, on_end
         self.cut_lines = 0
 
     async def start(self, process: Process, instead_of: Child | None = None) -> Child:
-        """Start a process, or another life of a dead one. Raises OSError if the system has none to give."""
+        """Start a process, or restart a dead one in its place. Raises OSError."""
         launcher = (sys.executable, "-I", "-S", _LAUNCHER, str(int(process.orphaned)), str(os.getpid()))
         handle = await asyncio.create_subprocess_exec(
             *launcher,
@@ -130,7 +130,7 @@ class Supervisor:
         return child
 
     def dead(self) -> list[Child]:
-        """Return the processes that ended although nobody told them to and are needed, the first one first."""
+        """Return the needed processes that are `dead`, in the order of their end."""
         dead = (child for child in self.children if child.dead and child.process.kind.needed)
         return sorted(dead, key=lambda child: child.died or 0.0)
 
@@ -139,9 +139,9 @@ class Supervisor:
         return [child for child in self.children if child.process.kind.name in names]
 
     async def leave(self, children: Iterable[Child], patience: float, hurry: asyncio.Event) -> list[Child]:
-        """Tell processes to leave and wait for them, at most `patience` seconds, `HURRIED` once `hurry` is set.
+        """Tell processes to end and wait for them, at most `patience` seconds, or `HURRIED` once `hurry` is set.
 
-        Kills those that did not, and returns them.
+        Kills the late ones and returns them.
         """
         leaving = [child for child in children if child.alive]
         for child in leaving:
@@ -157,7 +157,7 @@ class Supervisor:
         return late
 
     async def close(self) -> None:
-        """Kill what still runs, and what the processes themselves may have left."""
+        """Kill all processes and their groups."""
         for child in self.children:
             if child.alive:
                 child.kill()
@@ -175,7 +175,7 @@ class Supervisor:
     async def _wait(self, child: Child) -> None:
         await child.handle.wait()
         child.kill_group()
-        await asyncio.wait(child.readers, timeout=0.3)  # its last words
+        await asyncio.wait(child.readers, timeout=0.3)  # its last output
         child.died = time.monotonic()
         self._on_end(child)
 
@@ -215,23 +215,20 @@ FIRST, LONGEST = 0.2, 5.0
 
 
 class Restarts:
-    """What is started again in a run, and how often it was."""
+    """Restarts dead daemons of a run: the same command on the same state, later each time, and only `MOST` times."""
 
     def __init__(self, supervisor: Supervisor, journal: Journal, counts: Counter[str], on: bool) -> None:
-        """`counts` is filled: how often each process was started again, by its name."""
+        """Adds to `counts` the restarts of each process, by name. `on`: whether the mission wants restarts."""
         self._counts = counts
         self._supervisor, self._journal, self._on = supervisor, journal, on
         self._times: dict[str, deque[float]] = {}
         self._over = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
         self._coming: dict[str, Child] = {}
-        """What was started again and has not shown itself yet."""
+        """Restarted processes that do not serve yet."""
 
     def died(self, child: Child, *, anyway: bool = False) -> None:
-        """A process has ended although nobody told it to: see that it comes again, if that is wanted and may help.
-
-        `anyway`: it is wanted whatever the mission says.
-        """
+        """Restart a process that has died, if that is wanted and can help. `anyway`: the mission need not want it."""
         if not (self._on or anyway) or self._over.is_set() or not child.process.kind.daemon:
             return
         if child.handle.returncode in (EXIT_DONE, EXIT_BAD_INPUT):  # it would end in the same way again
@@ -263,7 +260,7 @@ class Restarts:
         self._coming[new.name] = new
 
     def tell(self, serves: Callable[[Child], bool]) -> None:
-        """Tell of each process that was started again and does its work now."""
+        """Report each restarted process that serves again."""
         for name, child in list(self._coming.items()):
             if not child.alive:
                 del self._coming[name]
@@ -272,6 +269,6 @@ class Restarts:
                 self._journal.add(name, f"up again after {time.monotonic() - child.started:.1f} s", "good")
 
     async def close(self) -> None:
-        """Start nothing any more; returns when nothing is being started."""
+        """Stop restarting; return when no restart is in progress."""
         self._over.set()
         await asyncio.gather(*self._tasks)

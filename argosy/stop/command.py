@@ -1,4 +1,4 @@
-"""`argosy stop`: an order to robots that stands above every agent, from any terminal that reaches the router."""
+"""`argosy stop`: order robots from any terminal that reaches the router; the order overrides every agent."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from schemas.wire import keys
 from schemas.wire.records import OperatorOrder, Outcome, StopOrder
 
 ANSWER_TIMEOUT = 15.0
-"""Wall seconds that a bridge has to see the order confirmed by its vehicle; it gives up after 10 s itself."""
+"""Wall seconds for a bridge to see its vehicle confirm the order; the bridge itself gives up after 10 s."""
 
 ORDERS: tuple[OperatorOrder, ...] = get_args(OperatorOrder)
 HELP = (
@@ -48,7 +48,7 @@ def _order(word: str) -> str:
 
 
 def run(args: Namespace) -> int:
-    """Send the order and print what became of it. Returns 0 only if every robot confirmed."""
+    """Send the order and print each outcome. Returns 0 only if every robot has confirmed."""
 
     there = False
 
@@ -65,7 +65,7 @@ def run(args: Namespace) -> int:
 
 
 async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
-    """Order the mission's robots at once, whether they are seen or not, then others whose bridges are there."""
+    """Order the mission's robots immediately, visible or not, then others with a running bridge."""
     looking = asyncio.create_task(bridges(bus, where.fleet))
 
     async def told(fleet: str, robot: str) -> bool:
@@ -100,7 +100,7 @@ async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:
 
 
 def _absent(where: Where, wanted: list[str], known: list[str], there: list[str]) -> list[str]:
-    """Name the robots that are wanted and that nobody knows, and return them; say so if there is none at all."""
+    """Print and return the wanted robots that are unknown; print an error if there is no robot at all."""
     absent = [robot for robot in wanted if robot not in (*known, *there)]
     for robot in absent:
         others = f"; there is {', '.join(sorted(set(there)))}" if there else ""
@@ -112,7 +112,7 @@ def _absent(where: Where, wanted: list[str], known: list[str], there: list[str])
 
 
 async def order_robot(bus: Bus, fleet: str, robot: str, order: str) -> Outcome:
-    """Give one robot an order and return what became of it."""
+    """Send an order to one robot and return its outcome."""
     ask = StopOrder(order=order)  # type: ignore[arg-type]
     try:
         return await bus.ask_one(keys.stop(fleet, robot), ask, Outcome, ANSWER_TIMEOUT)

@@ -14,7 +14,7 @@ from tests.attacks.readers import READERS
 from tests.attacks.text_and_files import TEXT_AND_FILES
 from tests.attacks.vehicle import VEHICLE
 from tests.attacks.world import TEXT, Row, World
-from tests.soak_report import ROOT, here
+from tests.soak.report import ROOT, here
 from tests.support.secured import Secured
 
 PAGE = ROOT / "docs/measurements/attacks.md"

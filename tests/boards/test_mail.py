@@ -11,7 +11,7 @@ from tests.boards.fleet import Fleet
 from tests.boards.letters import Post
 from tests.boards.network import Network
 from tests.boards.troubles import Trouble, plan
-from tests.soak_mail import AGENTS, BOARDS, control, run
+from tests.soak.mail import AGENTS, BOARDS, control, run
 from tests.support.amount import some_of
 
 RATE = 60.0

@@ -54,7 +54,7 @@ NOT_RUN: Final[dict[Key, str]] = {
         "docs/start/search-and-rescue.md",
         "argosy referee",
     ): "judges a flight of minutes: tests/argosy/run/test_rescue.py",
-    ("docs/start/search-and-rescue.md", "python -m tests.soak_rescue"): "half an hour: `make soak`",
+    ("docs/start/search-and-rescue.md", "python -m tests.soak.rescue"): "half an hour: `make soak`",
     ("docs/guides/simulated-copter.md", "mavproxy.py"): "wants a terminal: tests/bridged/clients",
     ("docs/guides/mavlink.md", "sim_vehicle.py"): "ArduPilot's simulator is no dependency",
     ("docs/guides/mavlink.md", "argosy run --real"): _REAL,

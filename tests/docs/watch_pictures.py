@@ -15,7 +15,7 @@ from argosy.watch.app import WatchApp
 from argosy.watch.pages import AgentPage
 from tests.argosy.watch.shown import text_of
 from tests.docs.pages import ROOT
-from tests.soak_rescue import write_mission
+from tests.soak.rescue import write_mission
 from tests.support.ports import free_port
 from tests.support.processes import running
 

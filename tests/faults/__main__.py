@@ -13,7 +13,7 @@ from tests.faults.poison import POISON
 from tests.faults.real import REAL
 from tests.faults.rows import Row, table, table_of_mail
 from tests.faults.virtual import VIRTUAL
-from tests.soak_report import ROOT, here
+from tests.soak.report import ROOT, here
 
 PAGE = ROOT / "docs/measurements/faults.md"
 HEAD = """\

@@ -1,6 +1,6 @@
 """The search and rescue: its programs by their own tests, and a short flight in which daemons are killed.
 
-Twenty whole ones: `python -m tests.soak_rescue`, docs/measurements/soak.md.
+Twenty whole ones: `python -m tests.soak.rescue`, docs/measurements/soak.md.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from agentd.replay.replay import replay
 from argosy.recording.reader import open_recording
-from tests.soak_rescue import fly, told
+from tests.soak.rescue import fly, told
 
 ROOT = Path(__file__).parents[3]
 FOLDER = "missions/search_and_rescue"

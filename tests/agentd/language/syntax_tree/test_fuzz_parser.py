@@ -35,7 +35,7 @@ def read() -> dict[int, Program | None]:
             found[number] = try_to_read(text)
             slow = pace.too_slow(text)
         except BaseException as error:
-            error.add_note(f"input {number}: python -m tests.soak_parser --seed {SEED} --only {number}")
+            error.add_note(f"input {number}: python -m tests.soak.parser --seed {SEED} --only {number}")
             raise
         assert not slow, f"input {number} {slow}"
     return found
@@ -56,7 +56,7 @@ def test_what_is_read_runs_without_a_world_and_nothing_escapes_from_the_mind() -
         try:
             ended[try_to_run(program)] += 1
         except BaseException as error:
-            error.add_note(f"input {number}: python -m tests.soak_parser --seed {SEED} --only {number}")
+            error.add_note(f"input {number}: python -m tests.soak.parser --seed {SEED} --only {number}")
             raise
     assert ended["idle"] > RUNS / 2
 

@@ -1,6 +1,6 @@
 """`argosy run` with its boards' routers calling one another through relays, so that a test can cut their links.
 
-    python -m tests.relayed_run 'tcp/127.0.0.1:9004=tcp/127.0.0.1:9101,...' run MISSION ...
+    python -m tests.support.relayed_run 'tcp/127.0.0.1:9004=tcp/127.0.0.1:9101,...' run MISSION ...
 
 Each router that would call the first endpoint calls the second; the first of several is for the first that calls.
 """

@@ -1,6 +1,6 @@
 """Search and rescue as deployed: mutual TLS between three boards, a socket on each, access rules from the mission.
 
-    python -m tests.soak_secured
+    python -m tests.soak.secured
 
 Keys and routers' configurations are made as for real boards; each daemon is started by its own command. The referee
 judges by the simulators' logs. Then the same without keys and rules, by plain TCP, to compare. Writes its section of
@@ -24,7 +24,7 @@ from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import Mailboxes
-from tests.soak_report import write_section
+from tests.soak.report import write_section
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon
 from tests.support.secured import Secured

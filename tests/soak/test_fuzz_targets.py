@@ -1,4 +1,4 @@
-"""Whatever strangers send is read or refused, in time and in bounds; `python -m tests.soak_fuzz` goes on further."""
+"""Whatever strangers send is read or refused, in time and in bounds; `python -m tests.soak.fuzz` goes on further."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from tests.fuzz_targets import BOMBS, GROWTH, TARGETS, Target, fuzz, read_one
+from tests.soak.fuzz_targets import BOMBS, GROWTH, TARGETS, Target, fuzz, read_one
 from tests.support.amount import some_of
 
 SEED = 0

@@ -1,6 +1,6 @@
 """Fly the first mission while one daemon is killed (-9) at a random moment: does the vehicle always come home?
 
-    python -m tests.soak_flights [--flights 20] [--first 1] [--jobs 2] [--keep FOLDER]
+    python -m tests.soak.flights [--flights 20] [--first 1] [--jobs 2] [--keep FOLDER]
 
 Each flight has a daemon and a moment of its own, by its number; all are flown with `--restart` and again without. The
 verdict is the vehicle's own: a second MAVLink link of the simulated copter, which no daemon has, says whether it was
@@ -25,7 +25,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.soak_report import ROOT, write_section
+from tests.soak.report import ROOT, write_section
 from tests.support.ports import free_port, neighbouring_ports
 
 FLIGHTS = 20
@@ -134,7 +134,7 @@ async def fly(course: Course, folder: Path) -> Course:
     command = ["run", str(mission), "--plain", "--router", f"tcp/127.0.0.1:{router}", *["--restart"] * course.restart]
     began = time.monotonic()
     run = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "tests.observed_run", f"udpout:127.0.0.1:{second}", *command),
+        *(sys.executable, "-m", "tests.support.observed_run", f"udpout:127.0.0.1:{second}", *command),
         cwd=ROOT,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,
@@ -212,7 +212,7 @@ def report(courses: list[Course]) -> None:
         rows.append(f"| {name} | {len(good)} of {len(mine)} | {done} | {len(home)} | {late} |")
     kills = {daemon: sum(course.daemon == daemon for course in courses) for daemon in DAEMONS}
     lines = [
-        f"`python -m tests.soak_flights --flights {len(courses) // 2}`: `missions/single_uav.yaml`, one daemon killed "
+        f"`python -m tests.soak.flights --flights {len(courses) // 2}`: `missions/single_uav.yaml`, one daemon killed "
         f"(-9) at a random moment of each flight ({', '.join(f'{kills[one]} {one}' for one in DAEMONS)}). The "
         "vehicle's own second MAVLink link says whether it stands on the ground, disarmed, when the run ends; a run "
         "that ends by the mission's timeout counts as a failure.",
@@ -226,7 +226,7 @@ def report(courses: list[Course]) -> None:
 
 def main() -> int:
     """Run the soak. Returns the exit code: 1 if a vehicle was left alone."""
-    parser = argparse.ArgumentParser(prog="python -m tests.soak_flights", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.soak.flights", description=__doc__)
     parser.add_argument("--flights", type=int, default=FLIGHTS)
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2, help="flights at a time (default 2)")

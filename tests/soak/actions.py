@@ -1,6 +1,6 @@
 """Actions while the router is killed every few seconds: does each asker hear the end that happened, and soon?
 
-    python -m tests.soak_actions [--actions 200] [--seed 1] [--no-report]
+    python -m tests.soak.actions [--actions 200] [--seed 1] [--no-report]
 
 Four robots on one bridge: two carry out what agents ask for, two what Python clients ask for (`commd.client`), each one
 action after the other, of seeded durations and outcomes. The router's process (commd) is killed (-9) and started again
@@ -29,7 +29,7 @@ from bridged.bridge.action_log import decoded
 from commd.client import Client, join
 from schemas.mission.model import load_mission
 from schemas.wire.records import FINAL_STATES, State
-from tests.soak_report import write_section
+from tests.soak.report import write_section
 from tests.support.ports import neighbouring_ports
 from tests.support.processes import Daemon
 

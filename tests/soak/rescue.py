@@ -1,6 +1,6 @@
 """Search and rescue while daemons are killed (-9) or stopped and links are cut: does each victim get one buoy?
 
-    python -m tests.soak_rescue [--runs 20] [--first 1] [--keep FOLDER]
+    python -m tests.soak.rescue [--runs 20] [--first 1] [--keep FOLDER]
 
 Each run has a world and troubles of its own, by its number. Any daemon of any board may be killed, at any time and, by
 aim, just when a rescuer is to drop its buoy, or stopped for a while; any link between two boards may be cut.
@@ -27,7 +27,7 @@ from typing import TextIO
 
 from argosy.simulate.referee import Verdict, judge_run
 from schemas.mission.model import load_mission
-from tests.soak_report import ROOT, write_section
+from tests.soak.report import ROOT, write_section
 from tests.support.ports import neighbouring_ports
 from tests.support.relay import Relay
 
@@ -170,7 +170,7 @@ async def fly(number: int, folder: Path, victims: int | None = None) -> Course:
     async with AsyncExitStack() as stack:
         relays = [await stack.enter_async_context(Relay(relay, target)) for target, relay in pairs]
         run = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "tests.relayed_run", wiring, *command),
+            *(sys.executable, "-m", "tests.support.relayed_run", wiring, *command),
             cwd=ROOT,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,

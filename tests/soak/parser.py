@@ -1,7 +1,7 @@
 """The parser against a million inputs: it reads each or says what is wrong with it, in time; some are run as well.
 
-    python -m tests.soak_parser [--inputs N] [--jobs N] [--seed N]     all of them, and a section of
-    docs/measurements/soak.md python -m tests.soak_parser --seed N --only NUMBER                 one of them again,
+    python -m tests.soak.parser [--inputs N] [--jobs N] [--seed N]     all of them, and a section of
+    docs/measurements/soak.md python -m tests.soak.parser --seed N --only NUMBER                 one of them again,
     shown
 
 Every input is made from the seed and its number (`tests.agentd.mutants`), so a failure can be made again. What has been
@@ -23,7 +23,7 @@ from typing import Any
 
 from tests.agentd.mutants import mutant
 from tests.agentd.trials import Pace, TooLong, try_to_read, try_to_run
-from tests.soak_report import ROOT, write_section
+from tests.soak.report import ROOT, write_section
 
 INPUTS = 1_000_000
 CHUNK = 2_000
@@ -126,7 +126,7 @@ def _report(seed: int, entries: list[dict[str, Any]], jobs: int, wall: float | N
         f"{seconds:,.0f} s of work in {jobs} process{'es' * (jobs > 1)} at low priority"
         + (f", {wall:,.0f} s from start to end" if wall is not None else ", in several goes")
         + f"; {seconds / count * 1000:.2f} ms for each input. An input is made again by "
-        f"`python -m tests.soak_parser --seed {seed} --only NUMBER`.",
+        f"`python -m tests.soak.parser --seed {seed} --only NUMBER`.",
     ]
     for failure in failures[:MOST_SHOWN]:
         lines += ["", f"- input {failure['number']}: `{failure['what']}` ({failure['where']})"]

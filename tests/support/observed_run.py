@@ -1,6 +1,6 @@
 """`argosy run` whose simulated copters have a second MAVLink link, for a test that judges by the vehicle itself.
 
-python -m tests.observed_run udpout:127.0.0.1:PORT run MISSION ...
+python -m tests.support.observed_run udpout:127.0.0.1:PORT run MISSION ...
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The units of a board under a real systemd: how exposed they are, a flight by them, and how they come back.
 
-    python -m tests.soak_units
+    python -m tests.soak.units
 
 Boots a machine of its own (tests/support/booted.py). Writes docs/measurements/systemd-units.md.
 """
@@ -20,7 +20,7 @@ from pathlib import Path
 from argosy.deploy.unit_files import Board
 from argosy.deploy.units_command import write
 from schemas.mission.model import load_mission
-from tests.soak_report import ROOT, here
+from tests.soak.report import ROOT, here
 from tests.support.analyzed import analyzed, exposure, installed
 from tests.support.booted import Machine, NoMachine, booted
 

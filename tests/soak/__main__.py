@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.soak_report import ROOT, write_section
+from tests.soak.report import ROOT, write_section
 
 FLIGHTS = 10
 SPEED = 20

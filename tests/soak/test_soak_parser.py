@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests import soak_parser, soak_report
+from tests.soak import parser as soak_parser
+from tests.soak import report as soak_report
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.soak_actions import AGENTS, CLIENTS, HEARD_WITHIN, Heard, Result, Task, soak
+from tests.soak.actions import AGENTS, CLIENTS, HEARD_WITHIN, Heard, Result, Task, soak
 
 
 def test_agents_and_clients_hear_the_end_that_happened_while_the_router_is_killed(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """Everything that reads what strangers can send, against 100,000 inputs each.
 
-python -m tests.soak_fuzz [--inputs N] [--seed N]             all targets, and a section of docs/measurements/soak.md
-python -m tests.soak_fuzz --keep FILE                         the same, resumed: what is in the file is not run again
-python -m tests.soak_fuzz --seed N --only TARGET NUMBER       one input again, shown
+python -m tests.soak.fuzz [--inputs N] [--seed N]             all targets, and a section of docs/measurements/soak.md
+python -m tests.soak.fuzz --keep FILE                         the same, resumed: what is in the file is not run again
+python -m tests.soak.fuzz --seed N --only TARGET NUMBER       one input again, shown
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from tests.fuzz_targets import GROWTH, TARGETS, Found, fuzz, mutant, read_one
-from tests.soak_report import write_section
+from tests.soak.fuzz_targets import GROWTH, TARGETS, Found, fuzz, mutant, read_one
+from tests.soak.report import write_section
 
 INPUTS = 100_000
 
@@ -30,7 +30,7 @@ def report(found: list[Found], seed: int, inputs: int) -> int:
         f"Each reader of what strangers can send, fuzzed with **{inputs:,} inputs** of seed {seed} (made from recorded "
         f"and shipped data): **{failures} failures** (an error that is not documented, or more than 1 s of processor "
         f"time), **{grown} grew** by {GROWTH / 1e6:g} MB or more after a tenth of the inputs. An input is made again "
-        f"by `python -m tests.soak_fuzz --seed {seed} --only TARGET NUMBER`.",
+        f"by `python -m tests.soak.fuzz --seed {seed} --only TARGET NUMBER`.",
         "",
         "| target | read | refused | failures | slowest, s | growth, kB |",
         "|---|---|---|---|---|---|",

@@ -22,7 +22,7 @@ from tests.boards.fleet import Fleet, Look
 from tests.boards.letters import Post, Verdict, judge
 from tests.boards.network import Network, NoNamespaces, possible
 from tests.boards.troubles import Course, Trouble, plan
-from tests.soak_report import write_section
+from tests.soak.report import write_section
 
 BOARDS = ("pi1", "pi2", "pi3")
 AGENTS = dict(zip(("ann", "bob", "cid"), BOARDS, strict=True))

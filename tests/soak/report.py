@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.results import processor
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 REPORT = ROOT / "docs/measurements/soak.md"
 
 

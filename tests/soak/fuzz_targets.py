@@ -55,7 +55,7 @@ from tests.agentd.trials import TooLong, at_most
 from tests.argosy.recording.files import BEGIN, altitude, heard, stretch, write
 from tests.bridged.recorded import packets
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 HANG = 1.0
 """Seconds of processor time that one input may take."""
 GROWTH = 16_000_000
