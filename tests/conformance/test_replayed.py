@@ -43,7 +43,9 @@ def test_a_mind_that_lives_again_does_the_same(
     def made(name: str, program: CompiledProgram, **arguments: Any) -> Any:
         for known in ("on_decision", "has_team", "zone"):
             arguments.pop(known, None)
-        traced = Traced(name, program, Sources(main=name), **{**arguments, "decisions": decisions})
+        traced = Traced(
+            name, program, Sources(main=name), **{**arguments, "agents": arguments["agents"](), "decisions": decisions}
+        )
         lives.append(traced)
         plain = traced.mind.copy_from
 
