@@ -25,7 +25,7 @@ class Row(NamedTuple):
     name: str
     program: str
     prints: list[str]
-    told: list[str]
+    logged: list[str]
 
 
 def _rows() -> list[Row]:
@@ -36,9 +36,9 @@ def _rows() -> list[Row]:
 
 def _row(line: str) -> Row:
     _, name, _, _, program, prints, _ = _CELL.split(line)
-    printed, *told = prints.split("; told: ")
+    printed, *logged = prints.split("; logged: ")
     return Row(
-        name.strip(), "\n".join(_codes(program)), _codes(printed), [code for part in told for code in _codes(part)]
+        name.strip(), "\n".join(_codes(program)), _codes(printed), [code for part in logged for code in _codes(part)]
     )
 
 
@@ -52,7 +52,7 @@ ROWS = _rows()
 def test_every_row_has_a_number_of_its_own_and_a_program_with_what_it_shows() -> None:
     assert [row.name for row in ROWS] == [f"D{number}" for number in range(1, len(ROWS) + 1)]
     assert len(ROWS) >= 21
-    assert all(row.program and (row.prints or row.told) for row in ROWS)
+    assert all(row.program and (row.prints or row.logged) for row in ROWS)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=[row.name for row in ROWS])
@@ -73,5 +73,5 @@ def test_a_program_of_the_table_does_what_its_row_says(
         sys.setrecursionlimit(limit)
     assert "".join(printed) == "".join(f"[bob] {line}\n" for line in row.prints)
     log = capsys.readouterr().err
-    for part in row.told:
+    for part in row.logged:
         assert part in log
