@@ -121,14 +121,14 @@ async def bind(
     """Claim a robot's name and begin to serve its agents. Raises AlreadyRunning or Findings."""
     await bus.claim(part.name)
     service = Service(bus, part.name, part.agents, mission.inject)
-    ledger = state_directory(args.state) / mission.fleet / f"{part.name}.actions"
+    action_log = state_directory(args.state) / mission.fleet / f"{part.name}.actions"
     try:
         bridge = Bridge(
             mission,
             part.name,
             part.manifest,
             clock,
-            ledger,
+            action_log,
             service.publish_percept,
             service.publish_status,
             boot=bus.boot,
@@ -141,7 +141,7 @@ async def bind(
         why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
         said = f"robot {part.name} cannot be served: {why}"
         raise Findings([mission.positions.finding(("robots", part.name), said)]) from error
-    service.open(bridge.board, bridge.action_server, bridge.orders, bridge.live)
+    service.open(bridge.percepts, bridge.action_server, bridge.orders, bridge.live)
     bridge.orders.restore()
     return bridge
 
@@ -184,7 +184,7 @@ async def finish(tasks: list[asyncio.Task[Any]], bridges: list[Bridge]) -> int:
         task.cancel()
     results = await asyncio.gather(*tasks, return_exceptions=True)
     for bridge in bridges:
-        bridge.ledger.close()
+        bridge.action_log.close()
     failures = [one for one in results if isinstance(one, Exception)]
     for failure in _leaves(failures):
         log.error("%s", failure)

@@ -31,7 +31,7 @@ REWRITE_AT = 4 * 1024 * 1024
 doubled."""
 _STANDING = ""
 """The id of lines that say who has the robot, agent and operator. The last such line counts."""
-log = logging.getLogger("ledger")
+log = logging.getLogger("action_log")
 
 
 class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -98,7 +98,7 @@ class ActionLog:
         self._standing = _NOBODY
         """Who has the robot."""
         self._entries: dict[str, Entry] = {}
-        self._syncer = ThreadPoolExecutor(1, thread_name_prefix="ledger")
+        self._syncer = ThreadPoolExecutor(1, thread_name_prefix="action-log")
         self._sync: Future[None] | None = None
         self._unsynced = False
         """An id was begun since a sync was asked for."""

@@ -45,8 +45,8 @@ class ActionServer:
         self,
         manifest: Manifest,
         driver: CompositeDriver,
-        board: PerceptPublisher,
-        ledger: ActionLog,
+        percepts: PerceptPublisher,
+        action_log: ActionLog,
         publish: Callable[[str, ActionStatus], None],
         lease: Lease,
         *,
@@ -64,11 +64,11 @@ class ActionServer:
         """Called when an action that moves the robot or sets its mode is accepted, before it begins."""
         self.by_hand = False
         """Whether the last such action was requested by hand: somebody flies the robot in the name of an agent."""
-        self._manifest, self._driver, self._board, self._ledger = manifest, driver, board, ledger
-        self._statuses = Statuses(robot, boot, clock, board)
+        self._manifest, self._driver, self._percepts, self._action_log = manifest, driver, percepts, action_log
+        self._statuses = Statuses(robot, boot, clock, percepts)
         self._publish, self._wake = publish, wake
         self.robot, self._boot, self._now = robot, boot, clock.now
-        self._pause = Pause(ledger, board, robot, clock.now)
+        self._pause = Pause(action_log, percepts, robot, clock.now)
         self._holding: Execution | None = None
         """What holds the robot while it is paused."""
         self._feedback_every = STATUS_EVERY * clock.speed
@@ -127,7 +127,7 @@ class ActionServer:
             hold = job.entry.cancel == "hold"
             said = f"cancelled by {(by or agent)[:MAX_ID]}{goes_on}"
             return self._end(job, Outcome("cancelled", said, "cancelled"), hold=hold)
-        known = self._ledger.find(action)
+        known = self._action_log.find(action)
         if known is not None and known.agent == agent and known.final is not None:
             return known.final
         unknown = Action(id=action[:MAX_ID], agent=agent)
@@ -160,12 +160,12 @@ class ActionServer:
     @property
     def ordered(self) -> Order | None:
         """The operator's order until `release`, of this run of the bridge or one before."""
-        return self._ledger.ordered
+        return self._action_log.ordered
 
     def stand(self, order: Order | None) -> None:
         """Keep the operator's order (None = none) on disk: it outlives a bridge that is killed."""
         try:
-            self._ledger.order(order)
+            self._action_log.order(order)
         except OSError as error:
             log.error("robot=%s the operator's order cannot be kept on disk: %s", self.robot, error.strerror)
 
@@ -176,7 +176,7 @@ class ActionServer:
     @property
     def of_before_boot(self) -> bool:
         """Whether the operator ordered or paused before the machine was started."""
-        return self._ledger.before_boot
+        return self._action_log.before_boot
 
     def pause(self) -> Execution:
         """Hold the robot until `resume`: what moves, arms or sets the mode is interrupted, and nothing begins.
@@ -233,7 +233,7 @@ class ActionServer:
                 job.told_at, job.cause = now, job.execution.cause
                 running = self._statuses.make(job.action, "running", job.execution.waits_for, job.execution.feedback)
                 self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - elapsed), paused=job.held))
-                job.show(self._board, running.feedback, legible(job.cause, MAX_REASON))
+                job.show(self._percepts, running.feedback, legible(job.cause, MAX_REASON))
                 self._log_cause(job, elapsed)
         self._look_at_lease()
         self._look_at_pause()
@@ -255,7 +255,7 @@ class ActionServer:
 
     def _known(self, action: Action, follower: Follower) -> bool:
         """Answer a request whose id was begun before; for another action than this one it is refused."""
-        job, entry = self._jobs.get(action.id), self._ledger.find(action.id)
+        job, entry = self._jobs.get(action.id), self._action_log.find(action.id)
         if job is not None:
             used_by, used_for = job.action.agent, job.action.name
         elif entry is not None:
@@ -298,7 +298,7 @@ class ActionServer:
             self._refuse(action, refusal, follower)
             return
         try:
-            self._ledger.begin(action)
+            self._action_log.begin(action)
         except OSError as error:
             if not entry.supersedes:
                 unkept = Outcome("refused", f"its id cannot be kept on disk: {error.strerror}", "storage")
@@ -332,7 +332,7 @@ class ActionServer:
         self.step()
         self._note(job)
         try:
-            self._ledger.keep()
+            self._action_log.keep()
         except OSError as error:
             log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, action.id, error.strerror)
 
@@ -441,8 +441,8 @@ class ActionServer:
         if job.action.id not in self._jobs:
             return job.status
         del self._jobs[job.action.id]
-        job.show(self._board, {})
-        self._board.flush()
+        job.show(self._percepts, {})
+        self._percepts.flush()
         status = self._statuses.ended(job.action, outcome, job.execution.feedback)
         self._tell(job, status)  # first: its agent waits for it
         self._record(job.action, status)
@@ -470,7 +470,7 @@ class ActionServer:
 
     def _record(self, action: Action, status: ActionStatus) -> None:
         try:
-            self._ledger.finish(action.agent, status)
+            self._action_log.finish(action.agent, status)
         except OSError as error:
             log.error("robot=%s how %s ended cannot be kept on disk: %s", self.robot, status.id, error.strerror)
 

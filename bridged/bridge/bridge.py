@@ -48,7 +48,7 @@ class Bridge:
         robot: str,
         manifest: Manifest,
         clock: Clock,
-        ledger: Path,
+        action_log_file: Path,
         publish_percept: Publish,
         publish_status: Callable[[str, ActionStatus], None],
         *,
@@ -67,7 +67,7 @@ class Bridge:
         self._wake = asyncio.Event()
         """Set when something begins that steps are due for soon."""
         agents = mission.agents_of(robot)
-        self.board = PerceptPublisher(
+        self.percepts = PerceptPublisher(
             manifest, agents, publish_percept, robot=robot, boot=boot, clock=clock, wake=self._wake
         )
         self.driver = CompositeDriver(
@@ -77,22 +77,22 @@ class Bridge:
                 robot=mission.robots[robot],
                 folder=mission.path.parent,
                 clock=clock,
-                on_reading=self.board.take,
+                on_reading=self.percepts.take,
                 on_turn=loop.beat,
                 bus=bus,
-                state=ledger.parent,
+                state=action_log_file.parent,
                 simulated=simulated,
                 shared={} if shared is None else shared,
             ),
             loop,
         )
-        self.ledger = ActionLog(ledger)
+        self.action_log = ActionLog(action_log_file)
         self.lease = Lease(agents, mission.robots[robot].lease.priority, self._lease_changed, arms=self.driver.arms)
         self.action_server = ActionServer(
             manifest,
             self.driver,
-            self.board,
-            self.ledger,
+            self.percepts,
+            self.action_log,
             publish_status,
             self.lease,
             robot=robot,
@@ -102,7 +102,7 @@ class Bridge:
         )
         self.live = RunningManifest(manifest, self._adopt, partial(order_findings, mission, robot))
         self.orders = SafetyOrders(self.action_server, self.driver, clock, mission.robots[robot].idle_after)
-        self.lease.restore(*self.ledger.held())  # the agent of our last run still has the robot
+        self.lease.restore(*self.action_log.held())  # the agent of our last run still has the robot
         if self.lease.answers:
             self.driver.may_be_moving()
         self._tell_holder()
@@ -110,27 +110,27 @@ class Bridge:
     def _adopt(self, manifest: Manifest) -> None:
         """Continue by another manifest. Raises what the drivers raise, before anything else has changed."""
         self.driver.adopt(manifest)
-        self.board.adopt(manifest)
+        self.percepts.adopt(manifest)
         self.action_server.adopt(manifest)
 
     def _lease_changed(self) -> None:
         log.info("robot=%s %s", self.name, f"held by {self.lease.holder}" if self.lease.holder else "free")
         try:
-            self.ledger.hold(self.lease.answers, self.lease.free)
+            self.action_log.hold(self.lease.answers, self.lease.free)
         except OSError as error:
             log.error("robot=%s who has it cannot be kept on disk: %s", self.name, error.strerror)
         self._tell_holder()
 
     def _tell_holder(self) -> None:
         """Publish to the agents that share the robot which of them has it."""
-        if len(self.board.sets) < 2:
+        if len(self.percepts.sets) < 2:
             return
         holder = self.lease.holder
-        for agent in self.board.sets:
+        for agent in self.percepts.sets:
             if holder:
-                self.board.show(agent, "holder", (Atom(holder if FUNCTOR.fullmatch(holder) else f"'{holder}'"),))
+                self.percepts.show(agent, "holder", (Atom(holder if FUNCTOR.fullmatch(holder) else f"'{holder}'"),))
             else:
-                self.board.withdraw(agent, "holder")
+                self.percepts.withdraw(agent, "holder")
 
     async def run(self) -> None:
         """Run the drivers, and let time pass, until cancelled. Raises what `CompositeDriver.run` raises."""
@@ -163,23 +163,23 @@ class Bridge:
     def step(self) -> bool:
         """Let time pass for orders, percepts and actions. Returns whether the next step is due soon."""
         self.driver.step()
-        held_back = self.board.tick()
+        held_back = self.percepts.tick()
         self.action_server.step()
         return held_back or bool(self.action_server.running) or self.driver.active
 
     def health(self) -> Health:
         """Figures and warnings for the bus."""
         counters = self.driver.counters() | {
-            "percepts_expired": self.board.expired,
-            "percepts_unreadable": self.board.unreadable,
+            "percepts_expired": self.percepts.expired,
+            "percepts_unreadable": self.percepts.unreadable,
             "actions_running": len(self.action_server.running),
             "manifest_version": self.live.version,
         }
         return Health(
-            drops=self.board.dropped + int(counters.get("link_dropped", 0)),
+            drops=self.percepts.dropped + int(counters.get("link_dropped", 0)),
             bad_input=int(sum(counters.get(name, 0) for name in UNREADABLE)),
             counters=counters,
-            percepts={agent: present.digest() for agent, present in self.board.sets.items()},
+            percepts={agent: present.digest() for agent, present in self.percepts.sets.items()},
             paused=self.action_server.paused,
             ordered=self.action_server.ordered,
             notes=self.notes(),
@@ -187,5 +187,5 @@ class Bridge:
 
     def notes(self) -> tuple[Note, ...]:
         """Return the warnings that hold now."""
-        ledger = () if self.ledger.note is None else (self.ledger.note,)
-        return (*self.driver.notes(), *self.orders.notes(), *ledger)
+        damaged = () if self.action_log.note is None else (self.action_log.note,)
+        return (*self.driver.notes(), *self.orders.notes(), *damaged)

@@ -62,13 +62,13 @@ class Service:
         asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
     def open(
-        self, board: PerceptPublisher, action_server: ActionServer, orders: SafetyOrders, live: RunningManifest
+        self, percepts: PerceptPublisher, action_server: ActionServer, orders: SafetyOrders, live: RunningManifest
     ) -> None:
         """Begin to serve. Orders and manifest changes are served as actions are, in the order of arrival: an
         action behind a stop is refused."""
         bus, fleet = self._bus, self._bus.fleet
         for agent in self._agents:
-            bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, board.sets[agent]))
+            bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, percepts.sets[agent]))
             bus.serve(
                 keys.action(fleet, agent, "*"),
                 Action,

@@ -16,12 +16,12 @@ log = logging.getLogger("actions")
 class Pause:
     """A pause of the robot; one that a former run of the bridge has begun continues."""
 
-    def __init__(self, ledger: ActionLog, board: PerceptPublisher, robot: str, now: Callable[[], float]) -> None:
-        self._ledger, self._board, self._robot, self._now = ledger, board, robot, now
+    def __init__(self, action_log: ActionLog, percepts: PerceptPublisher, robot: str, now: Callable[[], float]) -> None:
+        self._action_log, self._percepts, self._robot, self._now = action_log, percepts, robot, now
         self._since: float | None = None
         self._over = 0.0
         """Mission seconds of the pauses that are over."""
-        if ledger.paused:
+        if action_log.paused:
             self._since = now()
             self._tell()
 
@@ -52,16 +52,16 @@ class Pause:
 
     def _tell(self) -> None:
         """Let every agent of the robot perceive `paused(operator)` while it lasts."""
-        for agent in self._board.sets:
+        for agent in self._percepts.sets:
             if self.lasts:
-                self._board.show(agent, PERCEPT, (Atom("operator"),))
+                self._percepts.show(agent, PERCEPT, (Atom("operator"),))
             else:
-                self._board.withdraw(agent, PERCEPT)
+                self._percepts.withdraw(agent, PERCEPT)
 
     def _keep(self) -> None:
         said = "paused by the operator" if self.lasts else "not paused any longer"
         log.info("robot=%s %s", self._robot, said)
         try:
-            self._ledger.pause(self.lasts)
+            self._action_log.pause(self.lasts)
         except OSError as error:
             log.error("robot=%s `%s` cannot be kept on disk: %s", self._robot, said, error.strerror)

@@ -88,7 +88,7 @@ class RunningAction:
         for _, follower in self.followers:
             follower(status)
 
-    def show(self, board: PerceptPublisher, feedback: Mapping[str, float], cause: str = "") -> None:
+    def show(self, percepts: PerceptPublisher, feedback: Mapping[str, float], cause: str = "") -> None:
         """Let the agent perceive these figures and the cause, as far as the manifest wants them, and no others."""
         agent, action = self.action.agent, Atom(self.action.name)
         told: dict[str, Term] = {what: number(value) for what, value in feedback.items()}
@@ -98,17 +98,17 @@ class RunningAction:
         named = (what for what in told if FUNCTOR.fullmatch(what) and (wanted is None or what in wanted))
         shown = sorted(named)[:MAX_FEEDBACK]
         for what in sorted(self.figures.difference(shown)):
-            board.withdraw(agent, FEEDBACK, (action, Atom(what)))
+            percepts.withdraw(agent, FEEDBACK, (action, Atom(what)))
         for what in shown:
-            board.show(agent, FEEDBACK, (action, Atom(what), told[what]), key=(0, 1))
+            percepts.show(agent, FEEDBACK, (action, Atom(what), told[what]), key=(0, 1))
         self.figures = frozenset(shown)
 
 
 class Statuses:
     """Makes the statuses of one robot's actions; whatever a driver says, the bus and the action log take them."""
 
-    def __init__(self, robot: str, boot: str, clock: Clock, board: PerceptPublisher) -> None:
-        self._robot, self._boot, self._clock, self._board = robot, boot, clock, board
+    def __init__(self, robot: str, boot: str, clock: Clock, percepts: PerceptPublisher) -> None:
+        self._robot, self._boot, self._clock, self._percepts = robot, boot, clock, percepts
         self._seq = 0
 
     def ended(self, action: Action, outcome: Outcome, feedback: Mapping[str, float] = NO_FIGURES) -> ActionStatus:
@@ -131,7 +131,7 @@ class Statuses:
             state=state,
             reason=legible(reason, MAX_REASON),
             feedback=finite_figures(feedback) if feedback else {},
-            after=self._board.last_seq(action.agent),
+            after=self._percepts.last_seq(action.agent),
             name=action.name,
             parameters=action.parameters,
         )

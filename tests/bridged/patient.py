@@ -56,20 +56,20 @@ class Desk:
         )
         self.clock, self.robot = VirtualClock(), Patient()
         self.told: list[ActionStatus] = []
-        self.ledger = ActionLog(state / "r.actions")
-        self.board = PerceptPublisher(
+        self.action_log = ActionLog(state / "r.actions")
+        self.percepts = PerceptPublisher(
             manifest, ["uav", "other"], lambda *one: None, robot="r", boot="b", clock=self.clock
         )
         kind = SimpleNamespace(make_driver=lambda setup: self.robot)
         with patch("bridged.bridge.composite_driver.find_driver", lambda name: kind):
             driver = CompositeDriver(
-                Setup("r", manifest, Robot(manifest="x"), state, self.clock, self.board.take, lambda: None)
+                Setup("r", manifest, Robot(manifest="x"), state, self.clock, self.percepts.take, lambda: None)
             )
         self.action_server = ActionServer(
             manifest,
             driver,
-            self.board,
-            self.ledger,
+            self.percepts,
+            self.action_log,
             lambda agent, status: self.told.append(status),
             Lease(["uav", "other"], (), arms=False),
             robot="r",
@@ -91,4 +91,4 @@ class Desk:
 
     def feedback(self) -> int:
         """How many figures of progress the agent perceives."""
-        return sum(one.name == "feedback" for one in self.board.sets["uav"].present())
+        return sum(one.name == "feedback" for one in self.percepts.sets["uav"].present())

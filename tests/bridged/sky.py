@@ -197,7 +197,7 @@ class Sky:
 
     def belief(self, name: str, agent: str = "uav") -> tuple[Term, ...] | None:
         """What an agent perceives now under a name."""
-        found = [one for one in self.bridge.board.sets[agent].present() if one.name == name]
+        found = [one for one in self.bridge.percepts.sets[agent].present() if one.name == name]
         return found[0].parameters if found else None
 
     def flying(self, altitude: float = 5) -> Sky:

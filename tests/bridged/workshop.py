@@ -81,7 +81,7 @@ class Workshop:
 
     def present(self, name: str) -> list[tuple[Term, ...]]:
         """What the agent perceives now under a name."""
-        return [one.parameters for one in self.bridge.board.sets[self._agent].present() if one.name == name]
+        return [one.parameters for one in self.bridge.percepts.sets[self._agent].present() if one.name == name]
 
     async def perceives(self, name: str, *parameters: Term) -> None:
         """Wait until the agent perceives just this under a name; no parameters: nothing any more."""
@@ -104,4 +104,4 @@ def in_the_workshop(workshop: Workshop, body: Callable[[Workshop], object], seco
     try:
         asyncio.run(everything())
     finally:
-        workshop.bridge.ledger.close()
+        workshop.bridge.action_log.close()

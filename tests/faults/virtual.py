@@ -26,11 +26,11 @@ def _close(row: Row, sky: BadAir, before: float) -> Row:
     row.seen.append(
         ", ".join(f"{name.replace('_', ' ')}: {value}" for name, value in told.items()) or "nothing repeated"
     )
-    slots, running = len(sky.bridge.board._slots), len(sky.bridge.action_server.running)
+    slots, running = len(sky.bridge.percepts._slots), len(sky.bridge.action_server.running)
     row.bound = f"{slots} percepts, {running} actions left; process +{resident() - before:.1f} MB"
     row.expect(running == 0, "no action is left running")
     row.expect(slots < 50, "the percepts held are those of the manifest")
-    sky.bridge.ledger.close()
+    sky.bridge.action_log.close()
     return row
 
 

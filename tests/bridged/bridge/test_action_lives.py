@@ -60,7 +60,7 @@ def test_a_takeoff_is_not_done_before_the_altitude_percept_says_so(sky: Sky) -> 
     assert altitude is not None
     assert abs(float(altitude[0]) - 5) <= 0.3  # type: ignore[arg-type]
     final = sky.statuses[-1]
-    assert final.after == sky.bridge.board.last_seq("uav")
+    assert final.after == sky.bridge.percepts.last_seq("uav")
 
 
 def test_the_status_names_the_last_percept_that_was_published_before_it(sky: Sky) -> None:
@@ -242,7 +242,7 @@ def test_an_asker_that_asks_again_leaves_no_follower_of_its_former_query_behind(
 
 def test_a_full_disk_refuses_what_moves_but_not_the_way_down(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
     sky.flying()
-    monkeypatch.setattr(sky.bridge.ledger, "begin", Mock(side_effect=OSError(28, "No space left on device")))
+    monkeypatch.setattr(sky.bridge.action_log, "begin", Mock(side_effect=OSError(28, "No space left on device")))
     moving = sky.do("goto", *GOAL)
     assert (moving.state, moving.reason) == ("refused", "its id cannot be kept on disk: No space left on device")
     assert sky.do("land").state == "succeeded"
@@ -446,7 +446,7 @@ def test_deadlines_scale_with_speed_but_the_wait_for_an_acknowledgement_does_not
 
 
 def end_of(status: ActionStatus) -> tuple[object, ...]:
-    """What the ledger keeps of it."""
+    """What the action log keeps of it."""
     return status.id, status.name, status.state, status.result, status.reason, status.after, status.header.boot
 
 
@@ -467,7 +467,7 @@ def test_a_parked_vehicle_is_asked_for_little_and_one_at_work_for_its_full_rates
     assert sky.do("land").state == "succeeded"
     sky.wait(15)
     assert heard_per_second(10) < 8
-    assert sky.bridge.board.expired == 0, "what comes slower does not age"
+    assert sky.bridge.percepts.expired == 0, "what comes slower does not age"
 
 
 def test_streams_that_another_station_slows_down_are_asked_for_again(sky: Sky) -> None:

@@ -40,12 +40,12 @@ def begun(action: str) -> Action:
     return Action(id=action, agent=action.partition(":")[0], name="land")
 
 
-def known(ledger: ActionLog, action: str) -> bool:
-    return ledger.find(action) is not None
+def known(action_log: ActionLog, action: str) -> bool:
+    return action_log.find(action) is not None
 
 
-def final(ledger: ActionLog, action: str) -> ActionStatus | None:
-    entry = ledger.find(action)
+def final(action_log: ActionLog, action: str) -> ActionStatus | None:
+    entry = action_log.find(action)
     assert entry is not None
     return entry.final
 
@@ -55,14 +55,14 @@ def ended(action: str) -> ActionStatus:
 
 
 def test_an_id_is_known_from_its_beginning_and_its_end_is_kept(tmp_path: Path) -> None:
-    ledger = ActionLog(tmp_path / "deep" / "uav1.actions")
-    assert not known(ledger, "a:1")
-    ledger.begin(begun("a:1"))
-    assert known(ledger, "a:1")
-    assert final(ledger, "a:1") is None
-    ledger.finish("a", ended("a:1"))
-    ledger.begin(begun("a:2"))
-    ledger.close()
+    action_log = ActionLog(tmp_path / "deep" / "uav1.actions")
+    assert not known(action_log, "a:1")
+    action_log.begin(begun("a:1"))
+    assert known(action_log, "a:1")
+    assert final(action_log, "a:1") is None
+    action_log.finish("a", ended("a:1"))
+    action_log.begin(begun("a:2"))
+    action_log.close()
     again = ActionLog(tmp_path / "deep" / "uav1.actions")
     assert final(again, "a:1") == ended("a:1")
     assert known(again, "a:2")
@@ -71,10 +71,10 @@ def test_an_id_is_known_from_its_beginning_and_its_end_is_kept(tmp_path: Path) -
 
 
 def test_a_line_cut_off_by_a_power_loss_costs_only_itself(tmp_path: Path) -> None:
-    path, ledger = tmp_path / "uav1.actions", ActionLog(tmp_path / "uav1.actions")
-    ledger.begin(begun("a:1"))
-    ledger.begin(begun("a:2"))
-    ledger.close()
+    path, action_log = tmp_path / "uav1.actions", ActionLog(tmp_path / "uav1.actions")
+    action_log.begin(begun("a:1"))
+    action_log.begin(begun("a:2"))
+    action_log.close()
     path.write_bytes(path.read_bytes()[:-7] + b"\xff\xfe\n{}")
     again = ActionLog(path)
     assert known(again, "a:1")
@@ -84,40 +84,40 @@ def test_a_line_cut_off_by_a_power_loss_costs_only_itself(tmp_path: Path) -> Non
 
 def test_ids_older_than_an_hour_are_forgotten_and_the_file_shrinks(tmp_path: Path) -> None:
     wall, path = Wall(), tmp_path / "uav1.actions"
-    ledger = ActionLog(path, wall)
+    action_log = ActionLog(path, wall)
     for number in range(100):
-        ledger.begin(begun(f"a:{number}"))
-        ledger.finish("a", ended(f"a:{number}"))
+        action_log.begin(begun(f"a:{number}"))
+        action_log.finish("a", ended(f"a:{number}"))
     size = path.stat().st_size
     wall.time += KEEP + 1
-    ledger.begin(begun("b:1"))
-    assert not known(ledger, "a:99")
-    ledger.close()
-    ledger = ActionLog(path, wall)
-    assert known(ledger, "b:1")
+    action_log.begin(begun("b:1"))
+    assert not known(action_log, "a:99")
+    action_log.close()
+    action_log = ActionLog(path, wall)
+    assert known(action_log, "b:1")
     assert path.stat().st_size < size / 100
-    ledger.close()
+    action_log.close()
 
 
-def rewritten(ledger: ActionLog) -> bool:
+def rewritten(action_log: ActionLog) -> bool:
     """Whether what is written anew by a thread waits to be put in the place of the old file."""
-    return ledger._rewriting is not None and ledger._rewriting.done()
+    return action_log._rewriting is not None and action_log._rewriting.done()
 
 
 def test_a_disk_that_is_full_while_the_file_shrinks_costs_no_later_id(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
-    ledger = ActionLog(tmp_path / "uav1.actions")
+    action_log = ActionLog(tmp_path / "uav1.actions")
     monkeypatch.setattr(
         "bridged.bridge.action_log.Path.replace", Mock(side_effect=OSError(28, "No space left on device"))
     )
-    ledger.begin(begun("a:1"))
-    soon(lambda: rewritten(ledger), "the new file")
-    ledger.begin(begun("a:2"))
-    ledger.begin(begun("a:3"))
+    action_log.begin(begun("a:1"))
+    soon(lambda: rewritten(action_log), "the new file")
+    action_log.begin(begun("a:2"))
+    action_log.begin(begun("a:3"))
     monkeypatch.undo()
-    ledger.close()
+    action_log.close()
     assert "uav1.actions cannot be made smaller: No space left on device" in caplog.text
     again = ActionLog(tmp_path / "uav1.actions")
     assert [known(again, f"a:{number}") for number in (1, 2, 3)] == [True] * 3
@@ -129,23 +129,23 @@ def test_what_is_noted_while_the_file_shrinks_is_in_the_new_one(
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1)
     wall, path, written, write = Wall(), tmp_path / "uav1.actions", Event(), module._write
-    ledger = ActionLog(path, wall)
+    action_log = ActionLog(path, wall)
 
     def slow(fresh: Path, entries: list[Entry]) -> None:
         write(fresh, entries)
         assert written.wait(30)
 
     monkeypatch.setattr("bridged.bridge.action_log._write", slow)
-    ledger.begin(begun("a:1"))
-    ledger.begin(begun("a:2"))
-    ledger.finish("a", ended("a:1"))
+    action_log.begin(begun("a:1"))
+    action_log.begin(begun("a:2"))
+    action_log.finish("a", ended("a:1"))
     written.set()
-    soon(lambda: rewritten(ledger), "the new file")
+    soon(lambda: rewritten(action_log), "the new file")
     before = path.stat().st_ino
-    ledger.begin(begun("a:3"))
+    action_log.begin(begun("a:3"))
     assert path.stat().st_ino != before
-    ledger.begin(begun("a:4"))
-    ledger.close()
+    action_log.begin(begun("a:4"))
+    action_log.close()
     monkeypatch.undo()
     again = ActionLog(path, wall)
     assert [known(again, f"a:{number}") for number in range(1, 5)] == [True] * 4
@@ -158,7 +158,7 @@ def test_a_file_whose_ids_are_all_of_the_last_hour_is_written_anew_only_when_it_
 ) -> None:
     monkeypatch.setattr("bridged.bridge.action_log.REWRITE_AT", 1000)
     rewrites, write = list[int](), module._write
-    ledger = ActionLog(tmp_path / "uav1.actions")
+    action_log = ActionLog(tmp_path / "uav1.actions")
 
     def counted(fresh: Path, entries: list[Entry]) -> None:
         rewrites.append(len(entries))
@@ -166,11 +166,11 @@ def test_a_file_whose_ids_are_all_of_the_last_hour_is_written_anew_only_when_it_
 
     monkeypatch.setattr("bridged.bridge.action_log._write", counted)
     for number in range(2000):
-        ledger.finish("a", ended(f"a:{number}"))
-        if ledger._rewriting is not None:
-            soon(lambda: rewritten(ledger), "the new file")
+        action_log.finish("a", ended(f"a:{number}"))
+        if action_log._rewriting is not None:
+            soon(lambda: rewritten(action_log), "the new file")
     assert 5 <= len(rewrites) <= 8, "1000 bytes, 2000, 4000 and so on"
-    ledger.close()
+    action_log.close()
 
 
 def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
@@ -178,11 +178,11 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
 ) -> None:
     path, fsync, synced = tmp_path / "uav1.actions", os.fsync, list[int]()
     busy, disk = Event(), Event()
-    ledger = ActionLog(path)
+    action_log = ActionLog(path)
 
     def slow(file: int) -> None:
         seen = os.fstat(file)
-        ours = seen.st_ino == path.stat().st_ino  # a ledger of an earlier test may still be at it
+        ours = seen.st_ino == path.stat().st_ino  # an action log of an earlier test may still be at it
         if ours:
             busy.set()
             assert disk.wait(30)
@@ -191,55 +191,55 @@ def test_a_slow_disk_holds_nothing_up_and_every_id_is_synced_in_the_end(
             synced.append(seen.st_size)
 
     monkeypatch.setattr("bridged.bridge.action_log.os.fsync", slow)
-    ledger.begin(begun("a:0"))
-    ledger.keep()
+    action_log.begin(begun("a:0"))
+    action_log.keep()
     assert busy.wait(30)
     for number in range(1, 100):
-        ledger.begin(begun(f"a:{number}"))
-        ledger.keep()
+        action_log.begin(begun(f"a:{number}"))
+        action_log.keep()
     assert path.read_bytes().count(b"\n") == 100, "another process would find every id, although nothing is synced"
     assert not synced
     disk.set()
     soon(lambda: len(synced) == 2, "one sync and one more for what came meanwhile")
     assert synced[-1] == path.stat().st_size
-    ledger.begin(begun("a:100"))
-    ledger.keep()
+    action_log.begin(begun("a:100"))
+    action_log.keep()
     soon(lambda: synced[-1] == path.stat().st_size, "the sync of a later id")
-    ledger.close()
+    action_log.close()
 
 
 def test_a_sync_that_fails_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    ledger = ActionLog(tmp_path / "uav1.actions")
+    action_log = ActionLog(tmp_path / "uav1.actions")
     monkeypatch.setattr("bridged.bridge.action_log.os.fsync", Mock(side_effect=OSError(5, "Input/output error")))
-    ledger.begin(begun("a:1"))
-    ledger.keep()
+    action_log.begin(begun("a:1"))
+    action_log.keep()
     soon(lambda: bool(caplog.records), "the log line")
     assert caplog.records[0].message == "action ids may not outlive a power loss: Input/output error"
-    ledger.close()
+    action_log.close()
 
 
 def test_no_more_ids_are_kept_than_fit_and_the_oldest_goes_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "MAX_ENTRIES", 10)
-    ledger = ActionLog(tmp_path / "uav1.actions")
+    action_log = ActionLog(tmp_path / "uav1.actions")
     for number in range(12):
-        ledger.begin(begun(f"a:{number}"))
-    assert [known(ledger, f"a:{number}") for number in range(4)] == [False, False, True, True]
-    ledger.close()
+        action_log.begin(begun(f"a:{number}"))
+    assert [known(action_log, f"a:{number}") for number in range(4)] == [False, False, True, True]
+    action_log.close()
 
 
 def test_who_has_the_robot_is_kept_beside_the_ids(tmp_path: Path) -> None:
     path = tmp_path / "uav1.actions"
-    ledger = ActionLog(path)
-    assert ledger.held() == ("", False)
-    ledger.begin(begun("a:b:1"))
-    assert ledger.held() == ("a", False), "no line says it: whose action was begun last"
-    ledger.hold("c", free=True)
-    ledger.begin(begun("a:b:2"))
-    ledger.close()
+    action_log = ActionLog(path)
+    assert action_log.held() == ("", False)
+    action_log.begin(begun("a:b:1"))
+    assert action_log.held() == ("a", False), "no line says it: whose action was begun last"
+    action_log.hold("c", free=True)
+    action_log.begin(begun("a:b:2"))
+    action_log.close()
     again = ActionLog(path)
     assert again.held() == ("c", True)
     assert not known(again, "c")
@@ -251,13 +251,13 @@ def test_what_the_operator_has_said_is_kept_however_old_it_is_and_however_often_
 ) -> None:
     monkeypatch.setattr(module, "REWRITE_AT", 2_000)
     path, now = tmp_path / "uav1.actions", [1_000.0]
-    ledger = ActionLog(path, lambda: now[0])
-    ledger.order("hold")
-    ledger.pause(True)
+    action_log = ActionLog(path, lambda: now[0])
+    action_log.order("hold")
+    action_log.pause(True)
     for number in range(100):
         now[0] += 100
-        ledger.begin(begun(f"a:{number}"))
-    ledger.close()
+        action_log.begin(begun(f"a:{number}"))
+    action_log.close()
     again = ActionLog(path, lambda: now[0])
     assert (again.ordered, again.paused, again.before_boot) == ("hold", True, False)
     again.order(None)
@@ -273,10 +273,10 @@ def test_what_the_operator_has_said_is_kept_however_old_it_is_and_however_often_
 @pytest.mark.parametrize("seed", range(15))
 def test_a_bit_of_the_file_that_is_hit_is_told(tmp_path: Path, seed: int) -> None:
     path, chance = tmp_path / "uav1.actions", random.Random(seed)
-    ledger = ActionLog(path)
+    action_log = ActionLog(path)
     for number in range(20):
-        ledger.begin(Action(id=f"a{number}", agent="uav1", name="goto"))
-    ledger.close()
+        action_log.begin(Action(id=f"a{number}", agent="uav1", name="goto"))
+    action_log.close()
     data = bytearray(path.read_bytes())
     data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
     path.write_bytes(bytes(data))

@@ -80,7 +80,7 @@ def rigged(state: Path, body: Callable[[Rigged], object]) -> None:
             finally:
                 running.cancel()
                 await asyncio.gather(running, return_exceptions=True)
-                rig.sky.bridge.ledger.close()
+                rig.sky.bridge.action_log.close()
 
     asyncio.run(everything())
 

@@ -147,7 +147,7 @@ def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
         reported: list[str] = []
         asyncio.get_running_loop().set_exception_handler(lambda _, context: reported.append(context["message"]))
         if defect:
-            step = workshop.bridge.board.tick
+            step = workshop.bridge.percepts.tick
             failures = [KeyError("depth")]
 
             def fails_once() -> None:
@@ -155,7 +155,7 @@ def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
                     raise failures.pop()
                 step()
 
-            monkeypatch.setattr(workshop.bridge.board, "tick", fails_once)
+            monkeypatch.setattr(workshop.bridge.percepts, "tick", fails_once)
         await workshop.perceives("range", 2.5)
         status = await workshop.do("ping")
         assert (status.state, status.cause) == ("timed_out", "deadline")

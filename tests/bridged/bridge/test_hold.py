@@ -82,7 +82,7 @@ class Turtle:
         """The bridge is gone, without a word."""
         self._running.cancel()
         await asyncio.gather(self._running, return_exceptions=True)
-        self.bridge.ledger.close()
+        self.bridge.action_log.close()
 
     async def ask(self, agent: str, name: str, *parameters: Term) -> list[ActionStatus]:
         """Ask for an action and wait until it is under way; the list grows with its statuses."""

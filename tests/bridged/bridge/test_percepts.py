@@ -70,7 +70,7 @@ class Board:
     def __init__(self, manifest: Manifest | None = None, speed: float = 1.0) -> None:
         self.clock = VirtualClock(speed)
         self.told: list[Perception] = []
-        self.board = PerceptPublisher(
+        self.percepts = PerceptPublisher(
             manifest or read_manifest(MANIFEST, "m.toml"),
             ["uav", "ground"],
             lambda agent, one: self.told.append(one) if agent == "uav" else None,
@@ -80,12 +80,12 @@ class Board:
         )
 
     def hear(self, source: str, **fields: object) -> None:
-        self.board.take(Reading(source, fields))
+        self.percepts.take(Reading(source, fields))
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
             self.clock.time += 0.1
-            self.board.tick()
+            self.percepts.tick()
 
     def taken(self) -> list[tuple[str, str, tuple[Any, ...]]]:
         told, self.told[:] = [(one.update, one.name, one.parameters) for one in self.told], []
@@ -116,7 +116,7 @@ def test_the_rate_bounds_what_is_told_and_the_newest_value_is_never_left_out(boa
     for step in range(50):
         board.hear("POSITION", alt=step * 100)
         board.clock.time += 0.02
-        board.board.tick()
+        board.percepts.tick()
     board.wait(0.2)
     told = board.taken()
     assert 10 <= len(told) <= 13
@@ -130,7 +130,7 @@ def test_a_percept_ages_only_when_its_source_falls_silent(board: Board) -> None:
     assert board.taken() == [("replace", "altitude", (5.0,))]
     board.wait(4)
     assert board.taken() == [("remove", "altitude", (5.0,))]
-    assert board.board.expired == 1
+    assert board.percepts.expired == 1
     board.hear("POSITION", alt=5000)
     assert board.taken() == [("replace", "altitude", (5.0,))], "the same value is news again"
 
@@ -156,7 +156,7 @@ def test_keyed_beliefs_stand_beside_each_other_and_age_alone(board: Board) -> No
     ]
     board.wait(6)
     assert board.taken() == [("remove", "battery", (0, 12.6))]
-    assert [one.parameters for one in board.board.sets["uav"].present()] == [(1, 11.0)]
+    assert [one.parameters for one in board.percepts.sets["uav"].present()] == [(1, 11.0)]
 
 
 def test_three_sonars_have_each_their_own_rate_deadband_and_age() -> None:
@@ -173,7 +173,7 @@ def test_three_sonars_have_each_their_own_rate_deadband_and_age() -> None:
     board.hear("SONAR", id=1, range=2.0)
     board.wait(2)
     assert board.taken() == [("remove", "sonar", (2, 1.0)), ("remove", "sonar", (0, 1.0))]
-    assert [one.parameters for one in board.board.sets["uav"].present()] == [(1, 2.0)]
+    assert [one.parameters for one in board.percepts.sets["uav"].present()] == [(1, 2.0)]
 
 
 def test_the_deadband_holds_for_numbers_inside_nested_lists() -> None:
@@ -211,14 +211,14 @@ def changed(text: str) -> Board:
     board.hear("MODE", name="GUIDED", armed=False)
     board.hear("EVENT", text="bump")
     board.taken()
-    board.board.adopt(read_manifest(text, "m.toml"))
+    board.percepts.adopt(read_manifest(text, "m.toml"))
     return board
 
 
 def test_entries_that_another_manifest_leaves_as_they_are_keep_belief_seq_and_age() -> None:
     board = changed(MANIFEST + '[percepts.more]\nsource = "MODE"\nargs = ["name"]\n')
     assert board.taken() == [("replace", "more", ("GUIDED",))]
-    assert board.board.last_seq("uav") == 5
+    assert board.percepts.last_seq("uav") == 5
     board.hear("BATTERY", id=0, volts=[12600, 0])
     board.hear("MODE", name="GUIDED", armed=False)
     assert board.taken() == []
@@ -262,7 +262,7 @@ def test_a_value_that_the_robot_does_not_know_is_no_percept(board: Board) -> Non
     board.hear("BATTERY", id=0, volts=[])
     board.hear("BATTERY", id=0)
     assert board.taken() == []
-    assert board.board.unreadable == 2
+    assert board.percepts.unreadable == 2
 
 
 def test_events_are_all_told_even_when_they_are_equal(board: Board) -> None:
@@ -273,7 +273,7 @@ def test_events_are_all_told_even_when_they_are_equal(board: Board) -> None:
 
 def test_a_source_that_says_it_is_over_removes_its_percepts(board: Board) -> None:
     board.hear("MODE", name="RTL", armed=True)
-    board.board.take(Reading("MODE", None))
+    board.percepts.take(Reading("MODE", None))
     assert board.taken()[-1] == ("remove", "mode", ("RTL", True))
 
 
@@ -282,16 +282,16 @@ def test_what_is_held_back_by_the_rate_is_told_before_a_status_refers_to_it(boar
     board.clock.time += 0.01
     board.hear("POSITION", alt=2000)
     assert board.taken() == [("replace", "altitude", (1.0,))]
-    board.board.flush()
+    board.percepts.flush()
     assert board.taken() == [("replace", "altitude", (2.0,))]
-    assert board.board.last_seq("uav") == 2
+    assert board.percepts.last_seq("uav") == 2
 
 
 def test_a_flood_of_different_events_stays_bounded(board: Board) -> None:
     for number in range(MAX_BELIEFS + 50):
         board.hear("EVENT", text=f"event {number}")
-    assert len(board.board.sets["uav"]) == MAX_BELIEFS
-    assert board.board.dropped == 50
+    assert len(board.percepts.sets["uav"]) == MAX_BELIEFS
+    assert board.percepts.dropped == 50
 
 
 def test_a_lost_percept_is_noticed_by_the_gap_and_repaired(board: Board) -> None:
@@ -304,28 +304,28 @@ def test_a_lost_percept_is_noticed_by_the_gap_and_repaired(board: Board) -> None
         copy.apply(one)
     assert copy.missed == 1
     assert copy.needs_repair()
-    changes = copy.restore(board.board.sets["uav"].snapshot())
+    changes = copy.restore(board.percepts.sets["uav"].snapshot())
     assert changes is not None
     assert [(one.update, one.name, one.parameters) for one in changes] == [("add", lost.name, lost.parameters)]
-    assert not copy.needs_repair(board.board.sets["uav"].digest())
+    assert not copy.needs_repair(board.percepts.sets["uav"].digest())
 
 
 def test_an_older_digest_is_asked_about_and_what_is_newer_stays(board: Board) -> None:
     copy = PerceptSet()
     board.hear("MODE", name="GUIDED", armed=False)
-    old = board.board.sets["uav"].digest()
+    old = board.percepts.sets["uav"].digest()
     board.hear("MODE", name="RTL", armed=True)
     for one in board.told:
         copy.apply(one)
     assert copy.needs_repair(old), "it may be that somebody else has spoken in the bridge's name"
-    assert copy.restore(board.board.sets["uav"].snapshot(), copy.seq) == []
-    assert not copy.needs_repair(board.board.sets["uav"].digest())
+    assert copy.restore(board.percepts.sets["uav"].snapshot(), copy.seq) == []
+    assert not copy.needs_repair(board.percepts.sets["uav"].digest())
 
 
 def test_a_snapshot_older_than_what_came_meanwhile_is_not_taken(board: Board) -> None:
     copy = PerceptSet()
     board.hear("MODE", name="GUIDED", armed=False)
-    snapshot = board.board.sets["uav"].snapshot()
+    snapshot = board.percepts.sets["uav"].snapshot()
     board.hear("MODE", name="RTL", armed=True)
     for one in board.told:
         copy.apply(one)
@@ -404,15 +404,15 @@ def test_a_percept_that_is_new_or_another_belief_is_made_of_what_its_source_said
     board = Board(read_manifest(text, "m.toml"))
     board.hear("HOME", lat=1, alt=2)
     board.taken()
-    board.board.adopt(
+    board.percepts.adopt(
         read_manifest(
             text.replace('["lat"]', '["lat", "alt"]') + '[percepts.height]\nsource = "HOME"\nargs = ["alt"]\n', "m.toml"
         )
     )
     assert board.taken() == [("remove", "home", (1,)), ("replace", "home", (1, 2)), ("replace", "height", (2,))]
-    board.board.take(Reading("HOME", None))
+    board.percepts.take(Reading("HOME", None))
     board.taken()
-    board.board.adopt(read_manifest(text, "m.toml"))
+    board.percepts.adopt(read_manifest(text, "m.toml"))
     assert board.taken() == [], "what its source has taken back does not come again"
 
 
@@ -420,8 +420,8 @@ def published(text: str, *readings: Reading) -> tuple[list[tuple[str, str, tuple
     """What an agent is told of readings (update, name, arguments), and how many were unreadable."""
     board = Board(read_manifest(text, "m.toml"))
     for reading in readings:
-        board.board.take(reading)
-    return board.taken(), board.board.unreadable
+        board.percepts.take(reading)
+    return board.taken(), board.percepts.unreadable
 
 
 def perceived(args: str, message: Mapping[str, object]) -> tuple[Any, ...] | str:

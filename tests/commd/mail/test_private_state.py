@@ -36,7 +36,7 @@ def test_state_is_for_its_user_alone_whatever_the_umask(tmp_path: Path) -> None:
         connect(old, "full").close()
         checkpoint = Checkpoint.open(state / "fleet" / "bob" / "mind.sqlite", "bob")
         AgentFiles([], state / "fleet" / "bob").save("saved/new.asl", "a.")
-        ledger = ActionLog(state / "fleet" / "uav1.actions")
+        action_log = ActionLog(state / "fleet" / "uav1.actions")
         begin_life(state / "fleet", "agentd", "bob")
         _opened(state / "fleet" / "rec.mcap", overwrite=False).close()
         modes = {path: stat.S_IMODE(path.stat().st_mode) for path in [state, *state.rglob("*")]}
@@ -45,7 +45,7 @@ def test_state_is_for_its_user_alone_whatever_the_umask(tmp_path: Path) -> None:
         assert {"mail.sqlite-wal", "mail.sqlite-shm", "mind.sqlite-wal"} <= {path.name for path in modes}
         database.close()
         checkpoint.close()
-        ledger.close()
+        action_log.close()
 
 
 def test_a_folder_that_was_there_keeps_the_mode_that_its_maker_gave_it(tmp_path: Path) -> None:

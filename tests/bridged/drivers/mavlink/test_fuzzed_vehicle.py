@@ -70,8 +70,8 @@ def test_absurd_messages_end_every_action_once_and_raise_nothing(
         sky.forward(lambda: heard[-1].final, "the end of the action", 80)
         assert [one.final for one in heard].count(True) == 1
         assert heard[-1].reason or heard[-1].state == "succeeded"
-        assert len(sky.bridge.board.sets["uav"]) < 300
-        sky.bridge.ledger.close()
+        assert len(sky.bridge.percepts.sets["uav"]) < 300
+        sky.bridge.action_log.close()
 
 
 @settings(max_examples=some_of(100, 2), deadline=None)
@@ -85,4 +85,4 @@ def test_noise_between_packets_never_stops_the_driver(noise: list[bytes]) -> Non
                 sky.driver.receive(message)
             sky.step()
         sky.forward(lambda: sky.belief("state"), "a heartbeat is heard", 10)
-        sky.bridge.ledger.close()
+        sky.bridge.action_log.close()

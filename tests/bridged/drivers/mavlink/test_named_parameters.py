@@ -19,7 +19,7 @@ def sky(tmp_path: Path) -> Sky:
 
 
 def told(sky: Sky) -> dict[Term, Term]:
-    found = [one.parameters for one in sky.bridge.board.sets["uav"].present() if one.name == "parameter"]
+    found = [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "parameter"]
     return {one[0]: one[1] for one in found}
 
 

@@ -33,7 +33,7 @@ class Replay:
         self.told: list[tuple[float, Perception]] = []
         self.sent: Counter[str] = Counter()
         self.clock = VirtualClock()
-        self.board = PerceptPublisher(
+        self.percepts = PerceptPublisher(
             MANIFEST,
             ["uav"],
             lambda _agent, one: self.told.append((self.now, one)),
@@ -42,7 +42,7 @@ class Replay:
             clock=self.clock,
         )
         self.talk = VehicleSession(
-            MANIFEST, identity, lambda message: self.sent.update([message.get_type()]), self.board.take
+            MANIFEST, identity, lambda message: self.sent.update([message.get_type()]), self.percepts.take
         )
         self.ended: dict[str, tuple[float, Outcome]] = {}
 
@@ -69,7 +69,7 @@ class Replay:
                 running.append(self.talk.perform(task, offer_of(entry, call.number), call))
             self.clock.time = packet.at
             self.talk.receive(packet.message, self.now)
-            self.board.tick()
+            self.percepts.tick()
             for task in [task for task in running if task.outcome is not None]:
                 running.remove(task)
                 assert task.outcome is not None
@@ -78,7 +78,7 @@ class Replay:
     def tick(self, now: float) -> None:
         self.clock.time = now
         self.talk.tick(now)
-        self.board.tick()
+        self.percepts.tick()
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
@@ -129,8 +129,8 @@ def test_what_an_agent_has_received_is_the_set_that_the_bridge_keeps() -> None:
     replay.run()
     for _, one in replay.told:
         assert copy.apply(one)
-    assert copy.digest() == replay.board.sets["uav"].digest()
-    assert not copy.needs_repair(replay.board.sets["uav"].digest())
+    assert copy.digest() == replay.percepts.sets["uav"].digest()
+    assert not copy.needs_repair(replay.percepts.sets["uav"].digest())
 
 
 def test_the_actions_of_the_recorded_flight_are_confirmed_when_the_state_shows_it() -> None:

@@ -24,7 +24,7 @@ def waits(caplog: pytest.LogCaptureFixture) -> list[str]:
 
 
 def cause(sky: Sky) -> object:
-    told = [one.parameters for one in sky.bridge.board.sets["uav"].present() if one.name == "feedback"]
+    told = [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "feedback"]
     return next((text for _, what, text in told if what == Atom("cause")), None)
 
 

@@ -51,7 +51,7 @@ def held(sky: Sky) -> list[int]:
 
 
 def waypoints(sky: Sky) -> list[tuple[Term, ...]]:
-    return [one.parameters for one in sky.bridge.board.sets["uav"].present() if one.name == "waypoint"]
+    return [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "waypoint"]
 
 
 def test_a_mission_is_uploaded_counted_back_and_told_as_percepts(sky: Sky) -> None:

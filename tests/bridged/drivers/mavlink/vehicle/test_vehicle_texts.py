@@ -30,7 +30,7 @@ def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:
 
 
 def believed(sky: Sky) -> list[tuple[object, ...]]:
-    return [one.parameters for one in sky.bridge.board.sets["uav"].present() if one.name == "vehicle_text"]
+    return [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "vehicle_text"]
 
 
 def test_a_battery_failsafe_reaches_log_and_agent_though_no_action_fails(
