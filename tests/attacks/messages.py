@@ -111,7 +111,7 @@ async def told_names(world: World) -> Row:
             row.expect(problems == [""], f"`pi1_kid` joins pi1 and leaves: {answers}")
     lines = world.commd["pi1"].lines
     row.expect(not any("defect" in line for line in lines), "no defect in commd of pi1")
-    told = [line.partition("directory ")[2] for line in lines if "taken in part" in line]
+    told = [line.partition("directory ")[2] for line in lines if "accepted in part" in line]
     row.expect(told, "commd says so")
     row.seen.append(f"commd of pi1: `{told[-1] if told else ''}`; `pi1_kid` joins pi1, and is nowhere else")
     return row

@@ -281,7 +281,7 @@ def test_a_lost_router_is_said_at_once_with_how_long_and_is_over_when_it_is_back
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
         fleet.model.router(up=False)
         fleet.waits(12)
-        await until(app, pilot, "ROUTER LOST for 12 s: all below is as it was")
+        await until(app, pilot, "ROUTER LOST for 12 s: the last known state is shown; reconnecting")
         fleet.model.router(up=True)
         await pilot.pause(0.2)
         assert "ROUTER LOST" not in text_of(app)

@@ -68,7 +68,7 @@ async def test_a_message_of_more_than_a_megabyte_is_refused_and_one_of_a_megabyt
 @bus_test
 async def test_a_full_mailbox_takes_the_newest_later_and_keeps_the_order(connect: Connect, tmp_path: Path) -> None:
     homes = {"a": "pi1", "b": "pi1", "c": "pi1"}
-    async with board(connect, "pi1", tmp_path, homes=homes, rules=MailRules(mailbox=5)):
+    async with board(connect, "pi1", tmp_path, homes=homes, rules=MailRules(mailbox=5)) as mail_service:
         a, c, bus = await connect("a"), await connect("c"), await connect("b")
         full = Refusal(code="mailbox_full")
         assert await post(a, *map(message, range(1, 8))) == Receipt(taken=5, later={5: full, 6: full})
@@ -77,6 +77,7 @@ async def test_a_full_mailbox_takes_the_newest_later_and_keeps_the_order(connect
         assert await post(a, message(5), message(6)) == Receipt(taken=1, later={1: full}), "the 5th is taken already"
         receiver = Receiver(bus, "b")
         await until(lambda: receiver.contents == [1, 2, 3, 4, 5], "what was taken arrives")
+        await until(lambda: mail_service.waiting == 1, "only the message to a is left")
         assert await post(a, message(6), message(7)) == Receipt(taken=2)
         await until(lambda: receiver.contents == [1, 2, 3, 4, 5, 6, 7], "the others arrive too")
 

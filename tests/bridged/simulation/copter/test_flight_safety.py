@@ -136,7 +136,7 @@ def test_limits_are_not_kept_by_a_place_of_long_ago(tmp_path: Path) -> None:
     sky.wait(10)
     refused = [sky.do("fly", 8, 0, 0), sky.do("goto", *GOAL[:2], 20)]
     assert [one.state for one in refused] == ["refused"] * 2
-    assert all("has not told lately where it is" in one.reason for one in refused)
+    assert all("has not reported its position lately" in one.reason for one in refused)
 
 
 def test_a_way_home_by_a_raw_command_is_the_agents_own(tmp_path: Path) -> None:
