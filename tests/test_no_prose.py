@@ -69,8 +69,8 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "agentd/runtime/operator_control.py: order.text.strip().removeprefix(sign)",
     ),
     "a term, shown without the source that stands beside it": (
-        "argosy/fleet_model/timeline.py: deed.text.removesuffix(f'[source({deed.other})]')",
-        "argosy/fleet_model/timeline.py: deed.text.removesuffix(f'[source({agent})]')",
+        "argosy/fleet_model/timeline.py: event.text.removesuffix(f'[source({event.other})]')",
+        "argosy/fleet_model/timeline.py: event.text.removesuffix(f'[source({agent})]')",
     ),
     "ArduPilot and PX4 give no code for it: a prefix of theirs, such as `PreArm:`": (
         "bridged/drivers/mavlink/session.py: said.text.startswith(PRE_ARM)",

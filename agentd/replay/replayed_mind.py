@@ -22,7 +22,7 @@ from agentd.mind.persistence.change_tracking import Keeper
 from agentd.persistence.restore import come_back, raise_interrupted
 from agentd.process import allow_deep_calls
 from agentd.runtime.program_loader import goal_of, read_item, recorded_program
-from agentd.trace.decision_digest import DecisionDigest, DecisionLines, deed_line
+from agentd.trace.decision_digest import DecisionDigest, DecisionLines, effect_line
 from agentd.trace.initial_state import Texts, unpack, zone_of
 from agentd.trace.input_records import CameBack, Given, Interrupted, MailRefused, NamesRead, Unreadable, read
 from schemas.wire.mind_records import DecisionView, MindBirth, MindInputs
@@ -133,7 +133,7 @@ class ReplayedMind:
 
     def _did(self, effect: Effect) -> None:
         cycle = self.mind.cycle
-        self._done.append(Done(cycle, self.now, effect, deed_line(cycle, effect)))
+        self._done.append(Done(cycle, self.now, effect, effect_line(cycle, effect)))
 
     # --- cycles ---
 

@@ -98,7 +98,7 @@ class Viewer:
             failures=failures,
             dropped=dict(mind.drops.counts),
             drops=tuple(mind.drops.by_name.values()),
-            actions=tuple(self._tracing.deeds.actions),
+            actions=tuple(self._tracing.activity.actions),
             done={text: mind.query(formula) for text, formula in self._part.done.items()},
             failed={text: mind.query(formula) for text, formula in self._part.failed.items()},
         )

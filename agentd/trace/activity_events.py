@@ -14,12 +14,12 @@ from agentd.mind.introspection.term_snapshot import short_text
 from agentd.trace.decision_digest import called
 from agentd.trace.input_records import Given
 from commd.common.clock import Clock
-from schemas.wire.mind_records import Deed
+from schemas.wire.mind_records import ActivityEvent
 
 MOST_LINES: Final = 100
 """Prints and logs in a batch: a flood of them must not hide the rest."""
 MOST: Final = 300
-"""Other deeds in a batch."""
+"""Other events in a batch."""
 LAST_ACTIONS: Final = 60
 """Actions and outcomes that are remembered without subscribers."""
 LONGEST: Final = 2_000
@@ -32,15 +32,15 @@ _DETAIL: Final = signature("detail", 1)
 
 
 class ActivityEvents:
-    """The deeds of one agent since the last `take`."""
+    """The events of one agent since the last `take`."""
 
     def __init__(self, agent: str, boot: str, life: str, clock: Clock) -> None:
         """`boot` and `life` are parts of the ids of this life's actions and messages on the bus."""
         self.listened = False
-        self.actions: deque[Deed] = deque(maxlen=LAST_ACTIONS)
+        self.actions: deque[ActivityEvent] = deque(maxlen=LAST_ACTIONS)
         """The last actions and their outcomes."""
         self._agent, self._boot, self._life, self._now = agent, boot, life, clock.now
-        self._new: list[Deed] = []
+        self._new: list[ActivityEvent] = []
         self._lines = self._left_out = 0
 
     def did(self, cycle: int, effect: Effect) -> None:
@@ -48,7 +48,9 @@ class ActivityEvents:
         match effect:
             case PerformAction(id=number, name=name, parameters=parameters):
                 text = called(name, parameters)[:LONGEST]
-                self._action(Deed(cycle=cycle, time=self._now(), kind="action", text=text, id=self._action_id(number)))
+                self._action(
+                    ActivityEvent(cycle=cycle, time=self._now(), kind="action", text=text, id=self._action_id(number))
+                )
                 return
         if not self.listened:
             return
@@ -56,13 +58,13 @@ class ActivityEvents:
             case Print() | Log() if self._lines >= MOST_LINES:
                 self._left_out += 1
             case Print(text=text):
-                self._line(Deed(cycle=cycle, time=self._now(), kind="print", text=text[:LONGEST]))
+                self._line(ActivityEvent(cycle=cycle, time=self._now(), kind="print", text=text[:LONGEST]))
             case Log(level=level):
                 text = line_of(effect)[:LONGEST]
-                self._line(Deed(cycle=cycle, time=self._now(), kind="log", text=text, state=level))
+                self._line(ActivityEvent(cycle=cycle, time=self._now(), kind="log", text=text, state=level))
             case StopTeam(exit_code=code, delay=delay):
                 text = f"it stops the team in {delay:g} s with exit code {code}"
-                self.add(Deed(cycle=cycle, time=self._now(), kind="stopped", text=text))
+                self.add(ActivityEvent(cycle=cycle, time=self._now(), kind="stopped", text=text))
             case _:
                 pass
 
@@ -74,7 +76,7 @@ class ActivityEvents:
         text, identity = short_text(mail.content)[:LONGEST], self._mail_id(mail.msg_id)
         for receiver in receivers:
             self.add(
-                Deed(
+                ActivityEvent(
                     cycle=cycle,
                     time=self._now(),
                     kind="sent",
@@ -91,15 +93,17 @@ class ActivityEvents:
         if type(item) is ActionDone:
             state = item.state or ("succeeded" if item.ok else "failed")
             identity, time = self._action_id(item.id), self._now()
-            self._action(Deed(cycle=cycle, time=time, kind="outcome", id=identity, state=state, reason=item.reason))
+            self._action(
+                ActivityEvent(cycle=cycle, time=time, kind="outcome", id=identity, state=state, reason=item.reason)
+            )
         elif type(item) is Mail and self._is_full():
             self._left_out += 1
         elif type(item) is Mail and self.listened:
             self.add(self._undelivered(cycle, item) or self._received(cycle, item))
 
-    def _received(self, cycle: int, mail: Mail) -> Deed:
+    def _received(self, cycle: int, mail: Mail) -> ActivityEvent:
         answers = mail.in_reply_to
-        return Deed(
+        return ActivityEvent(
             cycle=cycle,
             time=self._now(),
             kind="received",
@@ -110,14 +114,14 @@ class ActivityEvents:
             in_reply_to=self._mail_id(answers) if answers.endswith(f".{self._agent}") else answers,
         )
 
-    def _undelivered(self, cycle: int, mail: Mail) -> Deed | None:
-        """Return the deed of a notice `undelivered(Receiver, Performative, Content, Why)`; None for other mail."""
+    def _undelivered(self, cycle: int, mail: Mail) -> ActivityEvent | None:
+        """Return the event of a notice `undelivered(Receiver, Performative, Content, Why)`; None for other mail."""
         told = mail.content
         if mail.sender != OFFICE or type(told) is not Literal or told.sig.functor != UNDELIVERED or len(told.args) < 4:
             return None
         receiver, performative, content = map(short_text, told.args[:3])
         details = (one.args[0] for one in told.annots if type(one) is Literal and one.sig == _DETAIL)
-        return Deed(
+        return ActivityEvent(
             cycle=cycle,
             time=self._now(),
             kind="undelivered",
@@ -134,28 +138,28 @@ class ActivityEvents:
     def _mail_id(self, identity: str) -> str:
         return f"{identity}.{self._life}"
 
-    def _action(self, deed: Deed) -> None:
-        self.actions.append(deed)
+    def _action(self, event: ActivityEvent) -> None:
+        self.actions.append(event)
         if self.listened:
-            self.add(deed)
+            self.add(event)
 
-    def _line(self, deed: Deed) -> None:
+    def _line(self, event: ActivityEvent) -> None:
         self._lines += 1
-        self._new.append(deed)
+        self._new.append(event)
 
     def _is_full(self) -> bool:
-        """Return whether further deeds are only counted, since converting them to text takes time."""
+        """Return whether further events are only counted, since converting them to text takes time."""
         return self.listened and len(self._new) - self._lines >= MOST
 
-    def add(self, deed: Deed) -> None:
-        """Add a deed while there are subscribers."""
+    def add(self, event: ActivityEvent) -> None:
+        """Add an event while there are subscribers."""
         if self._is_full():
             self._left_out += 1
         elif self.listened:
-            self._new.append(deed)
+            self._new.append(event)
 
-    def take(self) -> tuple[tuple[Deed, ...], int]:
-        """Return the deeds since the last call, and the number of those left out."""
+    def take(self) -> tuple[tuple[ActivityEvent, ...], int]:
+        """Return the events since the last call, and the number of those left out."""
         found = tuple(self._new), self._left_out
         self._new, self._lines, self._left_out = [], 0, 0
         return found

@@ -53,7 +53,7 @@ class DecisionDigest:
         self._names = Names()
         self._texts: list[str] = []
         self._numbers = array("d")
-        self._deeds: list[str] = []
+        self._effects: list[str] = []
 
     def decided(self, entries: Iterable[Any]) -> None:
         """Add records of `agentd.mind.introspection.decision_log.Decisions`."""
@@ -77,19 +77,19 @@ class DecisionDigest:
                 else:
                     text(_brief(term))
 
-    def did(self, deed: str) -> None:
-        """Add an effect: `deed_line`."""
+    def did(self, effect: str) -> None:
+        """Add an effect: `effect_line`."""
         self.count += 1
-        self._deeds.append(deed)
+        self._effects.append(effect)
 
     def take(self) -> tuple[int, str]:
         """Return the count and the digest since the last call."""
         if sys.byteorder == "big":
             self._numbers.byteswap()
         found = blake2b(self._numbers.tobytes(), digest_size=12)
-        found.update("\n".join((*self._texts, "", *self._deeds)).encode(errors="replace"))
+        found.update("\n".join((*self._texts, "", *self._effects)).encode(errors="replace"))
         count, self.count = self.count, 0
-        self._texts, self._numbers, self._deeds = [], array("d"), []
+        self._texts, self._numbers, self._effects = [], array("d"), []
         return count, found.hexdigest()
 
 
@@ -125,7 +125,7 @@ def _brief(term: Any) -> str:
 MOST_KNOWN: Final = 10_000
 
 
-def deed_line(cycle: int, effect: Effect) -> str:
+def effect_line(cycle: int, effect: Effect) -> str:
     """Return an effect as a line."""
     return f"{cycle} {effect_text(effect)}"
 

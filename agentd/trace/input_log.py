@@ -27,7 +27,7 @@ from agentd.mind.data.inputs import (
     TooDeep,
 )
 from agentd.mind.data.intention import Timers
-from agentd.trace.decision_digest import DecisionDigest, deed_line
+from agentd.trace.decision_digest import DecisionDigest, effect_line
 from agentd.trace.input_records import CameBack, Given, Included, MailRefused, NamesRead, written
 from schemas.wire.mind_records import MindBirth, MindInputs, MindStep
 
@@ -139,7 +139,7 @@ class InputLog:
 
     def did(self, cycle: int, effect: Effect) -> None:
         """Note an effect, while there are subscribers."""
-        self._acts.did(deed_line(cycle, effect))
+        self._acts.did(effect_line(cycle, effect))
 
     def names(self) -> Collection[str]:
         """Return the names that can be sent to; a reading by the mind is an input."""

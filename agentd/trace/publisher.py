@@ -26,7 +26,7 @@ from commd.common.clock import Clock
 from commd.common.tasks import Tasks
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord
-from schemas.wire.mind_records import Deed, MindDecisions, MindDeeds, MindInputs
+from schemas.wire.mind_records import ActivityEvent, MindActivity, MindDecisions, MindInputs
 from schemas.wire.records import Header
 
 log = logging.getLogger("trace")
@@ -46,7 +46,7 @@ TOO_LATE: Final = (
     "begin to record before the agent begins"
 )
 
-Channel: TypeAlias = Literal["inputs", "decisions", "deeds"]
+Channel: TypeAlias = Literal["inputs", "decisions", "activity"]
 Ran: TypeAlias = Callable[[int, float, list[Effect]], None]
 """Gets a run of the mind: first cycle, mission time, effects."""
 _all: set[Tracing] = set()
@@ -69,7 +69,7 @@ class Tracing:
         """`life` is the end of the ids of this life's messages."""
         self.birth = birth
         self.inputs = InputLog(agent, birth.record, directory.names, self._room, self._hook)
-        self.deeds = ActivityEvents(agent, bus.boot, life, clock)
+        self.activity = ActivityEvents(agent, bus.boot, life, clock)
         self.ran: Ran | None = None
         """To be called after each run of the mind; None while nobody needs it."""
         self._mind: Mind
@@ -81,7 +81,7 @@ class Tracing:
         self._decided_at, self._per_view = perf_counter(), 0.0002
         """When decisions were converted last, and the wall seconds that one takes, estimated."""
         self._keys: dict[Channel, str] = {
-            channel: keys.trace(bus.fleet, agent, channel) for channel in ("inputs", "decisions", "deeds")
+            channel: keys.trace(bus.fleet, agent, channel) for channel in ("inputs", "decisions", "activity")
         }
         self._withdraw: list[Callable[[], None]] = []
 
@@ -115,22 +115,22 @@ class Tracing:
 
     def did(self, effect: Effect) -> None:
         """Take an effect that is carried out."""
-        self.deeds.did(self._mind.cycle, effect)
+        self.activity.did(self._mind.cycle, effect)
 
     def done(self, item: Given) -> None:
         """Take the end of an action."""
-        self.deeds.given(self._mind.cycle, item)
+        self.activity.given(self._mind.cycle, item)
 
     def ordered(self, order: str) -> None:
         """Take an operator's order, as text."""
-        self.deeds.add(Deed(cycle=self._mind.cycle, time=self._clock.now(), kind="operator", text=order))
+        self.activity.add(ActivityEvent(cycle=self._mind.cycle, time=self._clock.now(), kind="operator", text=order))
 
     def sent(self, mail: SendMail, receivers: list[str]) -> None:
         """Take a message that the outbox has accepted."""
         if self.inputs.listened:
             self.inputs.did(self._mind.cycle, mail)
-        if self.deeds.listened:
-            self.deeds.sent(self._mind.cycle, mail, receivers)
+        if self.activity.listened:
+            self.activity.sent(self._mind.cycle, mail, receivers)
 
     def refused(self, mail: SendMail, failed: Failed) -> None:
         """Take a message that the outbox has refused; its plan fails."""
@@ -152,11 +152,11 @@ class Tracing:
         self.birth.unknown = f"it is a clone of {other}, and what that had become is not recorded"
 
     def _given(self, cycle: int, item: Given) -> None:
-        """Take an input while the channel of deeds has subscribers."""
+        """Take an input while the channel `activity` has subscribers."""
         if self.inputs.on:
             self.inputs.given(cycle, item)
         if type(item) is Mail:
-            self.deeds.given(cycle, item)
+            self.activity.given(cycle, item)
 
     # --- subscribers ---
 
@@ -175,9 +175,9 @@ class Tracing:
                     self._tasks.spawn(self._put_kept())
             case "decisions":
                 self._count()
-            case "deeds":
-                self.deeds.listened = somebody
-                self.deeds.take()
+            case "activity":
+                self.activity.listened = somebody
+                self.activity.take()
         self._hook()
         if self._heard and not self._flushing:
             self._flushing = True
@@ -186,7 +186,7 @@ class Tracing:
     def _hook(self) -> None:
         """Set the hooks of the mind that somebody needs; the others cost nothing."""
         inputs = self.inputs
-        self._mind.on_input = self._given if self.deeds.listened else inputs.given if inputs.on else None
+        self._mind.on_input = self._given if self.activity.listened else inputs.given if inputs.on else None
         if inputs.listened or "decisions" in self._heard:
             self.ran = self._ran
         else:
@@ -213,8 +213,8 @@ class Tracing:
 
     def flush(self) -> None:
         """Publish the events since the last call."""
-        if "deeds" in self._heard:
-            self._put_deeds()
+        if "activity" in self._heard:
+            self._put_activity()
         if "decisions" in self._heard:
             self._put_decisions()
         if self.inputs.listened:
@@ -246,18 +246,18 @@ class Tracing:
         header = self._bus.header(f"trace/{channel}", self._agent)
         return msgspec.structs.replace(header, boot=self.life)
 
-    def _put_deeds(self) -> None:
-        deeds, left_out = self.deeds.take()
-        if deeds or left_out:
-            record = MindDeeds(
-                header=self._header("deeds"),
+    def _put_activity(self) -> None:
+        events, left_out = self.activity.take()
+        if events or left_out:
+            record = MindActivity(
+                header=self._header("activity"),
                 agent=self._agent,
-                deeds=deeds,
+                events=events,
                 left_out=left_out,
                 now=self._clock.now(),
                 speed=self._clock.speed,
             )
-            self._bus.put(self._keys["deeds"], record)
+            self._bus.put(self._keys["activity"], record)
 
     def _put_decisions(self) -> None:
         mind, recorder = self._mind, self._mind.recorder

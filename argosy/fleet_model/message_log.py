@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from schemas.humanize import LONGEST, shortened
-from schemas.wire.mind_records import Deed
+from schemas.wire.mind_records import ActivityEvent
 
 MOST = 2_000
 """Messages that are kept, unless another number is given."""
@@ -57,17 +57,17 @@ class MessageLog:
     def __len__(self) -> int:
         return len(self._letters)
 
-    def deed(self, agent: str, deed: Deed, at: float) -> LoggedMessage | None:
-        """Take a deed of an agent at `at`. Returns its message, or None if it is not about one."""
-        match deed.kind:
+    def event(self, agent: str, event: ActivityEvent, at: float) -> LoggedMessage | None:
+        """Take an event of an agent at `at`. Returns its message, or None if it is not about one."""
+        match event.kind:
             case "sent" | "undelivered":
-                letter = self._letter(deed, agent, deed.other, at)
-                if deed.kind == "undelivered":
-                    letter.undelivered = shortened(deed.reason) or "not delivered"
+                letter = self._letter(event, agent, event.other, at)
+                if event.kind == "undelivered":
+                    letter.undelivered = shortened(event.reason) or "not delivered"
                 elif letter.sent is None:
                     letter.sent = at
             case "received":
-                letter = self._letter(deed, deed.other, agent, at)
+                letter = self._letter(event, event.other, agent, at)
                 letter.received = at if letter.received is None else letter.received
             case _:
                 return None
@@ -92,13 +92,13 @@ class MessageLog:
                 letter.number, letter.undelivered = self.number, why
                 self._letters[key] = self._letters.pop(key)
 
-    def _letter(self, deed: Deed, sender: str, receiver: str, at: float) -> LoggedMessage:
+    def _letter(self, event: ActivityEvent, sender: str, receiver: str, at: float) -> LoggedMessage:
         self.number += 1
-        key = (shortened(deed.id) or f"#{self.number}", shortened(sender), shortened(receiver))
-        letter = self._letters.pop(key, None) or LoggedMessage(*key, shortened(deed.performative), "", reported=at)
+        key = (shortened(event.id) or f"#{self.number}", shortened(sender), shortened(receiver))
+        letter = self._letters.pop(key, None) or LoggedMessage(*key, shortened(event.performative), "", reported=at)
         letter.number = self.number
-        letter.content = letter.content or shortened(deed.text, self._longest)
-        letter.in_reply_to = letter.in_reply_to or shortened(deed.in_reply_to)
+        letter.content = letter.content or shortened(event.text, self._longest)
+        letter.in_reply_to = letter.in_reply_to or shortened(event.in_reply_to)
         self._letters[key] = letter
         if len(self._letters) > self._most:
             del self._letters[next(iter(self._letters))]

@@ -35,7 +35,7 @@ from schemas.liveness import ROUTER_GRACE, SILENT_AFTER
 from schemas.mission.model import Mission, read_mission
 from schemas.wire import keys
 from schemas.wire.keys import check_name
-from schemas.wire.mind_records import MindDeeds, MindView
+from schemas.wire.mind_records import MindActivity, MindView
 from schemas.wire.records import (
     FINAL_STATES,
     ActionStatus,
@@ -172,8 +172,8 @@ class FleetModel:
         return sum(board.waiting((agent,)) for board in self.boards.values())
 
     @property
-    def deeds_left_out(self) -> int:
-        """Number of deeds that agents had no room to publish."""
+    def activity_left_out(self) -> int:
+        """Number of activity events that agents had no room to publish."""
         return self._tell.left_out
 
     def assign(self, robot: str, agents: tuple[str, ...]) -> None:
@@ -207,8 +207,8 @@ class FleetModel:
                 self.percept(key, record)
             case ActionStatus():
                 self.status(key, record)
-            case MindDeeds():
-                self.deeds(key, record)
+            case MindActivity():
+                self.activity(key, record)
             case Health():
                 self.health(key, record)
             case BoardServices():
@@ -354,19 +354,19 @@ class FleetModel:
                 agent, f"its mind has not answered for {SILENT_AFTER:.0f} s{': ' if why else ''}{why}", "warning"
             )
 
-    def deeds(self, key: str, told: MindDeeds) -> None:
+    def activity(self, key: str, told: MindActivity) -> None:
         """Take what an agent has done."""
         name = self._name(key)
         if name is None:
             return
-        self._tell.deeds(name, told)
-        for deed in told.deeds:
-            if deed.kind == "print" and name in self.agents:
-                self.agents[name].prints.append(shortened(deed.text))
-            action = self.actions.get(shortened(deed.id)) if deed.kind == "outcome" else None
+        self._tell.activity(name, told)
+        for event in told.events:
+            if event.kind == "print" and name in self.agents:
+                self.agents[name].prints.append(shortened(event.text))
+            action = self.actions.get(shortened(event.id)) if event.kind == "outcome" else None
             if action is not None and action.agent == name and action.state not in FINAL_STATES:
-                state = next((one for one in FINAL_STATES if one == deed.state), None)
-                self._ends(action, state or "unknown", deed.reason)
+                state = next((one for one in FINAL_STATES if one == event.state), None)
+                self._ends(action, state or "unknown", event.reason)
 
     def mailboxes(self, key: str, told: Mailboxes | None, problem: str = "") -> None:
         """Take the mailboxes of a board, or why they are not known."""

@@ -14,7 +14,7 @@ from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError, QueryTimeout
 from schemas.liveness import MIND_EVERY
 from schemas.wire import keys
-from schemas.wire.mind_records import MindDeeds, MindView
+from schemas.wire.mind_records import MindActivity, MindView
 from schemas.wire.records import ActionStatus, BoardServices, Health, Mailboxes, Perception, RunningMission, RunState
 
 TICK = 0.25
@@ -38,7 +38,7 @@ class Wanted:
     beliefs_per_tick: int = 0
     """Minds that are asked for their beliefs, too, per tick: few, so that a large fleet is not loaded by it."""
     whole_fleet: bool = True
-    """Deeds, messages, mailboxes, directories, the mission and the run."""
+    """Activity, messages, mailboxes, directories, the mission and the run."""
 
 
 class FleetObserver:
@@ -108,7 +108,7 @@ class FleetObserver:
         subscribe(keys.percept(fleet, "*", "*"), Perception, model.percept)
         subscribe(keys.status(fleet, "*", "*"), ActionStatus, model.status)
         if self.wanted.whole_fleet:
-            subscribe(keys.trace(fleet, "*", "deeds"), MindDeeds, model.deeds)
+            subscribe(keys.trace(fleet, "*", "activity"), MindActivity, model.activity)
             subscribe(keys.services(fleet, "*"), BoardServices, model.services)
             subscribe(keys.run(fleet, "*"), RunState, model.run_told)
 

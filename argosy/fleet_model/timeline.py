@@ -15,7 +15,7 @@ from typing import Any, Literal
 from argosy.cli.journal import Level
 from argosy.fleet_model.message_log import MessageLog
 from schemas.humanize import shortened
-from schemas.wire.mind_records import Deed, MindDeeds
+from schemas.wire.mind_records import ActivityEvent, MindActivity
 from schemas.wire.records import ActionStatus
 
 MOST = 5_000
@@ -23,7 +23,7 @@ MOST = 5_000
 MOST_REPORTED = 5_000
 """Beginnings and outcomes of actions that are remembered as entered."""
 LONGEST_WAIT = 5.0
-"""Wall seconds that a deed may have waited before it was published."""
+"""Wall seconds that an activity event may have waited before it was published."""
 LEVELS: dict[str, Level] = {"error": "error", "warning": "warning"}
 
 What = Literal[
@@ -98,13 +98,13 @@ class Timeline:
 
 
 class Reporter:
-    """Enters changes and deeds in the timeline, and messages in their log. A call enters a change."""
+    """Enters changes and activity in the timeline, and messages in their log. A call enters a change."""
 
     def __init__(self, timeline: Timeline, letters: MessageLog, now: Callable[[], float], rate: float = 1.0) -> None:
         """`rate`: seconds of `now` per wall second."""
         self._timeline, self._letters, self._now, self._rate = timeline, letters, now, rate
         self.left_out = 0
-        """Deeds that agents did not publish, because there were too many at a time."""
+        """Activity events that agents did not publish, because there were too many at a time."""
         self._reported: dict[tuple[What, str], None] = {}
 
     def __call__(self, who: str, text: str, level: Level = "info") -> None:
@@ -118,19 +118,19 @@ class Reporter:
             state = status.state if status.final else ""
             self._timeline.add(self._now(), who, what, text, level, id=status.id, state=state, reason=status.reason)
 
-    def deeds(self, agent: str, told: MindDeeds) -> None:
+    def activity(self, agent: str, told: MindActivity) -> None:
         """Enter what an agent has done."""
-        for deed in told.deeds:
-            late = (told.now - deed.time) / told.speed if told.now and told.speed > 0 else 0.0
-            self._deed(agent, deed, self._now() - min(max(0.0, late), LONGEST_WAIT) * self._rate)
+        for event in told.events:
+            late = (told.now - event.time) / told.speed if told.now and told.speed > 0 else 0.0
+            self._event(agent, event, self._now() - min(max(0.0, late), LONGEST_WAIT) * self._rate)
         self.left_out += told.left_out
         if told.left_out:
-            self(agent, f"{told.left_out} more of its deeds were not published: too many at a time", "warning")
+            self(agent, f"{told.left_out} of its activity events were not published: too many at a time", "warning")
 
-    def _deed(self, agent: str, deed: Deed, at: float) -> None:
-        self._letters.deed(agent, deed, at)
-        what, level, text = _what(deed), _level(deed), _text(agent, deed)
-        if what in ("action", "outcome") and not self._is_new(what, deed.id):
+    def _event(self, agent: str, event: ActivityEvent, at: float) -> None:
+        self._letters.event(agent, event, at)
+        what, level, text = _what(event), _level(event), _text(agent, event)
+        if what in ("action", "outcome") and not self._is_new(what, event.id):
             return
         self._timeline.add(
             at,
@@ -138,13 +138,13 @@ class Reporter:
             what,
             text,
             level,
-            id=deed.id,
-            other=deed.other,
-            performative=deed.performative,
-            in_reply_to=deed.in_reply_to,
-            state=deed.state,
-            reason=deed.reason,
-            mission=deed.time,
+            id=event.id,
+            other=event.other,
+            performative=event.performative,
+            in_reply_to=event.in_reply_to,
+            state=event.state,
+            reason=event.reason,
+            mission=event.time,
         )
 
     def _is_new(self, what: What, id: str) -> bool:
@@ -159,39 +159,39 @@ class Reporter:
         return True
 
 
-def _what(deed: Deed) -> What:
-    return "told" if deed.kind == "stopped" else deed.kind
+def _what(event: ActivityEvent) -> What:
+    return "told" if event.kind == "stopped" else event.kind
 
 
-def _level(deed: Deed) -> Level:
-    match deed.kind:
+def _level(event: ActivityEvent) -> Level:
+    match event.kind:
         case "print":
             return "print"
         case "action":
             return "action"
         case "outcome":
-            return "good" if deed.state == "succeeded" else "warning"
+            return "good" if event.state == "succeeded" else "warning"
         case "undelivered" | "operator" | "stopped":
             return "warning"
         case "log":
-            return LEVELS.get(deed.state, "info")
+            return LEVELS.get(event.state, "info")
     return "info"
 
 
-def _text(agent: str, deed: Deed) -> str:
-    why = f": {deed.reason}" if deed.reason else ""
-    match deed.kind:
+def _text(agent: str, event: ActivityEvent) -> str:
+    why = f": {event.reason}" if event.reason else ""
+    match event.kind:
         case "sent":
-            return f"→ {deed.other} {deed.performative} {deed.text.removesuffix(f'[source({agent})]')}"
+            return f"→ {event.other} {event.performative} {event.text.removesuffix(f'[source({agent})]')}"
         case "received":
-            text = deed.text.removesuffix(f"[source({deed.other})]")
-            return f"← {deed.other} {deed.performative} {text}"
+            text = event.text.removesuffix(f"[source({event.other})]")
+            return f"← {event.other} {event.performative} {text}"
         case "undelivered":
-            return f"not delivered to {deed.other}: {deed.performative} {deed.text}{why}"
+            return f"not delivered to {event.other}: {event.performative} {event.text}{why}"
         case "outcome":
-            return f"{deed.text} {deed.state}{why}".strip()
+            return f"{event.text} {event.state}{why}".strip()
         case "stopped":
-            return f"stopped {deed.text}{why}".rstrip()
+            return f"stopped {event.text}{why}".rstrip()
         case "operator":
-            return f"the operator: {deed.text}{why}"
-    return deed.text
+            return f"the operator: {event.text}{why}"
+    return event.text

@@ -20,7 +20,7 @@ from schemas.files.findings import Findings
 from schemas.humanize import count
 from schemas.mission.model import Mission, read_mission
 from schemas.wire import keys
-from schemas.wire.mind_records import MindDeeds
+from schemas.wire.mind_records import MindActivity
 from schemas.wire.records import ActionStatus, Perception
 
 PROMPT = 0.5
@@ -141,7 +141,7 @@ def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[
                 f"--robot {name}: there is no such robot in it; there are {', '.join(robots) or 'none'}"
             )
     unread: Counter[str] = Counter()
-    speed = next((deeds.speed for _, deeds in recording.typed(MindDeeds)), recording.facts.speed)
+    speed = next((one.speed for _, one in recording.typed(MindActivity)), recording.facts.speed)
     reader = SceneReader(title, whose, robot_of, agents, mission=mission, speed=speed)
     scene = reader.read(_heard(recording, whose, speed, unread))
     for name, number in unread.items():
@@ -169,7 +169,7 @@ def _team(recording: Recording, fleet: str) -> tuple[str, dict[str, str], list[s
 def _heard(recording: Recording, fleet: str, speed: float, unread: Counter[str]) -> Iterator[Heard]:
     """Yield the records of a plot in order, with mission seconds since the beginning; count unreadable ones."""
     only = (f"{keys.ROOT}/{fleet}/**",)
-    for message in recording.messages(only=only, records=(Perception, ActionStatus, MindDeeds)):
+    for message in recording.messages(only=only, records=(Perception, ActionStatus, MindActivity)):
         if (record := message.record) is None:
             unread[message.name] += 1
         else:

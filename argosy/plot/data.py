@@ -14,7 +14,7 @@ from schemas.geo import distance
 from schemas.humanize import printable
 from schemas.mission.model import Mission
 from schemas.wire import keys
-from schemas.wire.mind_records import MindDeeds
+from schemas.wire.mind_records import MindActivity
 from schemas.wire.records import ActionStatus, Perception, Record
 from schemas.wire.term_text import write
 
@@ -83,7 +83,7 @@ class Scene:
     modes: list[str] = field(default_factory=list)
     """All modes in the recording, so that each has the same colour in every part of it."""
     told: bool = False
-    """Whether agents published their deeds, so that the messages are complete."""
+    """Whether agents published their activity, so that the messages are complete."""
     notes: list[str] = field(default_factory=list)
     """What is missing, as text."""
 
@@ -146,7 +146,7 @@ class SceneReader:
                     self._sight(self._model.robots[self._model.eyes[agent]].seen, percept)
                 case ActionStatus() as status if agent in self._robot_of:
                     self._target(self._model.robots[self._robot_of[agent]].seen, status)
-                case MindDeeds():
+                case MindActivity():
                     self._told = True
         return self._scene()
 
@@ -197,8 +197,10 @@ class SceneReader:
             scene.notes.append(f"{model.actions_forgotten} actions are left out, the first ones")
         if model.letters.forgotten:
             scene.notes.append(f"{model.letters.forgotten} messages are left out, the first ones")
-        if model.deeds_left_out:
-            scene.notes.append(f"{model.deeds_left_out} deeds are missing: the agents had no room to publish them")
+        if model.activity_left_out:
+            scene.notes.append(
+                f"{model.activity_left_out} activity events are missing: the agents had no room to publish them"
+            )
         return scene
 
 

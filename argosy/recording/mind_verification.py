@@ -220,7 +220,7 @@ def _is_one(numbers: list[range]) -> bool:
 
 
 SHOWN = 5
-"""Inputs that are shown of what came in before a difference, and deeds of each life after it."""
+"""Inputs that are shown of what came in before a difference, and decisions and effects of each life after it."""
 LONGEST = 200
 """Characters of a line: what programs print may be long."""
 

@@ -222,17 +222,20 @@ def _consent(setup: Setup, args: Namespace) -> None:
     if not setup.real or args.yes:
         return
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise RunRefused(f"this would {_deeds(setup)}; without a terminal to ask at, confirm by --yes")
-    print(f"this will {_deeds(setup)}. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+        raise RunRefused(f"this would {_consequences(setup)}; without a terminal to ask at, confirm by --yes")
+    print(f"this will {_consequences(setup)}. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         raise RunRefused("nothing was started", EXIT_FAILED)
 
 
-def _deeds(setup: Setup) -> str:
+def _consequences(setup: Setup) -> str:
     """Return what happens to the real robots, as text: those with a MAVLink link may be armed."""
     vehicles = sorted(name for name in setup.real if address_of(setup.mission.robots[name]) is not None)
-    deeds = (("arm and fly the real vehicle", vehicles), ("act on the real robot", sorted({*setup.real} - {*vehicles})))
-    said = [f"{deed}{'s' if len(names) > 1 else ''} {', '.join(names)}" for deed, names in deeds if names]
+    actions = (
+        ("arm and fly the real vehicle", vehicles),
+        ("act on the real robot", sorted({*setup.real} - {*vehicles})),
+    )
+    said = [f"{action}{'s' if len(names) > 1 else ''} {', '.join(names)}" for action, names in actions if names]
     return " and ".join(said)
 
 

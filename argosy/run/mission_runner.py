@@ -43,7 +43,7 @@ LEAVE_BRIDGE = 35.0
 LEAVE_RECORDER = 15.0
 """Wall seconds that a recorder has to fetch what it has missed and to end its file."""
 WANTED = Wanted(minds_every=0.5, beliefs_per_tick=AT_ONCE, whole_fleet=False)
-"""Minds with beliefs, twice a second; no deeds and no mail."""
+"""Minds with beliefs, twice a second; no activity and no mail."""
 POLL = 0.02
 """Wall seconds between two checks of whether a process is up."""
 _LEVELS: Mapping[log_lines.Level, Level] = {

@@ -124,7 +124,7 @@ def lines_of(fleet: str, name: str, found: Name, seconds: float, types: bool) ->
             for served in acts or [rest]:
                 yield f"  query  {at}/{served}{_types(channel, types)}"
     if "agentd" in found.daemons:
-        for part in ("inputs", "decisions", "deeds"):
+        for part in ("inputs", "decisions", "activity"):
             key = f"{at}/trace/{part}"
             yield f"  put    {key}{_record(key) if types else ''}  while somebody listens"
     for rest, (count, size) in sorted(found.said.items()):

@@ -16,7 +16,15 @@ from schemas.humanize import shortened
 from schemas.manifest.loader import ActionDescription
 from schemas.wire import keys, mind_records, records
 from schemas.wire.codec import MEDIA, BadRecord, Wire, codec
-from schemas.wire.mind_records import DecisionView, Deed, MindDecisions, MindDeeds, MindInputs, MindOrder, MindView
+from schemas.wire.mind_records import (
+    ActivityEvent,
+    DecisionView,
+    MindActivity,
+    MindDecisions,
+    MindInputs,
+    MindOrder,
+    MindView,
+)
 from schemas.wire.records import (
     Action,
     ActionStatus,
@@ -91,7 +99,7 @@ def in_words(record: Record) -> str:
             )
         case Outcome():
             return ("done" if record.ok else "NOT done") + (f": {record.reason}" if record.reason else "")
-        case MindView() | MindInputs() | MindDecisions() | MindDeeds():
+        case MindView() | MindInputs() | MindDecisions() | MindActivity():
             return _mind(record)
         case _:
             return _small(record)
@@ -142,7 +150,7 @@ def _message(message: Message) -> str:
     return f"{message.sender} > {message.receiver} {message.performative} {write(message.content)}"
 
 
-def _mind(record: MindView | MindInputs | MindDecisions | MindDeeds) -> str:
+def _mind(record: MindView | MindInputs | MindDecisions | MindActivity) -> str:
     match record:
         case MindView():
             what = f"cycle {record.cycle} {record.state}, {len(record.beliefs) + record.beliefs_left_out} beliefs"
@@ -152,8 +160,8 @@ def _mind(record: MindView | MindInputs | MindDecisions | MindDeeds) -> str:
             return f"{record.agent}: batch {record.number} to cycle {record.last}, {len(record.inputs)} inputs"
         case MindDecisions():
             told = [*map(_decision, record.decisions), *(f"{one.formula}: {one.error}" for one in record.failures)]
-        case MindDeeds():
-            told = [_deed(one) for one in record.deeds]
+        case MindActivity():
+            told = [_event(one) for one in record.events]
     return "; ".join(told) + (f"; {record.left_out} left out" if record.left_out else "")
 
 
@@ -164,14 +172,14 @@ def _decision(decision: DecisionView) -> str:
     return f"{decision.event}: {chosen.label or chosen.trigger}" + (f" ({chosen.position})" if chosen.position else "")
 
 
-def _deed(deed: Deed) -> str:
-    match deed.kind:
+def _event(event: ActivityEvent) -> str:
+    match event.kind:
         case "sent":
-            return f"sent {deed.other} {deed.performative} {deed.text}"
+            return f"sent {event.other} {event.performative} {event.text}"
         case "received":
-            return f"received of {deed.other} {deed.performative} {deed.text}"
-    said = " ".join(filter(None, (deed.kind, deed.text, deed.state)))
-    return said + (f": {deed.reason}" if deed.reason else "")
+            return f"received of {event.other} {event.performative} {event.text}"
+    said = " ".join(filter(None, (event.kind, event.text, event.state)))
+    return said + (f": {event.reason}" if event.reason else "")
 
 
 def _why(services: BoardServices) -> str:

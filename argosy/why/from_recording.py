@@ -14,7 +14,7 @@ from argosy.recording.mind_inputs import Life, in_words
 from argosy.recording.reader import Recording, open_recording
 from schemas.files.findings import did_you_mean
 from schemas.wire import keys
-from schemas.wire.mind_records import Deed, MindDeeds, MindInputs, MindView
+from schemas.wire.mind_records import ActivityEvent, MindActivity, MindInputs, MindView
 
 LOOK = Look(plans=True, last=1000, beliefs=MOST_BELIEFS)
 """A mind that lives again remembers more decisions than one that has to fly."""
@@ -81,14 +81,14 @@ def _live(lived: ReplayedMind, batch: MindInputs, at: float | None) -> bool:
     return not later
 
 
-def _actions(recording: Recording, life: Life, at: float | None) -> Iterable[Deed]:
-    only = (keys.trace(life.fleet, life.agent, "deeds"),)
-    records = [one for _, one in recording.typed(MindDeeds, only) if one.header.boot == life.boot]
-    deeds = (deed for record in records for deed in record.deeds if deed.kind in ("action", "outcome"))
-    return [deed for deed in deeds if at is None or deed.time <= at][-MOST_ACTIONS:]
+def _actions(recording: Recording, life: Life, at: float | None) -> Iterable[ActivityEvent]:
+    only = (keys.trace(life.fleet, life.agent, "activity"),)
+    records = [one for _, one in recording.typed(MindActivity, only) if one.header.boot == life.boot]
+    events = (event for record in records for event in record.events if event.kind in ("action", "outcome"))
+    return [event for event in events if at is None or event.time <= at][-MOST_ACTIONS:]
 
 
-def _view(lived: ReplayedMind, at: float | None, actions: Iterable[Deed]) -> MindView:
+def _view(lived: ReplayedMind, at: float | None, actions: Iterable[ActivityEvent]) -> MindView:
     mind, now = lived.mind, lived.now if at is None else max(lived.now, at)
     believed, beliefs_left_out = Beliefs(mind).shown(LOOK, now)
     intentions, intentions_left_out = intentions_of(mind)

@@ -13,7 +13,7 @@ from argosy.why.unanswered_questions import MailFacts, question_paragraph
 from argosy.why.wording import ago, event_words, failure_words, plan_words, shown, sign_of
 from schemas.files.findings import did_you_mean
 from schemas.humanize import count, span
-from schemas.wire.mind_records import BeliefView, Deed, FailureView, IntentionView, MindView, PlanView
+from schemas.wire.mind_records import ActivityEvent, BeliefView, FailureView, IntentionView, MindView, PlanView
 
 MOST_BELIEFS = 5
 MOST_PLANS = 6
@@ -37,7 +37,7 @@ def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list
     happened += [
         question_paragraph(memory, q, facts) for q in view.questions if _asks(subject, q.content, q.performative)
     ]
-    happened += list(_deeds(memory, subject, {failure.formula for failure in failures}))
+    happened += list(_performed(memory, subject, {failure.formula for failure in failures}))
     happened.sort(key=lambda paragraph: paragraph.time or 0.0)
     found = [*happened[-last:], *_intended(memory, subject), *_believed(memory, subject)]
     program = list(_program(memory, subject, bool(happened)))
@@ -82,28 +82,28 @@ def _key(failure: FailureView) -> tuple[str, str, str]:
     return failure.position, failure.error, failure.reason
 
 
-def _deeds(memory: Memory, subject: Subject, failed: set[str]) -> Iterator[Paragraph]:
+def _performed(memory: Memory, subject: Subject, failed: set[str]) -> Iterator[Paragraph]:
     """Explain actions and their outcomes, without those whose failure is explained already."""
-    ends = {deed.id: deed for deed in memory.view.actions if deed.kind == "outcome"}
-    for deed in memory.view.actions:
-        if deed.kind != "action" or not subject.is_of(deed.text):
+    ends = {action.id: action for action in memory.view.actions if action.kind == "outcome"}
+    for action in memory.view.actions:
+        if action.kind != "action" or not subject.is_of(action.text):
             continue
-        end = ends.get(deed.id)
-        if end is not None and end.state != "succeeded" and deed.text in failed:
+        end = ends.get(action.id)
+        if end is not None and end.state != "succeeded" and action.text in failed:
             continue
         places = [
             (place, plan) for plan in memory.view.plans for use, place in plan.uses.items() if _raises(subject, use)
         ]
         sites = [Line(f"It stands at {at}, in the plan {plan_words(plan)}.", 1, at) for at, plan in places[:MOST_SITES]]
-        yield Paragraph("action", (Line(_deed(memory, deed, end)), *sites), deed.time)
+        yield Paragraph("action", (Line(_action(memory, action, end)), *sites), action.time)
 
 
-def _deed(memory: Memory, deed: Deed, end: Deed | None) -> str:
-    begun = f"{ago(memory.now, deed.time)}: the action {shown(deed.text)} was begun"
+def _action(memory: Memory, action: ActivityEvent, end: ActivityEvent | None) -> str:
+    begun = f"{ago(memory.now, action.time)}: the action {shown(action.text)} was begun"
     if end is None:
         return f"{begun}; it has not ended."
     why = f": {shown(end.reason)}" if end.reason else ""
-    return f"{begun}, and {end.time - deed.time:.1f} s later it {_state(end.state)}{why}."
+    return f"{begun}, and {end.time - action.time:.1f} s later it {_state(end.state)}{why}."
 
 
 def _state(state: str) -> str:
@@ -211,7 +211,7 @@ def names_of(view: MindView) -> list[str]:
     names |= {parts_of(plan.trigger)[1] for plan in view.plans}
     names |= {sign_of(use)[1].rpartition("/")[0] for plan in view.plans for use in plan.uses}
     names |= {parts_of(belief)[1] for belief in view.beliefs}
-    names |= {parts_of(deed.text)[1] for deed in view.actions}
+    names |= {parts_of(action.text)[1] for action in view.actions}
     return sorted(name for name in names if name)
 
 

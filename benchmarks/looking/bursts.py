@@ -23,12 +23,12 @@ from benchmarks.watched import Watched
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import QueryFailed
 from schemas.wire import keys
-from schemas.wire.mind_records import MindDecisions, MindDeeds, MindInputs, MindView
+from schemas.wire.mind_records import MindActivity, MindDecisions, MindInputs, MindView
 from schemas.wire.records import Health, Perception
 
 FLEET: Final = "looking"
 ANSWER_TIMEOUT: Final = 10.0
-TRACES: Final[dict[str, Any]] = {"inputs": MindInputs, "decisions": MindDecisions, "deeds": MindDeeds}
+TRACES: Final[dict[str, Any]] = {"inputs": MindInputs, "decisions": MindDecisions, "activity": MindActivity}
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,15 @@ _WATCH: Final = Onlooker(
 )
 LOOKS: Final = (_RUN, _WATCH)
 LISTENERS: Final = (
-    Onlooker("deeds", "`argosy ui` besides: it hears deeds", traces=("deeds",)),
-    Onlooker("recorder", "`argosy record`: hears inputs, decisions and deeds", traces=("inputs", "decisions", "deeds")),
+    Onlooker("activity", "`argosy ui` besides: it hears activity", traces=("activity",)),
+    Onlooker(
+        "recorder", "`argosy record`: hears inputs, decisions and activity", traces=("inputs", "decisions", "activity")
+    ),
 )
 ONLOOKERS: Final = (
     CONTROL,
     Onlooker("watch", f"`argosy watch`: the mind with plans and 30 decisions, {RATE:g} Hz", _WATCH.selector),
-    Onlooker("ui", "`argosy ui`: the same, and its deeds", _WATCH.selector, traces=("deeds",)),
+    Onlooker("ui", "`argosy ui`: the same, and its activity", _WATCH.selector, traces=("activity",)),
     Onlooker("greedy", "somebody who asks 50 times a second", "", 50.0),
     LISTENERS[1],
 )

@@ -45,7 +45,7 @@ GOAL: Final = 2.0
 LOOKING: Final = ("run", "watch")
 PUT_AT_MOST: Final = 4.0
 """Hz at which a mind puts what it has done."""
-VIEWS: Final = {"run": ("run",), "watch": ("watch",), "ui": ("watch", "deeds")}
+VIEWS: Final = {"run": ("run",), "watch": ("watch",), "ui": ("watch", "activity")}
 """What the commands that look on do: looks, and what they listen to."""
 
 
@@ -55,7 +55,7 @@ UNDECIDED: Final = (
 )
 _SPENT: Final = (
     "a look at a mind is made and encoded in the agent's own process; which part of it takes the most is not known "
-    "here; tried: `argosy {view}` asks for no more than it shows, and deeds are put at most four times a second"
+    "here; tried: `argosy {view}` asks for no more than it shows, and activity is put at most four times a second"
 )
 
 
@@ -104,7 +104,7 @@ class Figures:
     def _lost(self, cost: Cost) -> Interval:
         if cost.key in LOOKING:  # milliseconds a look, so many looks a second
             return cost.extra.scaled(self.rate / 10)
-        if cost.key == "deeds":  # what was done is put so often at most, however much it is
+        if cost.key == "activity":  # what was done is put so often at most, however much it is
             return cost.extra.scaled(PUT_AT_MOST / 10 / max(cost.heard, 0.01))
         return cost.extra.scaled(100 / cost.work)  # inputs and decisions grow with the work
 
@@ -161,7 +161,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             f" at {figures.rate:g} Hz"
             if cost.key in LOOKING
             else f" at {PUT_AT_MOST:g} Hz"
-            if cost.key == "deeds"
+            if cost.key == "activity"
             else ""
         )
         cells = [cost.title, f"{cost.extra.count}", f"{cost.work:.1f} ms", cost.extra.told(" ms", 2)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from schemas.liveness import STATUS_EVERY
-from schemas.wire.mind_records import MindDecisions, MindDeeds, MindInputs, MindOrder, MindView
+from schemas.wire.mind_records import MindActivity, MindDecisions, MindInputs, MindOrder, MindView
 from schemas.wire.records import (
     Action,
     ActionStatus,
@@ -95,7 +95,7 @@ CHANNELS = (
     Channel("{agent}/trace/inputs", "put", MindInputs, None, "agentd", "observers", 4, "mail"),
     Channel("{agent}/trace/inputs", "query", None, MindInputs, "agentd", "observers", None, "mail"),
     Channel("{agent}/trace/decisions", "put", MindDecisions, None, "agentd", "observers", 4, "minds"),
-    Channel("{agent}/trace/deeds", "put", MindDeeds, None, "agentd", "observers", 4, "mail"),
+    Channel("{agent}/trace/activity", "put", MindActivity, None, "agentd", "observers", 4, "mail"),
     Channel("{agent}/control", "query", MindOrder, Outcome, "agentd", "operator", None, None),
     Channel("{robot}/manifest", "query", ManifestChange, LiveManifest, "bridged", "operator", None, None),
     Channel("{robot}/manifest", "put", LiveManifest, None, "bridged", "observers", None, "telemetry"),
@@ -174,7 +174,7 @@ def mind(fleet: str, agent: str) -> str:
 
 
 def trace(fleet: str, agent: str, part: str) -> str:
-    """Return the key of a mind's trace: `inputs`, `decisions` or `deeds`; published only while there are
+    """Return the key of a mind's trace: `inputs`, `decisions` or `activity`; published only while there are
     subscribers."""
     return f"{ROOT}/{fleet}/{agent}/trace/{part}"
 

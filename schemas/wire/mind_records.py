@@ -246,7 +246,7 @@ class MindView(Record, frozen=True, kw_only=True):
     """How much was dropped because too much waited: `events`, `messages` and `questions`."""
     drops: tuple[DropView, ...] = ()
     """What was dropped, by its name; at most 50 of them."""
-    actions: tuple[Deed, ...] = ()
+    actions: tuple[ActivityEvent, ...] = ()
     """The last actions that it asked for and their outcomes, oldest first."""
     done: dict[str, bool] = {}
     """The mission's `done` formulas of this agent and whether they hold."""
@@ -351,7 +351,7 @@ class MindDecisions(Record, frozen=True, kw_only=True):
     """Mission seconds per wall second."""
 
 
-class Deed(Record, frozen=True, kw_only=True):
+class ActivityEvent(Record, frozen=True, kw_only=True):
     """Something that an agent did or that was done to it, for people who look on."""
 
     cycle: int = 0
@@ -372,7 +372,7 @@ class Deed(Record, frozen=True, kw_only=True):
     """Why an action failed or a message was not delivered."""
 
 
-class MindDeeds(Record, frozen=True, kw_only=True):
+class MindActivity(Record, frozen=True, kw_only=True):
     """What an agent has done since the last one, as far as there is room; `left_out` counts the rest."""
 
     header: Header = Header()
@@ -381,5 +381,5 @@ class MindDeeds(Record, frozen=True, kw_only=True):
     """Mission seconds at the time of the header."""
     speed: float = 1.0
     """Mission seconds that pass in a wall second."""
-    deeds: tuple[Deed, ...] = ()
+    events: tuple[ActivityEvent, ...] = ()
     left_out: int = 0

@@ -38,7 +38,7 @@ SHOWN: Final = (
     "RejectedView",
     "FailureView",
     "DropView",
-    "Deed",
+    "ActivityEvent",
 )
 """The records whose fields stand on the page."""
 _STEADY: Final = {

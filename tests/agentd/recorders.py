@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from commd.bus.bus import Bus
 from schemas.wire import keys
-from schemas.wire.mind_records import DecisionView, Deed, MindDecisions, MindDeeds, MindInputs
+from schemas.wire.mind_records import ActivityEvent, DecisionView, MindActivity, MindDecisions, MindInputs
 from tests.support.buses import until
 
 PATIENCE = 90.0
@@ -19,17 +19,19 @@ class Recorder:
         self.life = ""
         """The first life that it has heard of: further ones are left out."""
         self.decided: list[MindDecisions] = []
-        self.told: list[MindDeeds] = []
+        self.told: list[MindActivity] = []
         self._bus, self._agent = bus, agent
-        wanted = channels or ("inputs", "decisions", "deeds")
+        wanted = channels or ("inputs", "decisions", "activity")
         if "inputs" in wanted:
             bus.subscribe(keys.trace(bus.fleet, agent, "inputs"), MindInputs, lambda _, batch: self._take(batch))
         if "decisions" in wanted:
             bus.subscribe(
                 keys.trace(bus.fleet, agent, "decisions"), MindDecisions, lambda _, some: self.decided.append(some)
             )
-        if "deeds" in wanted:
-            bus.subscribe(keys.trace(bus.fleet, agent, "deeds"), MindDeeds, lambda _, some: self.told.append(some))
+        if "activity" in wanted:
+            bus.subscribe(
+                keys.trace(bus.fleet, agent, "activity"), MindActivity, lambda _, some: self.told.append(some)
+            )
 
     def _take(self, batch: MindInputs) -> None:
         self.life = self.life or batch.header.boot
@@ -58,5 +60,5 @@ class Recorder:
         return [one for some in self.decided for one in some.decisions]
 
     @property
-    def deeds(self) -> list[Deed]:
-        return [one for some in self.told for one in some.deeds]
+    def activity(self) -> list[ActivityEvent]:
+        return [one for some in self.told for one in some.events]

@@ -17,7 +17,7 @@ from tests.support.processes import running
 def test_onlookers_look_at_agents_and_listen_to_them() -> None:
     figures = measure(True)
     found = {cost.key: cost for cost in figures.costs}
-    assert found.keys() == {"run", "watch", "control", "deeds", "recorder"}
+    assert found.keys() == {"run", "watch", "control", "activity", "recorder"}
     assert found["run"].heard == found["watch"].heard == 1
     assert found["control"].heard == 0
     assert found["recorder"].heard >= 1
@@ -33,7 +33,7 @@ def _figures(extra: Interval, heard: Interval) -> Figures:
     costs = [
         Cost("run", "run", extra, 20.0, 1),
         Cost("watch", "watch", extra, 20.0, 1),
-        Cost("deeds", "deeds", heard, 20.0, 2),
+        Cost("activity", "activity", heard, 20.0, 2),
         Cost("recorder", "recorder", heard, 20.0, 3),
     ]
     nothing = Interval(0, 0, 0, 9)

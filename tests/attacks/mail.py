@@ -11,7 +11,7 @@ import zenoh
 from commd.bus.bus import Bus, Query, open_bus
 from commd.client import Client, join
 from schemas.wire import keys
-from schemas.wire.mind_records import Deed, MindDecisions, MindDeeds, MindInput, MindInputs, MindView
+from schemas.wire.mind_records import ActivityEvent, MindActivity, MindDecisions, MindInput, MindInputs, MindView
 from schemas.wire.records import ActionStatus, Health, Mail, Message, Receipt
 from schemas.wire.term_text import write
 from schemas.wire.terms import Atom, Structure
@@ -34,7 +34,7 @@ robots:
 clients: {hunter: {board: pi3}}
 gateway: {board: pi1, listen: "LISTEN", nodes: {old: "NODE"}}
 """
-TRACE = ("inputs", "decisions", "deeds")
+TRACE = ("inputs", "decisions", "activity")
 MEMBER = "a member of pi3"
 PLAN = "+!go <- cmd_vel(1, 0, 0)."
 
@@ -110,8 +110,8 @@ async def reading_mail(world: World) -> Row:
         "(mail), pi3 and a member of pi3 subscribe to `argosy/**`, and ask `a/mind`, `*/mind` and `a/trace/inputs`",
         "pi1's router: what is beyond a right is not told, and may not be asked; boards have `telemetry` of others",
     )
-    mind, inputs, decisions, deeds = keys.mind(NAME, "a"), *(keys.trace(NAME, "a", part) for part in TRACE)
-    minds, mail = {decisions, mind}, {inputs, deeds}
+    mind, inputs, decisions, activity = keys.mind(NAME, "a"), *(keys.trace(NAME, "a", part) for part in TRACE)
+    minds, mail = {decisions, mind}, {inputs, activity}
     rights = {"ops": minds | mail, "judge": minds | mail, "mate": minds, "eye": set(), "pi3": set(), MEMBER: set()}
     async with AsyncExitStack() as stack:
         agent = await stack.enter_async_context(world.member("pi1", "a"))
@@ -134,7 +134,7 @@ async def reading_mail(world: World) -> Row:
             while not all(told.values()) or not mail | {decisions} <= seen["ops"] & seen["judge"]:
                 agent.put(inputs, MindInputs(agent="a", inputs=(MindInput(cycle=1, kind="Mail"),)))
                 agent.put(decisions, MindDecisions(agent="a"))
-                agent.put(deeds, MindDeeds(agent="a", deeds=(Deed(kind="received", text="meet(7)"),)))
+                agent.put(activity, MindActivity(agent="a", events=(ActivityEvent(kind="received", text="meet(7)"),)))
                 agent.put(keys.health(NAME, "a", "agentd"), Health(daemon="agentd"))
                 await asyncio.sleep(0.1)
         for who, bus in buses.items():
@@ -145,7 +145,7 @@ async def reading_mail(world: World) -> Row:
         row.expect(seen[who] == may, f"{who} sees {sorted(may)}: {sorted(seen[who])}")
     row.seen.append("eye, pi3 and its member: the health of `a`, and nothing of its mind and trace; no reply")
     row.seen.append(
-        "mate: the mind and `trace/decisions`; judge and the operator: `trace/inputs` and `trace/deeds`, too"
+        "mate: the mind and `trace/decisions`; judge and the operator: `trace/inputs` and `trace/activity`, too"
     )
     return row
 

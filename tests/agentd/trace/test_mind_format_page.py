@@ -44,13 +44,13 @@ def test_each_field_of_a_mind_is_told_with_its_meaning() -> None:
         assert f"### {name}\n" in part("fields")
 
 
-def test_each_kind_of_input_and_deed_is_in_the_tables_and_no_other() -> None:
+def test_each_kind_of_input_and_activity_event_is_in_the_tables_and_no_other() -> None:
     text = PAGE.read_text(encoding="utf-8")
     rows = re.findall(
         r"^\| (`\w+`(?:, `\w+`)*) \|", text.partition("An input has a `kind`")[2].partition("\n\nLiterals")[0], re.M
     )
     assert {name for row in rows for name in re.findall(r"\w+", row)} == {*KINDS, UNWRITTEN}
-    deeds = text.partition("**`trace/deeds`**")[2].partition("**`trace/decisions`**")[0]
-    told = {name for row in re.findall(r"^\| (`[^|]*`) \|", deeds, re.M) for name in re.findall(r"\w+", row)}
-    kinds = next(field for field in msgspec.structs.fields(mind_records.Deed) if field.name == "kind")
+    activity = text.partition("**`trace/activity`**")[2].partition("**`trace/decisions`**")[0]
+    told = {name for row in re.findall(r"^\| (`[^|]*`) \|", activity, re.M) for name in re.findall(r"\w+", row)}
+    kinds = next(field for field in msgspec.structs.fields(mind_records.ActivityEvent) if field.name == "kind")
     assert told == set(kinds.type.__args__)

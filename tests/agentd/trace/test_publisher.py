@@ -129,10 +129,10 @@ def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is
     traced(endpoint, tmp_path, body)
 
 
-def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp_path: Path) -> None:
+def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp_path: Path) -> None:
     async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
-        deeds = Recorder(bus, "uav", "deeds")
-        await until(lambda: agent.host._tracing.deeds.listened, "the agent knows that somebody listens")
+        activity = Recorder(bus, "uav", "activity")
+        await until(lambda: agent.host._tracing.activity.listened, "the agent knows that somebody listens")
         assert not agent.host._tracing.inputs.listened
         agent.tell(hello(7))
         agent.tell(Mail("ann", "achieve", term("fly(5)"), "mid8.ann.1"))
@@ -146,8 +146,8 @@ def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp
         )
         agent.tell(Mail("ann", "achieve", term("nothing(1)"), "mid9.ann.1"))
         agent.host._ordered("goal !fly(3)")
-        await until(lambda: any(one.kind == "log" for one in deeds.deeds), "the last of it is told")
-        found = {one.kind: one for one in deeds.deeds if one.other != "ann" or "hello" in one.text}
+        await until(lambda: any(one.kind == "log" for one in activity.activity), "the last of it is told")
+        found = {one.kind: one for one in activity.activity if one.other != "ann" or "hello" in one.text}
         life = agent.host._tracing.life
         assert found["received"].text == "hello(7)"
         assert (found["received"].id, found["received"].other) == ("mid7.ann.1", "ann")
@@ -160,9 +160,9 @@ def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp
         told = found["undelivered"]
         assert (told.id, told.other, told.text, told.reason) == ("mid3.uav.9", "bob", "here(1)", "too long")
         assert found["operator"].text == "goal !fly(3)"
-        prints = [one.text for one in deeds.deeds if one.kind == "print"]
+        prints = [one.text for one in activity.activity if one.kind == "print"]
         assert prints == ["ann says 7", "not flown: agent uav has no robot to do takeoff"]
-        assert {one.state for one in deeds.deeds if one.kind == "log"} <= {"error", "warning"}
+        assert {one.state for one in activity.activity if one.kind == "log"} <= {"error", "warning"}
         actions = [(one.kind, one.text or one.state) for one in agent.host.view().actions]
         assert actions == [("action", "takeoff(5)"), ("outcome", "refused")]
 
@@ -172,16 +172,16 @@ def test_deeds_tell_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp
 def test_an_answer_is_told_with_the_id_of_the_question_as_it_was_sent(endpoint: str, tmp_path: Path) -> None:
     async def everything(connect: Connect) -> None:
         bus, other = await connect("uav"), await connect("recorder", "tool")
-        deeds = Recorder(other, "uav", "deeds")
+        activity = Recorder(other, "uav", "activity")
         asks = "+go <- .send(ann, askOne, height(_), A); .print(A)."
         agent = await host_on(bus, "uav", asks, tmp_path, others=("ann",))
-        await until(lambda: agent.host._tracing.deeds.listened, "the agent knows that somebody listens")
+        await until(lambda: agent.host._tracing.activity.listened, "the agent knows that somebody listens")
         agent.tell(Mail("ann", "tell", term("go"), "mid1.ann.1"))
-        await until(lambda: any(one.kind == "sent" for one in deeds.deeds), "it has asked")
-        sent = next(one for one in deeds.deeds if one.kind == "sent")
+        await until(lambda: any(one.kind == "sent" for one in activity.activity), "it has asked")
+        sent = next(one for one in activity.activity if one.kind == "sent")
         agent.tell(Mail("ann", "tell", term("height(9)"), "mid2.ann.1", sent.id.rpartition(".")[0]))
-        await until(lambda: any(one.text == "height(9)" for one in deeds.deeds), "it has the answer")
-        answer = next(one for one in deeds.deeds if one.kind == "received" and one.text == "height(9)")
+        await until(lambda: any(one.text == "height(9)" for one in activity.activity), "it has the answer")
+        answer = next(one for one in activity.activity if one.kind == "received" and one.text == "height(9)")
         assert answer.in_reply_to == sent.id
         await agent.end()
 
@@ -192,19 +192,19 @@ def test_a_flood_is_bounded_and_what_is_left_out_is_counted(endpoint: str, tmp_p
     async def everything(connect: Connect) -> None:
         bus, other = await connect("uav"), await connect("recorder", "tool")
         flood = "+go <- !go(0). +!go(3000). +!go(N) <- .print(N); !p(N); !go(N+1). +!p(N)."
-        recorder = Recorder(other, "uav", "decisions", "deeds")
+        recorder = Recorder(other, "uav", "decisions", "activity")
         agent = await host_on(bus, "uav", flood, tmp_path)
         tracing = agent.host._tracing
-        await until(lambda: tracing.deeds.listened and "decisions" in tracing._heard, "somebody listens")
+        await until(lambda: tracing.activity.listened and "decisions" in tracing._heard, "somebody listens")
         agent.tell(Mail("ann", "tell", term("go"), "m1"))
         await until(lambda: agent.prints[-1:] == ["2999"], "it has come to its end")
         await agent.end()
-        await until(lambda: any(one.kind == "received" for one in recorder.deeds), "the first is told")
+        await until(lambda: any(one.kind == "received" for one in recorder.activity), "the first is told")
         total = len(recorder.decisions) + sum(some.left_out for some in recorder.decided)
         await until(
-            lambda: len(recorder.deeds) + sum(some.left_out for some in recorder.told) == 3001, "all deeds count"
+            lambda: len(recorder.activity) + sum(some.left_out for some in recorder.told) == 3001, "all events count"
         )
-        assert all(len(some.deeds) <= 400 for some in recorder.told)
+        assert all(len(some.events) <= 400 for some in recorder.told)
         assert all(len(some.decisions) <= 200 for some in recorder.decided)
         assert total == 6002
         assert all(some.speed == 1.0 and some.now > 0 for some in recorder.told)
@@ -311,7 +311,7 @@ def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: 
             daemon = stack.enter_context(running("agentd", "serve", path, "--router", endpoint, "--speed", "2"))
             assert await asyncio.to_thread(daemon.ends) == 0
             assert "defect" not in daemon.text
-            await until(lambda: any(one.kind == "stopped" for one in recorders["a"].deeds), "all is told")
+            await until(lambda: any(one.kind == "stopped" for one in recorders["a"].activity), "all is told")
             await until(lambda: bool(recorders["twin"].batches), "all is told")
             return recorders
 
@@ -330,10 +330,10 @@ def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: 
     assert born is not None
     assert (born.goals, born.beliefs) == (("extra",), ("told(1)",))
     assert list(born.files) == [str(tmp_path / "a.asl")]
-    said = [one.text for one in recorders["a"].deeds if one.kind == "print"]
+    said = [one.text for one in recorders["a"].activity if one.kind == "print"]
     assert {"extra1", "said(1)", "end"} <= set(said)
-    sent = {one.id for one in recorders["a"].deeds if one.kind == "sent"}
-    heard = {one.id for one in recorders["kid"].deeds if one.kind == "received"}
+    sent = {one.id for one in recorders["a"].activity if one.kind == "sent"}
+    heard = {one.id for one in recorders["kid"].activity if one.kind == "received"}
     assert heard
     assert heard <= sent
     with pytest.raises(CannotReplay, match="twin cannot live again: it is a clone of a, and what that had become"):

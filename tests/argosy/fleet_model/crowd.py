@@ -1,7 +1,7 @@
 """A crowd of simulated agents and robots on a real bus, to see whether an observer keeps up: `crowd ROUTER AGENTS`.
 
 Each tells what a real one does, as often as a flying copter does: a token, health at 1 Hz, position and altitude at
-10 Hz, how its action stands at 2 Hz, deeds at 4 Hz, and it shows its mind.
+10 Hz, how its action stands at 2 Hz, events at 4 Hz, and it shows its mind.
 """
 
 from __future__ import annotations
@@ -13,7 +13,15 @@ from contextlib import AsyncExitStack, suppress
 
 from commd.bus.bus import Bus, Query, open_bus
 from schemas.wire import keys
-from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView, PlanView, WaitView
+from schemas.wire.mind_records import (
+    ActivityEvent,
+    BeliefView,
+    IntentionView,
+    MindActivity,
+    MindView,
+    PlanView,
+    WaitView,
+)
 from schemas.wire.records import ActionStatus, Health, Mailboxes, Perception, Queue
 
 FLEET = "crowd"
@@ -77,11 +85,13 @@ class Agent:
             )
             bus.put(keys.status(FLEET, self.name, "goto"), status)
         if self.steps % 3 == 0:
-            deed = Deed(
+            event = ActivityEvent(
                 kind="sent", id=f"m{self.steps}", other="agent00", performative="tell", text=f"at({self.steps})"
             )
-            deeds = MindDeeds(agent=self.name, deeds=(deed, Deed(kind="print", text=f"step {self.steps}")))
-            bus.put(keys.trace(FLEET, self.name, "deeds"), deeds)
+            events = MindActivity(
+                agent=self.name, events=(event, ActivityEvent(kind="print", text=f"step {self.steps}"))
+            )
+            bus.put(keys.trace(FLEET, self.name, "activity"), events)
 
     def _percept(self, name: str, *parameters: float | str | bool) -> None:
         told = Perception(header=self.bus.header("percepts", self.name), name=name, parameters=parameters)

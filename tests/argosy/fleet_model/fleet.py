@@ -5,7 +5,7 @@ from __future__ import annotations
 from argosy.fleet_model.model import FleetModel
 from schemas.mission.model import Mission
 from schemas.wire import keys
-from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindView, WaitView
+from schemas.wire.mind_records import ActivityEvent, BeliefView, IntentionView, MindActivity, MindView, WaitView
 from schemas.wire.records import ActionStatus, Header, Health, Mailboxes, Perception, Queue, RunPhase, RunState, State
 from schemas.wire.terms import Term
 
@@ -61,10 +61,10 @@ class Fleet:
         self.model.mind(agent, view)
         return self
 
-    def deed(self, agent: str, *deeds: Deed, **fields: object) -> Fleet:
+    def activity(self, agent: str, *events: ActivityEvent, **fields: object) -> Fleet:
         """An agent tells what it did."""
-        told = MindDeeds(agent=agent, deeds=deeds, **fields)  # type: ignore[arg-type]
-        self.model.deeds(keys.trace(FLEET, agent, "deeds"), told)
+        told = MindActivity(agent=agent, events=events, **fields)  # type: ignore[arg-type]
+        self.model.activity(keys.trace(FLEET, agent, "activity"), told)
         return self
 
     def runs(self, phase: RunPhase, seconds: float, **fields: object) -> Fleet:

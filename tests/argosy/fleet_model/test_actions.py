@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schemas.wire.mind_records import Deed
+from schemas.wire.mind_records import ActivityEvent
 from tests.argosy.fleet_model.fleet import Fleet, rescue
 
 HERE = (-27.6035, -48.5182, 20)
@@ -32,12 +32,12 @@ def ending(fleet: Fleet) -> tuple[str, str]:
 
 
 def test_an_outcome_that_its_agent_tells_ends_an_action_whose_last_status_was_lost() -> None:
-    fleet = flying().deed("scout", Deed(kind="outcome", id="scout:1:7", state="failed", reason="wind"))
+    fleet = flying().activity("scout", ActivityEvent(kind="outcome", id="scout:1:7", state="failed", reason="wind"))
     assert ending(fleet) == ("failed", "wind")
 
 
 def test_an_outcome_told_by_another_agent_ends_nothing() -> None:
-    fleet = flying().deed("rescuer1", Deed(kind="outcome", id="scout:1:7", state="failed"))
+    fleet = flying().activity("rescuer1", ActivityEvent(kind="outcome", id="scout:1:7", state="failed"))
     assert len(fleet.model.open_actions("scout")) == 1
 
 

@@ -9,7 +9,7 @@ import pytest
 from argosy.fleet_model.members import MOST
 from argosy.fleet_model.mission_clock import steady_clock
 from schemas.wire import keys
-from schemas.wire.mind_records import Deed, MindView
+from schemas.wire.mind_records import ActivityEvent, MindView
 from schemas.wire.records import ActionStatus, Note
 from schemas.wire.terms import Number, Term
 from tests.argosy.fleet_model.fleet import FLEET, HOME, rescue
@@ -52,7 +52,7 @@ def test_a_name_that_nobody_can_have_is_nobody() -> None:
     before = [list(members) for members in (fleet.model.agents, fleet.model.robots, fleet.model.boards)]
     for name in ("bad\x1b[31mname", "a b", "constructor\n", LONG):
         fleet.comes(name, "agentd").comes(name, "bridged").percept(name, "altitude", 3.0)
-        fleet.action(name, 1, "goto", "running").deed(name, Deed(kind="print", text="here"))
+        fleet.action(name, 1, "goto", "running").activity(name, ActivityEvent(kind="print", text="here"))
         fleet.model.token(keys.alive(name, "scout", "agentd", "b"), alive=True)
     assert [list(members) for members in (fleet.model.agents, fleet.model.robots, fleet.model.boards)] == before
     assert fleet.model.other_fleets == set()
@@ -63,7 +63,7 @@ def test_what_is_kept_of_a_record_is_short_and_no_command() -> None:
     fleet, text = rescue(), COMMAND + LONG
     fields = {"id": text, "text": text, "other": text, "reason": text, "performative": text, "in_reply_to": text}
     for kind in ("sent", "received", "undelivered", "outcome", "action", "log"):
-        fleet.deed("scout", Deed(kind=kind, state=text, **fields))  # type: ignore[arg-type]
+        fleet.activity("scout", ActivityEvent(kind=kind, state=text, **fields))  # type: ignore[arg-type]
     status = ActionStatus(id=text, state="running", name="goto", parameters=(text,), reason=text, feedback={text: 1.0})
     fleet.model.status(keys.status(FLEET, "scout", "goto"), status)
     fleet.percept("scout", "state", text, True, True).percept("scout", "holder", text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argosy.fleet_model.model import FleetModel
-from schemas.wire.mind_records import Deed
+from schemas.wire.mind_records import ActivityEvent
 from schemas.wire.records import Queue
 from tests.argosy.fleet_model.fleet import HOME, Fleet, rescue
 
@@ -16,7 +16,9 @@ def flown() -> Fleet:
     fleet = rescue().percept("scout", "victim", *VICTIM).mind("scout", "+!search", time=200.0)
     fleet.action("scout", 1, "goto", "succeeded", *VICTIM[1:], 20).action("scout", 2, "goto", "running", -27.605, -48.5)
     fleet.mail("pi1", Queue(box="inbox", sender="rescuer1", receiver="scout", messages=3, oldest=4.0))
-    return fleet.deed("scout", Deed(kind="sent", id="m1", other="rescuer1", performative="tell", text="found(3)"))
+    return fleet.activity(
+        "scout", ActivityEvent(kind="sent", id="m1", other="rescuer1", performative="tell", text="found(3)")
+    )
 
 
 def all_go(fleet: Fleet, boot: str = "b1") -> Fleet:

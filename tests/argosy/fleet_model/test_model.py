@@ -7,7 +7,7 @@ from pathlib import Path
 from argosy.fleet_model.model import TRACK, FleetModel
 from schemas.mission.model import load_mission
 from schemas.wire import keys
-from schemas.wire.mind_records import Deed
+from schemas.wire.mind_records import ActivityEvent
 from schemas.wire.records import BoardServices, Perception, Queue
 from tests.argosy.fleet_model.fleet import FLEET, HOME, Fleet, rescue
 
@@ -127,9 +127,11 @@ def test_an_order_of_the_operator_is_known_by_the_health_of_the_bridge() -> None
 def test_an_action_that_bridge_and_agent_tell_of_stands_once_in_the_timeline() -> None:
     fleet = rescue().action("scout", 7, "goto", "running", -27.6035, -48.5182, 20)
     assert [one.text for one in fleet.model.open_actions("scout")] == ["goto(-27.6035,-48.5182,20)"]
-    fleet.deed("scout", Deed(kind="action", id="scout:1:7", text="goto(-27.6035,-48.5182,20)"))
+    fleet.activity("scout", ActivityEvent(kind="action", id="scout:1:7", text="goto(-27.6035,-48.5182,20)"))
     fleet.waits(2).action("scout", 7, "goto", "succeeded", -27.6035, -48.5182, 20)
-    fleet.deed("scout", Deed(kind="outcome", id="scout:1:7", text="goto(-27.6035,-48.5182,20)", state="succeeded"))
+    fleet.activity(
+        "scout", ActivityEvent(kind="outcome", id="scout:1:7", text="goto(-27.6035,-48.5182,20)", state="succeeded")
+    )
     assert [text for text in texts(fleet) if "goto" in text] == [
         "scout: goto(-27.6035,-48.5182,20)",
         "scout: goto(-27.6035,-48.5182,20) succeeded after 2.0 s",
@@ -137,25 +139,27 @@ def test_an_action_that_bridge_and_agent_tell_of_stands_once_in_the_timeline() -
     assert fleet.model.open_actions() == []
 
 
-def test_a_deed_stands_at_the_time_at_which_it_was_done_not_told() -> None:
-    fleet = rescue().deed("scout", Deed(kind="print", text="hello", time=99.0), now=100.0, speed=5.0)
+def test_an_activity_event_has_the_time_at_which_it_happened_not_was_published() -> None:
+    fleet = rescue().activity("scout", ActivityEvent(kind="print", text="hello", time=99.0), now=100.0, speed=5.0)
     entry = fleet.model.timeline.entries[-1]
     assert (entry.at, entry.mission, entry.text) == (fleet.at - 0.2, 99.0, "hello")
 
 
-def test_left_out_deeds_are_said() -> None:
-    fleet = rescue().deed("scout", left_out=3)
-    assert texts(fleet)[-1] == "scout: 3 more of its deeds were not published: too many at a time"
+def test_left_out_events_are_reported() -> None:
+    fleet = rescue().activity("scout", left_out=3)
+    assert texts(fleet)[-1] == "scout: 3 of its activity events were not published: too many at a time"
 
 
 def test_a_message_is_one_letter_whoever_tells_of_it_first() -> None:
     fleet = rescue()
-    sent = Deed(kind="sent", id="m1", other="rescuer1", performative="tell", text="victim(1)")
-    fleet.deed("scout", sent).waits(1)
+    sent = ActivityEvent(kind="sent", id="m1", other="rescuer1", performative="tell", text="victim(1)")
+    fleet.activity("scout", sent).waits(1)
     (letter,) = fleet.model.letters.since(0)
     assert (letter.state, letter.sent, letter.received) == ("in_flight", fleet.at - 1, None)
     known = fleet.model.letters.number
-    fleet.deed("rescuer1", Deed(kind="received", id="m1", other="scout", performative="tell", text="victim(1)"))
+    fleet.activity(
+        "rescuer1", ActivityEvent(kind="received", id="m1", other="scout", performative="tell", text="victim(1)")
+    )
     (letter,) = fleet.model.letters.since(known)
     assert (letter.sender, letter.receiver, letter.content) == ("scout", "rescuer1", "victim(1)")
     assert (letter.state, letter.received) == ("received", fleet.at)
@@ -164,8 +168,10 @@ def test_a_message_is_one_letter_whoever_tells_of_it_first() -> None:
 def test_a_broadcast_is_a_letter_to_each_and_a_lost_one_says_why() -> None:
     fleet = rescue()
     for receiver in ("a", "b"):
-        fleet.deed("scout", Deed(kind="sent", id="m1", other=receiver, performative="tell", text="x"))
-    fleet.deed("scout", Deed(kind="undelivered", id="m1", other="b", performative="tell", text="x", reason="expired"))
+        fleet.activity("scout", ActivityEvent(kind="sent", id="m1", other=receiver, performative="tell", text="x"))
+    fleet.activity(
+        "scout", ActivityEvent(kind="undelivered", id="m1", other="b", performative="tell", text="x", reason="expired")
+    )
     assert {one.receiver: one.state for one in fleet.model.letters.since(0)} == {"a": "in_flight", "b": "undelivered"}
     assert texts(fleet)[-1] == "scout: not delivered to b: tell x: expired"
 
@@ -214,7 +220,7 @@ def test_mail_that_waits_for_an_agent_is_counted_over_all_boards() -> None:
 def test_the_timeline_answers_what_came_since_a_number_and_keeps_the_newest() -> None:
     fleet = rescue()
     before = fleet.model.timeline.number
-    fleet.deed("scout", *(Deed(kind="print", text=str(number)) for number in range(6000)))
+    fleet.activity("scout", *(ActivityEvent(kind="print", text=str(number)) for number in range(6000)))
     new = fleet.model.timeline.since(before)
     assert len(new) == 5000
     assert new[-1].text == "5999"
@@ -228,7 +234,7 @@ def test_everything_that_may_grow_is_bounded() -> None:
     for number in range(2100):
         fleet.percept("scout", "global_pos", HOME[0] + number * 1e-6, HOME[1])
         fleet.percept("scout", "seen", number, HOME[0], HOME[1], update="add")
-        fleet.deed("scout", Deed(kind="sent", id=str(number), other="a", performative="tell", text="x"))
+        fleet.activity("scout", ActivityEvent(kind="sent", id=str(number), other="a", performative="tell", text="x"))
     for number in range(700):
         fleet.model.token(keys.alive(FLEET, f"a{number}", "agentd", "b"), alive=True)
     fleet.model.tick()
@@ -250,7 +256,7 @@ def test_strangers_push_no_member_of_the_mission_out() -> None:
 
 
 def test_no_text_of_a_program_reaches_a_terminal_as_a_command() -> None:
-    fleet = rescue().deed("scout", Deed(kind="print", text="\x1b[2J" + "x" * 1000))
+    fleet = rescue().activity("scout", ActivityEvent(kind="print", text="\x1b[2J" + "x" * 1000))
     text = fleet.model.timeline.entries[-1].text
     assert "\x1b" not in text
     assert len(text) == 500

@@ -68,7 +68,7 @@ def test_a_fleet_that_nobody_named_is_found_and_its_minds_are_looked_into(endpoi
             await until(lambda: model.robots["uav02"].seen.mode == "GUIDED", "the vehicle")
             await until(lambda: bool(model.open_actions("agent02")), "the action")
             await until(lambda: model.mail_for("agent00") == 2, "the mail")
-            await until(lambda: any(one.what == "sent" for one in model.timeline.entries), "the deeds")
+            await until(lambda: any(one.what == "sent" for one in model.timeline.entries), "the activity")
             assert any(one.name == "goto" for one in model.places.all.values())
 
     asyncio.run(body())

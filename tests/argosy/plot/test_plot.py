@@ -17,7 +17,7 @@ from argosy.recording.write_queue import Heard
 from argosy.recording.writer import RecordingWriter
 from schemas.wire import keys
 from schemas.wire.codec import codec
-from schemas.wire.mind_records import Deed, MindDeeds
+from schemas.wire.mind_records import ActivityEvent, MindActivity
 from schemas.wire.records import ActionStatus, Header, Perception, Record, State
 from schemas.wire.terms import Term
 
@@ -62,13 +62,13 @@ class Fleet:
         status = ActionStatus(id=f"{agent}:1:{number}", state=state, name=name, parameters=parameters, reason=reason)
         self.put(keys.status(self.fleet, agent, name), status)
 
-    def deed(self, agent: str, ago: float, **fields: object) -> None:
+    def activity(self, agent: str, ago: float, **fields: object) -> None:
         """Record what an agent did so many seconds ago; each agent's own clock begins at another time."""
         now = self.at + {"scout": 3.0, "rescuer": 50.0}.get(agent, 0.0)
-        deeds = (Deed(time=now - ago, **fields),)  # type: ignore[arg-type]
+        events = (ActivityEvent(time=now - ago, **fields),)  # type: ignore[arg-type]
         header = Header(source=agent, boot="1")
-        record = MindDeeds(header=header, agent=agent, now=now, speed=SPEED, deeds=deeds)
-        self.put(keys.trace(self.fleet, agent, "deeds"), record)
+        record = MindActivity(header=header, agent=agent, now=now, speed=SPEED, events=events)
+        self.put(keys.trace(self.fleet, agent, "activity"), record)
 
     def close(self) -> Path:
         """End the recording."""
@@ -92,10 +92,10 @@ def fly(fleet: Fleet) -> None:
     fleet.at = 2.0
     fleet.action("rescuer", 1, "failed", "takeoff", 10, reason="no position")
     fleet.percept("scout", "victim", 7, *VICTIM)
-    fleet.deed("scout", 0.1, kind="sent", id="m1", other="rescuer", performative="tell", text="victim(7)")
+    fleet.activity("scout", 0.1, kind="sent", id="m1", other="rescuer", performative="tell", text="victim(7)")
     fleet.at = 3.0
-    fleet.deed("rescuer", 0.5, kind="received", id="m1", other="scout", performative="tell", text="victim(7)")
-    fleet.deed("rescuer", 0.1, kind="sent", id="m2", other="scout", performative="askOne", text="claim(7,$x$)")
+    fleet.activity("rescuer", 0.5, kind="received", id="m1", other="scout", performative="tell", text="victim(7)")
+    fleet.activity("rescuer", 0.1, kind="sent", id="m2", other="scout", performative="askOne", text="claim(7,$x$)")
     fleet.action("rescuer", 2, "running", "goto", *VICTIM, 10)
     for second in range(4, 21):
         fleet.at = float(second)
@@ -221,7 +221,7 @@ def test_a_recording_that_was_cut_off_is_plotted_as_far_as_it_goes(
 def empty(path: Path) -> Path:
     """A recording of agents without robots that did nothing."""
     fleet = Fleet(path)
-    fleet.deed("book", 0.0, kind="print", text="hello")
+    fleet.activity("book", 0.0, kind="print", text="hello")
     return fleet.close()
 
 

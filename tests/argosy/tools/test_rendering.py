@@ -18,11 +18,11 @@ from schemas.manifest.loader import ActionDescription
 from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
 from schemas.wire.mind_records import (
+    ActivityEvent,
     DecisionView,
-    Deed,
     IntentionView,
+    MindActivity,
     MindDecisions,
-    MindDeeds,
     MindInputs,
     MindOrder,
     MindView,
@@ -184,13 +184,13 @@ RECORDS: list[tuple[str, Record, str]] = [
         "+!go: +!go (a.asl:3); +x: no plan; 4 left out",
     ),
     (
-        "uav/trace/deeds",
-        MindDeeds(
+        "uav/trace/activity",
+        MindActivity(
             agent="uav",
-            deeds=(
-                Deed(kind="print", text="hello"),
-                Deed(kind="sent", other="b", performative="tell", text="p(1)"),
-                Deed(kind="outcome", text="takeoff(5)", state="failed", reason="no"),
+            events=(
+                ActivityEvent(kind="print", text="hello"),
+                ActivityEvent(kind="sent", other="b", performative="tell", text="p(1)"),
+                ActivityEvent(kind="outcome", text="takeoff(5)", state="failed", reason="no"),
             ),
         ),
         "print hello; sent b tell p(1); outcome takeoff(5) failed: no",

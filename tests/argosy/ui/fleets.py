@@ -9,7 +9,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 from commd.bus.bus import Bus, Query, open_bus
 from schemas.wire import keys
-from schemas.wire.mind_records import BeliefView, Deed, IntentionView, MindDeeds, MindOrder, MindView
+from schemas.wire.mind_records import ActivityEvent, BeliefView, IntentionView, MindActivity, MindOrder, MindView
 from schemas.wire.records import ActionStatus, Health, Note, Outcome, Perception, StopOrder
 from schemas.wire.terms import Term
 from tests.support.buses import until
@@ -93,10 +93,10 @@ class Agent:
         self.ordered.append(query.record)
         query.reply(Outcome(ok=self.inject, reason="" if self.inject else "the mission does not say `inject: true`"))
 
-    def deed(self, **fields: object) -> None:
+    def activity(self, **fields: object) -> None:
         """Tell something that it did."""
-        told = MindDeeds(agent=self.name, deeds=(Deed(**fields),))  # type: ignore[arg-type]
-        self.bus.put(keys.trace(FLEET, self.name, "deeds"), told)
+        told = MindActivity(agent=self.name, events=(ActivityEvent(**fields),))  # type: ignore[arg-type]
+        self.bus.put(keys.trace(FLEET, self.name, "activity"), told)
 
 
 @asynccontextmanager

@@ -43,8 +43,8 @@ def test_a_page_sees_robots_agents_minds_and_what_happens(endpoint: str) -> None
                     while "marks" not in feed.parts["marks"]:
                         await feed.hear()
                 assert feed.parts["marks"]["marks"][0]["kind"] == "target"
-                scout.deed(kind="sent", id="m1", other="rescuer", performative="tell", text="victim(7)", time=3.0)
-                scout.deed(kind="undelivered", id="m1", other="rescuer", reason="receiver_not_found", time=3.0)
+                scout.activity(kind="sent", id="m1", other="rescuer", performative="tell", text="victim(7)", time=3.0)
+                scout.activity(kind="undelivered", id="m1", other="rescuer", reason="receiver_not_found", time=3.0)
                 async with asyncio.timeout(120):
                     while not any(one["what"] == "undelivered" for one in feed.events):
                         await feed.hear()

@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from argosy.cli.operator_bus import Where
-from schemas.wire.mind_records import Deed, DropView, IntentionView, MindView, WaitView
+from schemas.wire.mind_records import ActivityEvent, DropView, IntentionView, MindView, WaitView
 from tests.agentd.mind_format_page import part
 from tests.argosy.ui.browsing import Seen, browsing
 from tests.argosy.ui.fleets import fleet
@@ -38,9 +38,9 @@ def scout() -> MindView:
         intentions_left_out=3,
         beliefs_left_out=120,
         actions=(
-            Deed(kind="action", id="a:1", text="takeoff(5)", time=10.0),
-            Deed(kind="outcome", id="a:1", state="succeeded", time=16.0),
-            Deed(kind="action", id="a:2", text="goto(1,2,5)", time=30.0),
+            ActivityEvent(kind="action", id="a:1", text="takeoff(5)", time=10.0),
+            ActivityEvent(kind="outcome", id="a:1", state="succeeded", time=16.0),
+            ActivityEvent(kind="action", id="a:2", text="goto(1,2,5)", time=30.0),
         ),
         drops=(DropView(what="events", name="+tick/1", count=40, first=1.0, last=41.0, reason="too many events"),),
         dropped={"events": 40},

@@ -16,13 +16,13 @@ from contextlib import contextmanager
 from commd.bus.bus import Bus, Query, open_bus
 from schemas.wire import keys
 from schemas.wire.mind_records import (
+    ActivityEvent,
     BeliefView,
     DecisionView,
-    Deed,
     EventView,
     FailureView,
     IntentionView,
-    MindDeeds,
+    MindActivity,
     MindView,
     QuestionView,
     WaitView,
@@ -145,12 +145,12 @@ def _say(bus: Bus) -> None:
     bus.put(keys.status(FLEET, AGENT, "goto"), status)
     over = ActionStatus(id=f"{AGENT}:b:{time.monotonic()}", state="failed", name="land", parameters=(BAD,), reason=BAD)
     bus.put(keys.status(FLEET, AGENT, "land"), over)
-    deeds = (
-        Deed(kind="print", text=BAD),
-        Deed(kind="sent", id=BAD, other=BAD, performative=BAD, text=BAD),
-        Deed(kind="undelivered", id=BAD, other=BAD, performative=BAD, text=BAD, reason=BAD),
+    events = (
+        ActivityEvent(kind="print", text=BAD),
+        ActivityEvent(kind="sent", id=BAD, other=BAD, performative=BAD, text=BAD),
+        ActivityEvent(kind="undelivered", id=BAD, other=BAD, performative=BAD, text=BAD, reason=BAD),
     )
-    bus.put(keys.trace(FLEET, AGENT, "deeds"), MindDeeds(agent=AGENT, deeds=deeds))
+    bus.put(keys.trace(FLEET, AGENT, "activity"), MindActivity(agent=AGENT, events=events))
 
 
 def _percept(bus: Bus, name: str, *parameters: Term) -> None:

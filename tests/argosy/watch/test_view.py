@@ -13,9 +13,9 @@ from argosy.watch.row_text import ASCII, BAD, UNICODE, WARN, Row, glyphs_of
 from argosy.watch.scroll_pane import ScrollPane
 from schemas.wire import keys
 from schemas.wire.mind_records import (
+    ActivityEvent,
     BeliefView,
     DecisionView,
-    Deed,
     EventView,
     FailureView,
     IntentionView,
@@ -35,7 +35,7 @@ def flying() -> Fleet:
     fleet = rescue().mind("scout", "+!visit(3)", "+!search", state="reasoning", cycle=120, time=33.0)
     fleet.action("scout", 1, "goto", "running", -27.6035123456789, -48.5182, 20, feedback={"distance": 45.2})
     fleet.mail("pi1", Queue(box="inbox", sender="rescuer1", receiver="scout", messages=3, oldest=4.0))
-    fleet.deed("scout", Deed(kind="print", text="hello there"))
+    fleet.activity("scout", ActivityEvent(kind="print", text="hello there"))
     return fleet.comes("rescuer1", "agentd").waits(1)
 
 
@@ -263,7 +263,9 @@ def test_a_pause_holds_the_view_while_the_fleet_goes_on() -> None:
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
         await pilot.press("space")
         await until(app, pilot, "PAUSED")
-        fleet.percept("scout", "state", "RTL", True, True).deed("scout", Deed(kind="print", text="going home"))
+        fleet.percept("scout", "state", "RTL", True, True).activity(
+            "scout", ActivityEvent(kind="print", text="going home")
+        )
         await pilot.pause(0.2)
         assert "GUIDED" in text_of(app)
         assert "going home" not in text_of(app)
@@ -448,8 +450,8 @@ def test_what_programs_say_is_no_command_to_the_terminal() -> None:
 
 def test_what_was_told_late_stands_where_it_happened() -> None:
     fleet = flying().waits(10)
-    fleet.deed("scout", Deed(kind="print", text="second", time=99.0))
-    fleet.deed("scout", Deed(kind="print", text="first", time=96.0), now=100.0, speed=1.0)
+    fleet.activity("scout", ActivityEvent(kind="print", text="second", time=99.0))
+    fleet.activity("scout", ActivityEvent(kind="print", text="first", time=96.0), now=100.0, speed=1.0)
 
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
         text = text_of(app)
@@ -464,10 +466,10 @@ def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back() -> Non
     async def body(app: WatchApp, pilot: Pilot[None]) -> None:
         await pilot.press("down", "down", "enter", "4")
         for number in range(100):
-            fleet.deed("scout", Deed(kind="print", text=f"line {number}"))
+            fleet.activity("scout", ActivityEvent(kind="print", text=f"line {number}"))
         await until(app, pilot, "line 99")
         await pilot.press("pageup", "pageup")
-        fleet.deed("scout", Deed(kind="print", text="line 100"))
+        fleet.activity("scout", ActivityEvent(kind="print", text="line 100"))
         await pilot.pause(0.3)
         assert "line 100" not in text_of(app)
         await pilot.press("end")

@@ -453,15 +453,15 @@ async def test_a_session_knows_while_somebody_listens(connect: Connect) -> None:
     speaker, first, second = await connect(), await connect(), await connect()
     said: list[bool] = []
     first.raw.subscribe("argosy/test/**", lambda sample: None)
-    await subscribed(speaker, "argosy/test/uav/trace/deeds")
-    withdraw = speaker.listened("argosy/test/uav/trace/deeds", said.append)
+    await subscribed(speaker, "argosy/test/uav/trace/activity")
+    withdraw = speaker.listened("argosy/test/uav/trace/activity", said.append)
     await until(lambda: said == [True], "who listened before is noticed")
     subscription = second.raw.subscribe("argosy/test/uav/trace/*", lambda sample: None)
     await first.close()
     subscription.close()
     await until(lambda: said == [True, False], "it is noticed that the last one is gone")
     third = await connect()
-    third.raw.subscribe("argosy/test/uav/trace/deeds", lambda sample: None)
+    third.raw.subscribe("argosy/test/uav/trace/activity", lambda sample: None)
     await until(lambda: said == [True, False, True], "who comes back is noticed")
     withdraw()
     await third.close()
@@ -472,7 +472,7 @@ async def test_a_session_knows_while_somebody_listens(connect: Connect) -> None:
 async def test_a_session_is_not_told_of_listeners_where_there_are_none(connect: Connect) -> None:
     speaker, other = await connect(), await connect()
     said: list[bool] = []
-    speaker.listened("argosy/test/uav/trace/deeds", said.append)
+    speaker.listened("argosy/test/uav/trace/activity", said.append)
     await speaker.round_trip(5.0)
     await other.round_trip(5.0)
     assert said == []

@@ -86,7 +86,7 @@ def test_everybody_looks_on(who: str) -> None:
 
 
 SECRETS = {keys.mind("f", "b"): "minds", keys.trace("f", "b", "decisions"): "minds"}
-SECRETS |= {keys.trace("f", "b", "inputs"): "mail", keys.trace("f", "b", "deeds"): "mail"}
+SECRETS |= {keys.trace("f", "b", "inputs"): "mail", keys.trace("f", "b", "activity"): "mail"}
 
 
 @pytest.mark.parametrize(("key", "right"), SECRETS.items())

@@ -23,7 +23,7 @@ BUILT = {
     keys.mail("{fleet}", "{receiver}", "{sender}"),
     keys.trace("{fleet}", "{agent}", "inputs"),
     keys.trace("{fleet}", "{agent}", "decisions"),
-    keys.trace("{fleet}", "{agent}", "deeds"),
+    keys.trace("{fleet}", "{agent}", "activity"),
     keys.control("{fleet}", "{agent}"),
     keys.services("{fleet}", "{board}"),
     keys.service_requests("{fleet}", "{board}", "{agent}"),

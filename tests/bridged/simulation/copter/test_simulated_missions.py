@@ -83,8 +83,8 @@ def test_a_mission_lands_at_home_and_disarms() -> None:
 
 
 def test_servos_speed_and_delays_are_done_on_the_way_to_the_next_place() -> None:
-    deeds = [Item(178, (1, 3, 0, 0)), Item(112, (4, 0, 0, 0)), Item(183, (9, 1900, 0, 0))]
-    station = flying(TAKEOFF, waypoint(5.0), *deeds, waypoint(60.0))
+    commands = [Item(178, (1, 3, 0, 0)), Item(112, (4, 0, 0, 0)), Item(183, (9, 1900, 0, 0))]
+    station = flying(TAKEOFF, waypoint(5.0), *commands, waypoint(60.0))
     station.until(lambda: 3 in reached(station), "the speed")
     assert station.copter.outputs.pulses(armed=True, airborne=True)[8] == 0
     waited = station.until(lambda: 5 in reached(station), "the servo")
