@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.forked import run
+
 HERE = Path(__file__).parent
 IN_REAL_TIME = re.compile(r"\.(wait|stopMAS|kill_agent)\([^)]*\d\d|\.at\(|\.send\([^;]*, *\d\d+\)|hard_deadline")
 """What makes the order of prints a matter of some hundred milliseconds: a machine that stands still may change it."""
@@ -25,6 +27,9 @@ CASES = [
     *_single("own_stdlib"),
     *(f"{folder}/{d.parent.name}" for folder in ("mas", "own_mas") for d in sorted((HERE / folder).glob("*/mas.txt"))),
 ]
+
+STARTED = {case.partition("/")[0]: case for case in CASES}.values()
+"""Cases that run in a Python of their own, one of each folder; the others are forked."""
 
 
 def _arguments(case: str) -> tuple[list[str], Path, str]:
@@ -51,8 +56,12 @@ def _by_agent(output: str) -> dict[str, list[str]]:
 
 def _run(case: str, folder: Path) -> tuple[str, str, str]:
     agents, expected, source = _arguments(case)
-    command = [sys.executable, "-m", "agentd", "run", *agents, "--exit-when-idle", "--timeout", "60"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=folder)
+    command = ["agentd", "run", *agents, "--exit-when-idle", "--timeout", "60"]
+    if case in STARTED:
+        command = [sys.executable, "-m", *command]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=folder)
+    else:
+        done = run(command, timeout=120, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr, done.stderr
     if "expects: error" in source or "expects: warning" in source:

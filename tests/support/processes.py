@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from tests.support.forked import PROGRAMS, ROOT, Forked
+
 PATIENCE = 90.0
 """Wall seconds for what a process is to say, and for its end."""
 
@@ -29,12 +30,15 @@ class Daemon:
     ) -> None:
         """Run `python -m ARGUMENTS` of a checkout; `within` stands before it, such as `ip netns exec NAME`.
 
-        `environment` is added to that of the tests.
+        `environment` is added to that of the tests. Programs of this checkout are forked (`tests.support.forked`),
+        unless something stands before them.
         """
         self.arguments = arguments
         self.lines: list[str] = []
-        self.process = subprocess.Popen(
-            [*within, sys.executable, "-m", *arguments],
+        forks = arguments[0] in PROGRAMS and not within and code == ROOT
+        start = Forked if forks else subprocess.Popen
+        self.process = start(
+            arguments if forks else [*within, sys.executable, "-m", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             stdin=subprocess.DEVNULL,
