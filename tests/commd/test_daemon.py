@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import socket
+import threading
 import time
 from argparse import Namespace
 from collections.abc import Awaitable, Callable
@@ -18,6 +19,7 @@ from unittest.mock import Mock
 import pytest
 import zenoh
 
+from commd.bus import session
 from commd.bus.bus import Bus, open_bus
 from commd.common.clock import Clock
 from commd.daemon import serve
@@ -123,7 +125,7 @@ def test_two_routers_on_one_endpoint_do_not_start_and_the_second_says_why(endpoi
             assert "Traceback" not in second.text
 
 
-def test_a_router_that_hangs_keeps_nobody_from_leaving(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_router_that_hangs_keeps_nobody_from_leaving(endpoint: str) -> None:
     async def body() -> float:
         with running("commd", "serve", MISSION, "--router", endpoint) as commd:
             await asyncio.to_thread(commd.says, "router board=local")
@@ -135,6 +137,24 @@ def test_a_router_that_hangs_keeps_nobody_from_leaving(endpoint: str, caplog: py
             return time.monotonic() - started
 
     assert kept(lambda: asyncio.run(asyncio.wait_for(body(), 240)), 3.0)
+
+
+def test_a_session_that_zenoh_does_not_close_is_left_behind_and_the_log_says_so(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    returned = threading.Event()
+
+    def close(opened: zenoh.Session) -> None:
+        returned.wait(60)
+        opened.close()
+
+    async def body() -> None:
+        async with open_bus(endpoint, fleet=FLEET, name="b", daemon="commd", stamp=time.time_ns, mode="router"):
+            monkeypatch.setattr(session, "_close", close)
+            monkeypatch.setattr(session, "CLOSE_PATIENCE", 0.1)
+
+    asyncio.run(body())
+    returned.set()
     assert "the router hangs: this session ends without notice to it" in caplog.text
 
 
