@@ -141,7 +141,7 @@ async def bind(
         why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
         said = f"robot {part.name} cannot be served: {why}"
         raise Findings([mission.positions.finding(("robots", part.name), said)]) from error
-    service.open(bridge.percepts, bridge.action_server, bridge.orders, bridge.live)
+    service.open(bridge)
     bridge.orders.restore()
     return bridge
 

@@ -72,18 +72,18 @@ class ActionServer:
         self._holding: Execution | None = None
         """What holds the robot while it is paused."""
         self._feedback_every = STATUS_EVERY * clock.speed
-        self._jobs: dict[str, RunningAction] = {}
+        self._running: dict[str, RunningAction] = {}
         self._by_hand = 0
 
     @property
     def arming(self) -> bool:
         """Whether an action is under way that may have armed the robot without its state showing it yet."""
-        return any(job.entry.confirm == "armed" for job in self._jobs.values())
+        return any(action.entry.confirm == "armed" for action in self._running.values())
 
     @property
     def running(self) -> list[str]:
         """Names of the actions that run now."""
-        return [job.action.name for job in self._jobs.values()]
+        return [action.request.name for action in self._running.values()]
 
     @property
     def paused(self) -> bool:
@@ -92,51 +92,51 @@ class ActionServer:
 
     def ask(self, agent: str, name: str, request: Action, follower: Follower) -> None:
         """Answer a request: `follower` gets the present status of a known id, or all statuses of a new one."""
-        request = self._identified(agent, request)
-        action = replace(request, agent=agent, name=name[:MAX_ID])
-        if len(action.id) > MAX_ID:
-            action = replace(action, id=action.id[:MAX_ID])
-            self._deny(action, _bad(f"an id has {MAX_ID} characters at most, got {len(request.id)}"), follower)
-        elif self._known(action, follower):
+        asked = self._identified(agent, request)
+        request = replace(asked, agent=agent, name=name[:MAX_ID])
+        if len(asked.id) > MAX_ID:
+            request = replace(request, id=asked.id[:MAX_ID])
+            self._deny(request, _bad(f"an id has {MAX_ID} characters at most, got {len(asked.id)}"), follower)
+        elif self._known(request, follower):
             pass
-        elif request.attempt > 1:
-            self._refuse(action, Outcome("refused", "bridge restarted", "restart"), follower)
-        elif request.name not in ("", name) or request.agent not in ("", agent):
-            said = f"{request.agent or agent}/{request.name or name}"
-            self._refuse(action, _bad(f"the key says {agent}/{name}, the action says {said}"), follower)
+        elif asked.attempt > 1:
+            self._refuse(request, Outcome("refused", "bridge restarted", "restart"), follower)
+        elif asked.name not in ("", name) or asked.agent not in ("", agent):
+            said = f"{asked.agent or agent}/{asked.name or name}"
+            self._refuse(request, _bad(f"the key says {agent}/{name}, the action says {said}"), follower)
         else:
-            self._begin(action, follower)
+            self._begin(request, follower)
 
     def turn_away(self, agent: str, name: str, request: Action, reason: str, follower: Follower) -> None:
         """Refuse a request without the right to it; its id is not used up by that."""
-        action = replace(self._identified(agent, request), agent=agent, name=name[:MAX_ID])
-        self._deny(replace(action, id=action.id[:MAX_ID]), Outcome("refused", reason, "rights"), follower)
+        request = replace(self._identified(agent, request), agent=agent, name=name[:MAX_ID])
+        self._deny(replace(request, id=request.id[:MAX_ID]), Outcome("refused", reason, "rights"), follower)
 
     def adopt(self, manifest: Manifest) -> None:
         """Accept actions by another manifest; those that run keep their old entry."""
         self._manifest = manifest
 
-    def cancel(self, agent: str, action: str, by: str = "") -> ActionStatus:
+    def cancel(self, agent: str, action_id: str, by: str = "") -> ActionStatus:
         """End a running action of an agent, on its own request or `by` somebody else's.
 
         Returns its final status, also if it had ended already.
         """
-        job = self._jobs.get(action)
-        if job is not None and job.action.agent == agent:
-            goes_on = "" if job.entry.cancel == "hold" or not job.entry.motion else "; the vehicle goes on"
-            hold = job.entry.cancel == "hold"
+        action = self._running.get(action_id)
+        if action is not None and action.request.agent == agent:
+            goes_on = "" if action.entry.cancel == "hold" or not action.entry.motion else "; the vehicle goes on"
+            hold = action.entry.cancel == "hold"
             said = f"cancelled by {(by or agent)[:MAX_ID]}{goes_on}"
-            return self._end(job, Outcome("cancelled", said, "cancelled"), hold=hold)
-        known = self._action_log.find(action)
+            return self._end(action, Outcome("cancelled", said, "cancelled"), hold=hold)
+        known = self._action_log.find(action_id)
         if known is not None and known.agent == agent and known.final is not None:
             return known.final
-        unknown = Action(id=action[:MAX_ID], agent=agent)
+        unknown = Action(id=action_id[:MAX_ID], agent=agent)
         return self._statuses.ended(unknown, _bad(f"no action {unknown.id} of {agent}"))
 
-    def leave(self, agent: str, action: str, reason: str) -> ActionStatus:
+    def leave(self, agent: str, action_id: str, reason: str) -> ActionStatus:
         """Refuse a cancel without the right to it."""
-        log.info("robot=%s cancel of %s refused: %s", self.robot, action[:MAX_ID], reason)
-        unasked = Action(id=action[:MAX_ID], agent=agent)
+        log.info("robot=%s cancel of %s refused: %s", self.robot, action_id[:MAX_ID], reason)
+        unasked = Action(id=action_id[:MAX_ID], agent=agent)
         return self._statuses.ended(unasked, Outcome("refused", reason, "rights"))
 
     def order(self, order: Order, ending: Outcome, *, block: bool, insist: bool) -> Execution:
@@ -148,8 +148,8 @@ class ActionServer:
             self.block(ending)
         self._pause.end()
         execution = self._driver.order(order, ending, insist=insist)
-        for job in list(self._jobs.values()):
-            self._end(job, ending, hold=False)
+        for action in list(self._running.values()):
+            self._end(action, ending, hold=False)
         self.step()
         return execution
 
@@ -157,26 +157,9 @@ class ActionServer:
         """Accept no action from now on."""
         self.blocked = dataclasses.replace(why, state="refused")
 
-    @property
-    def ordered(self) -> Order | None:
-        """The operator's order until `release`, of this run of the bridge or one before."""
-        return self._action_log.ordered
-
-    def stand(self, order: Order | None) -> None:
-        """Keep the operator's order (None = none) on disk: it outlives a bridge that is killed."""
-        try:
-            self._action_log.order(order)
-        except OSError as error:
-            log.error("robot=%s the operator's order cannot be kept on disk: %s", self.robot, error.strerror)
-
     def end_pause(self) -> None:
         """End a pause without beginning the interrupted actions again."""
         self._pause.end()
-
-    @property
-    def of_before_boot(self) -> bool:
-        """Whether the operator ordered or paused before the machine was started."""
-        return self._action_log.before_boot
 
     def pause(self) -> Execution:
         """Hold the robot until `resume`: what moves, arms or sets the mode is interrupted, and nothing begins.
@@ -186,60 +169,63 @@ class ActionServer:
         self._pause.begin()
         interrupted = []
         if "hold" in self._driver.orders:
-            for job in self._jobs.values():
-                if not job.held and (job.entry.motion or job.entry.confirm in ("armed", "mode")):
-                    interrupted.append(job.execution)
-                    job.execution = _held(job.action.name, job.execution.feedback)
-                    job.held = True
+            for action in self._running.values():
+                if not action.held and (action.entry.motion or action.entry.confirm in ("armed", "mode")):
+                    interrupted.append(action.execution)
+                    action.execution = _held(action.request.name, action.execution.feedback)
+                    action.held = True
         self._holding = self._driver.pause(interrupted)
         self._tell_all()
         return self._holding
 
-    def resume(self) -> Execution:
-        """Bring the robot back into the state before the pause; call `go_on` when it is."""
-        return self._driver.resume()
-
     def go_on(self) -> None:
-        """End the pause: interrupted actions begin again by the same rules, and so do those that waited."""
+        """End the pause: interrupted actions begin again by the same rules, and so do those that waited.
+
+        The driver is to have resumed before.
+        """
         self._pause.end()
-        for job in [job for job in self._jobs.values() if job.held]:
-            if refusal := self._driver.refuses(job.entry):
-                self._end(job, refusal, hold=False)
+        for action in [action for action in self._running.values() if action.held]:
+            if refusal := self._driver.refuses(action.entry):
+                self._end(action, refusal, hold=False)
             else:
-                self._perform(job)
+                self._perform(action)
         self._tell_all()
 
     def _tell_all(self) -> None:
         """Publish the status of every action, however recent the last one is."""
-        for job in self._jobs.values():
-            job.told_at = -math.inf
+        for action in self._running.values():
+            action.told_at = -math.inf
         self.step()
 
     def end_all(self, agent: str, outcome: Outcome) -> None:
         """End every action of an agent, or of all if the name is empty."""
-        for job in [job for job in self._jobs.values() if agent in ("", job.action.agent)]:
-            self._end(job, outcome, hold=False)
+        for action in [action for action in self._running.values() if agent in ("", action.request.agent)]:
+            self._end(action, outcome, hold=False)
 
     def step(self) -> None:
         """Let time pass: publish feedback, end what is over its deadline, look at the lease and the pause."""
         now, elapsed = self._now(), self._pause.elapsed
-        for job in list(self._jobs.values()):
-            if elapsed >= job.deadline_at:
-                waits = f"; it waited for {job.execution.waits_for}" if job.execution.waits_for else ""
-                outcome = Outcome("timed_out", f"not done within {job.deadline:g} s{waits}", "deadline")
-                holds = job.entry.cancel == "hold" and not defers("hold", self._driver.under_way)
-                self._end(job, outcome, hold=holds)
-            elif now - job.told_at >= self._feedback_every or job.execution.cause != job.cause:
-                job.told_at, job.cause = now, job.execution.cause
-                running = self._statuses.make(job.action, "running", job.execution.waits_for, job.execution.feedback)
-                self._tell(job, replace(running, deadline=max(0.0, job.deadline_at - elapsed), paused=job.held))
-                job.show(self._percepts, running.feedback, legible(job.cause, MAX_REASON))
-                self._log_cause(job, elapsed)
+        for action in list(self._running.values()):
+            if elapsed >= action.deadline_at:
+                waits = f"; it waited for {action.execution.waits_for}" if action.execution.waits_for else ""
+                outcome = Outcome("timed_out", f"not done within {action.deadline:g} s{waits}", "deadline")
+                holds = action.entry.cancel == "hold" and not defers("hold", self._driver.under_way)
+                self._end(action, outcome, hold=holds)
+            elif now - action.told_at >= self._feedback_every or action.execution.cause != action.cause:
+                action.told_at, action.cause = now, action.execution.cause
+                execution, left = action.execution, max(0.0, action.deadline_at - elapsed)
+                running = self._statuses.make(action.request, "running", execution.waits_for, execution.feedback)
+                self._tell(action, replace(running, deadline=left, paused=action.held))
+                action.show(self._percepts, running.feedback, legible(action.cause, MAX_REASON))
+                lasts = action.deadline - left >= CAUSE_AFTER * self._feedback_every  # not over in a moment
+                if lasts and action.cause and action.cause != action.logged_cause:
+                    action.logged_cause, request = action.cause, action.request
+                    log.warning("robot=%s action %s %s waits: %s", self.robot, request.id, request.name, action.cause)
         self._look_at_lease()
         self._look_at_pause()
 
     def _look_at_lease(self) -> None:
-        busy = bool(self._jobs) or self.paused
+        busy = bool(self._running) or self.paused
         self.lease.step(active=self._driver.active, heard=self._driver.heard, busy=busy, now=self._now())
 
     def _identified(self, agent: str, request: Action) -> Action:
@@ -249,110 +235,110 @@ class ActionServer:
         self._by_hand += 1
         return replace(request, id=f"{agent}:{self._boot}:hand{self._by_hand}")
 
-    def _is_by_hand(self, action: Action) -> bool:
-        unsigned = action.id.startswith(f"{action.agent}:{self._boot}:hand")
-        return unsigned or action.header.source not in ("", action.agent)
+    def _is_by_hand(self, request: Action) -> bool:
+        unsigned = request.id.startswith(f"{request.agent}:{self._boot}:hand")
+        return unsigned or request.header.source not in ("", request.agent)
 
-    def _known(self, action: Action, follower: Follower) -> bool:
+    def _known(self, request: Action, follower: Follower) -> bool:
         """Answer a request whose id was begun before; for another action than this one it is refused."""
-        job, entry = self._jobs.get(action.id), self._action_log.find(action.id)
-        if job is not None:
-            used_by, used_for = job.action.agent, job.action.name
+        action, entry = self._running.get(request.id), self._action_log.find(request.id)
+        if action is not None:
+            used_by, used_for = action.request.agent, action.request.name
         elif entry is not None:
             used_by, used_for = entry.agent, entry.name
         else:
             return False
-        if (used_by, used_for) != (action.agent, action.name):
-            self._deny(action, _bad(f"the id was used for {used_for} of {used_by}"), follower)
-        elif job is not None:
-            job.join(action.header.source, follower)
+        if (used_by, used_for) != (request.agent, request.name):
+            self._deny(request, _bad(f"the id was used for {used_for} of {used_by}"), follower)
+        elif action is not None:
+            action.join(request.header.source, follower)
         elif entry is not None:
             unknown = Outcome("failed", "the bridge restarted while it ran; how it ended is not known", "restart")
-            follower(entry.final or self._statuses.ended(action, unknown))
+            follower(entry.final or self._statuses.ended(request, unknown))
         return True
 
-    def _begin(self, action: Action, follower: Follower) -> None:
-        entry = BRIDGE_ACTIONS.get(action.name) or self._manifest.actions.get(action.name)
+    def _begin(self, request: Action, follower: Follower) -> None:
+        entry = BRIDGE_ACTIONS.get(request.name) or self._manifest.actions.get(request.name)
         if entry is None:
             known = ", ".join(f"{name}/{one.arity}" for name, one in (self._manifest.actions | BRIDGE_ACTIONS).items())
-            self._refuse(action, _bad(f"{self.robot} has no action {action.name}; it has {known}"), follower)
+            self._refuse(request, _bad(f"{self.robot} has no action {request.name}; it has {known}"), follower)
             return
         try:
-            arguments = read_arguments(action.name, entry, action.parameters, self._manifest.robot.values)
+            arguments = read_arguments(request.name, entry, request.parameters, self._manifest.robot.values)
         except BadArgument as error:
-            self._refuse(action, _bad(str(error)), follower)
+            self._refuse(request, _bad(str(error)), follower)
             return
-        if action.deadline is not None and not action.deadline > 0:
-            self._refuse(action, _bad(f"deadline: expected more than 0 s, got {action.deadline:g}"), follower)
+        if request.deadline is not None and not request.deadline > 0:
+            self._refuse(request, _bad(f"deadline: expected more than 0 s, got {request.deadline:g}"), follower)
             return
         now = self._now()
-        lent = self.lease.refuses(action.agent, ", ".join(self.running), now)
+        lent = self.lease.refuses(request.agent, ", ".join(self.running), now)
         refusal = self.blocked or (
             Outcome("refused", lent, "agent_lost" if self.lease.closed else "lease") if lent else None
         )
-        if action.name in BRIDGE_ACTIONS:
-            self._answer_built_in(action, arguments, refusal, follower)
+        if request.name in BRIDGE_ACTIONS:
+            self._answer_built_in(request, arguments, refusal, follower)
             return
-        rival = self.lease.holder not in ("", action.agent)
-        if refusal := refusal or self._driver.refuses(entry) or self._busy(action, entry, rival):
-            self._refuse(action, refusal, follower)
+        rival = self.lease.holder not in ("", request.agent)
+        if refusal := refusal or self._driver.refuses(entry) or self._busy(request, entry, rival):
+            self._refuse(request, refusal, follower)
             return
         try:
-            self._action_log.begin(action)
+            self._action_log.begin(request)
         except OSError as error:
             if not entry.supersedes:
                 unkept = Outcome("refused", f"its id cannot be kept on disk: {error.strerror}", "storage")
-                self._refuse(action, unkept, follower)
+                self._refuse(request, unkept, follower)
                 return
             log.error(
-                "robot=%s the id of %s cannot be kept on disk: %s", self.robot, action.id, error.strerror
+                "robot=%s the id of %s cannot be kept on disk: %s", self.robot, request.id, error.strerror
             )  # a way down must stay
-        taken = self._take(action, entry) if rival else []
+        taken = self._take(request, entry) if rival else []
         for other in self._superseded(entry):
-            by_hand = ", by hand" if self._is_by_hand(action) else ""
-            said = f"superseded by {action.name} of {action.agent}{by_hand}"
+            by_hand = ", by hand" if self._is_by_hand(request) else ""
+            said = f"superseded by {request.name} of {request.agent}{by_hand}"
             self._end(other, Outcome("cancelled", said, "superseded"), hold=False)
-        self.lease.take(action.agent, now)
+        self.lease.take(request.agent, now)
         if entry.motion or entry.supersedes or entry.confirm == "mode":
-            self.by_hand = self._is_by_hand(action)
+            self.by_hand = self._is_by_hand(request)
             self.on_control()
-        deadline = min(float(entry.deadline), action.deadline or math.inf)
-        accepted = replace(self._statuses.make(action, "accepted"), deadline=deadline, paused=self.paused)
+        deadline = min(float(entry.deadline), request.deadline or math.inf)
+        accepted = replace(self._statuses.make(request, "accepted"), deadline=deadline, paused=self.paused)
         follower(accepted)
-        self._publish(action.agent, accepted)
-        until, held = self._pause.elapsed + deadline, _held(action.name)
-        job = RunningAction(action, entry, held, until, deadline, accepted, now, arguments, held=True)
-        job.followers.append((action.header.source, follower))
-        self._jobs[action.id] = job
+        self._publish(request.agent, accepted)
+        until, held = self._pause.elapsed + deadline, _held(request.name)
+        action = RunningAction(request, entry, held, until, deadline, accepted, now, arguments, held=True)
+        action.followers.append((request.header.source, follower))
+        self._running[request.id] = action
         self._wake.set()
         if not self.paused:
-            self._perform(job)
-        if job.execution.outcome is not None and job.execution.outcome.state != "succeeded":
+            self._perform(action)
+        if action.execution.outcome is not None and action.execution.outcome.state != "succeeded":
             self._hold_for(taken)
         self.step()
-        self._note(job)
+        self._note(action)
         try:
             self._action_log.keep()
         except OSError as error:
-            log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, action.id, error.strerror)
+            log.error("robot=%s the id of %s may not outlive a power loss: %s", self.robot, request.id, error.strerror)
 
-    def _perform(self, job: RunningAction) -> None:
+    def _perform(self, action: RunningAction) -> None:
         """Let the driver carry an action out, when it is accepted or when a pause is over."""
-        action, entry, job.held = job.action, job.entry, False
+        request, entry, action.held = action.request, action.entry, False
         if self._manifest.driver_of(entry) not in OURS:
-            self._note(job)  # first: if its driver does not return, the log names the action
-        job.execution = execution = self._driver.perform(action.name, entry, job.arguments)
-        execution.on_end(partial(self._ended, job, execution))
+            self._note(action)  # first: if its driver does not return, the log names the action
+        action.execution = execution = self._driver.perform(request.name, entry, action.arguments)
+        execution.on_end(partial(self._ended, action, execution))
 
-    def _ended(self, job: RunningAction, execution: Execution) -> None:
+    def _ended(self, action: RunningAction, execution: Execution) -> None:
         """Take in that an execution has ended, unless a pause has interrupted it."""
-        if job.execution is not execution or execution.outcome is None:
+        if action.execution is not execution or execution.outcome is None:
             return
         try:
-            self._finish(job, execution.outcome)
+            self._finish(action, execution.outcome)
             self._look_at_lease()
         except Exception:  # the driver that pushes the end must not suffer for a defect here
-            log.exception("robot=%s defect at the end of action %s", self.robot, job.action.id)
+            log.exception("robot=%s defect at the end of action %s", self.robot, action.request.id)
 
     def _look_at_pause(self) -> None:
         """End a pause when others fly the robot; the actions that waited have failed."""
@@ -364,37 +350,37 @@ class ActionServer:
         reason = f"the mode became {mode} while the operator had paused the robot; nobody here asked for it {who}"
         log.warning("robot=%s %s", self.robot, reason)
         self._pause.end()
-        for job in [job for job in self._jobs.values() if job.held]:
-            self._end(job, Outcome("failed", reason, "pilot"), hold=False)
+        for action in [action for action in self._running.values() if action.held]:
+            self._end(action, Outcome("failed", reason, "pilot"), hold=False)
 
     def _answer_built_in(
-        self, action: Action, arguments: dict[str, Argument], refusal: Outcome | None, follower: Follower
+        self, request: Action, arguments: dict[str, Argument], refusal: Outcome | None, follower: Follower
     ) -> None:
         """Carry out `release` or `hand_over`, which end immediately; not while an action of the holder runs."""
-        if refusal is None and self.lease.holder == action.agent and self._jobs:
+        if refusal is None and self.lease.holder == request.agent and self._running:
             said = f"busy: {', '.join(self.running)} is running; cancel it first, or wait for its end"
             refusal = Outcome("refused", said, "busy")
         if refusal is None:
-            if action.name == "release":
-                held = self.lease.release(action.agent)
+            if request.name == "release":
+                held = self.lease.release(request.agent)
             else:
-                held = self.lease.give(action.agent, str(arguments["agent"]), self._now())
+                held = self.lease.give(request.agent, str(arguments["agent"]), self._now())
             refusal = Outcome("refused", held, "lease") if held else None
         if refusal is not None:
-            self._refuse(action, refusal, follower)
+            self._refuse(request, refusal, follower)
             return
-        log.info("robot=%s action %s %s succeeded", self.robot, action.id, action.name)
-        status = self._statuses.ended(action, Outcome("succeeded"))
+        log.info("robot=%s action %s %s succeeded", self.robot, request.id, request.name)
+        status = self._statuses.ended(request, Outcome("succeeded"))
         follower(status)
-        self._publish(action.agent, status)
-        self._record(action, status)
+        self._publish(request.agent, status)
+        self._record(request, status)
 
-    def _take(self, action: Action, entry: ActionEntry) -> list[RunningAction]:
+    def _take(self, request: Action, entry: ActionEntry) -> list[RunningAction]:
         """Take the robot from an agent of lower rank: its actions fail. Returns those that moved the robot."""
-        taken = list(self._jobs.values())
-        for job in taken:
-            self._end(job, Outcome("failed", f"lease taken by {action.agent}", "lease"), hold=False)
-        moving = [job for job in taken if job.entry.motion]
+        taken = list(self._running.values())
+        for action in taken:
+            self._end(action, Outcome("failed", f"lease taken by {request.agent}", "lease"), hold=False)
+        moving = [action for action in taken if action.entry.motion]
         if not entry.motion and not entry.supersedes:
             self._hold_for(moving)
             return []
@@ -402,75 +388,71 @@ class ActionServer:
 
     def _hold_for(self, taken: list[RunningAction]) -> None:
         """Let the robot stay where it is: the agent that has taken it does not move it."""
-        for job in taken:
-            self._driver.hold(job.execution, Outcome("failed", job.status.reason, "lease"))
+        for action in taken:
+            self._driver.hold(action.execution, Outcome("failed", action.status.reason, "lease"))
 
-    def _busy(self, action: Action, entry: ActionEntry, rival: bool) -> Outcome | None:
+    def _busy(self, request: Action, entry: ActionEntry, rival: bool) -> Outcome | None:
         """Why an action cannot begin beside those that run; None if it can. Actions of a `rival` would end."""
         if rival:
             return None
         ending = self._superseded(entry)
-        for job in self._jobs.values():
-            both_move = entry.motion and job.entry.motion
-            if job not in ending and (both_move or job.action.name == action.name):
-                return Outcome("refused", f"busy: {job.action.name} is running", "busy")
-        if len(self._jobs) < MAX_RUNNING:
+        for action in self._running.values():
+            both_move = entry.motion and action.entry.motion
+            if action not in ending and (both_move or action.request.name == request.name):
+                return Outcome("refused", f"busy: {action.request.name} is running", "busy")
+        if len(self._running) < MAX_RUNNING:
             return None
         return Outcome("refused", f"busy: {MAX_RUNNING} actions are running", "busy")
 
     def _superseded(self, entry: ActionEntry) -> list[RunningAction]:
-        return [job for job in self._jobs.values() if job.entry.motion] if entry.supersedes else []
+        return [action for action in self._running.values() if action.entry.motion] if entry.supersedes else []
 
-    def _refuse(self, action: Action, refusal: Outcome, follower: Follower) -> None:
-        self._record(action, self._deny(action, refusal, follower))
+    def _refuse(self, request: Action, refusal: Outcome, follower: Follower) -> None:
+        self._record(request, self._deny(request, refusal, follower))
 
-    def _deny(self, action: Action, refusal: Outcome, follower: Follower) -> ActionStatus:
+    def _deny(self, request: Action, refusal: Outcome, follower: Follower) -> ActionStatus:
         """Refuse an action without recording its id."""
-        status = self._statuses.ended(action, refusal)
-        log.info("robot=%s action %s %s refused: %s", self.robot, action.id, action.name, status.reason)
+        status = self._statuses.ended(request, refusal)
+        log.info("robot=%s action %s %s refused: %s", self.robot, request.id, request.name, status.reason)
         follower(status)
-        self._publish(action.agent, status)
+        self._publish(request.agent, status)
         return status
 
-    def _end(self, job: RunningAction, outcome: Outcome, *, hold: bool) -> ActionStatus:
-        job.execution.ended = None  # stopping may still add to the reason
-        self._driver.stop(job.execution, outcome, hold=hold and not job.held)
-        return self._finish(job, job.execution.outcome or outcome)
+    def _end(self, action: RunningAction, outcome: Outcome, *, hold: bool) -> ActionStatus:
+        action.execution.ended = None  # stopping may still add to the reason
+        self._driver.stop(action.execution, outcome, hold=hold and not action.held)
+        return self._finish(action, action.execution.outcome or outcome)
 
-    def _finish(self, job: RunningAction, outcome: Outcome) -> ActionStatus:
-        if job.action.id not in self._jobs:
-            return job.status
-        del self._jobs[job.action.id]
-        job.show(self._percepts, {})
+    def _finish(self, action: RunningAction, outcome: Outcome) -> ActionStatus:
+        request = action.request
+        if request.id not in self._running:
+            return action.status
+        del self._running[request.id]
+        action.show(self._percepts, {})
         self._percepts.flush()
-        status = self._statuses.ended(job.action, outcome, job.execution.feedback)
-        self._tell(job, status)  # first: its agent waits for it
-        self._record(job.action, status)
-        self._note(job)
-        log.info("robot=%s action %s %s %s %s", self.robot, job.action.id, job.action.name, status.state, status.reason)
+        status = self._statuses.ended(request, outcome, action.execution.feedback)
+        self._tell(action, status)  # first: its agent waits for it
+        self._record(request, status)
+        self._note(action)
+        log.info("robot=%s action %s %s %s %s", self.robot, request.id, request.name, status.state, status.reason)
         return status
 
-    def _log_cause(self, job: RunningAction, elapsed: float) -> None:
-        """Log what hinders an action, and each change of it, but no cause that is over in a moment."""
-        begun = job.deadline_at - job.deadline
-        if job.cause and job.cause != job.logged_cause and elapsed - begun >= CAUSE_AFTER * self._feedback_every:
-            job.logged_cause = job.cause
-            log.warning("robot=%s action %s %s waits: %s", self.robot, job.action.id, job.action.name, job.cause)
-
-    def _note(self, job: RunningAction) -> None:
+    def _note(self, action: RunningAction) -> None:
         """Log that an action has begun; if it ends immediately, after its agent got the status."""
-        if not job.noted:
-            job.noted = True
-            action, values = job.action, list(job.arguments.values())
-            log.info("robot=%s action %s %s%s", self.robot, action.id, action.name, values)
+        if not action.noted:
+            action.noted = True
+            request, values = action.request, list(action.arguments.values())
+            log.info("robot=%s action %s %s%s", self.robot, request.id, request.name, values)
 
-    def _tell(self, job: RunningAction, status: ActionStatus) -> None:
-        job.tell(status)
-        self._publish(job.action.agent, status)
+    def _tell(self, action: RunningAction, status: ActionStatus) -> None:
+        action.status = status
+        for _, follower in action.followers:
+            follower(status)
+        self._publish(action.request.agent, status)
 
-    def _record(self, action: Action, status: ActionStatus) -> None:
+    def _record(self, request: Action, status: ActionStatus) -> None:
         try:
-            self._action_log.finish(action.agent, status)
+            self._action_log.finish(request.agent, status)
         except OSError as error:
             log.error("robot=%s how %s ended cannot be kept on disk: %s", self.robot, status.id, error.strerror)
 

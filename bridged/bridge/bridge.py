@@ -101,7 +101,9 @@ class Bridge:
             wake=self._wake,
         )
         self.live = RunningManifest(manifest, self._adopt, partial(order_findings, mission, robot))
-        self.orders = SafetyOrders(self.action_server, self.driver, clock, mission.robots[robot].idle_after)
+        self.orders = SafetyOrders(
+            self.action_server, self.driver, self.action_log, clock, mission.robots[robot].idle_after
+        )
         self.lease.restore(*self.action_log.held())  # the agent of our last run still has the robot
         if self.lease.answers:
             self.driver.may_be_moving()
@@ -181,7 +183,7 @@ class Bridge:
             counters=counters,
             percepts={agent: present.digest() for agent, present in self.percepts.sets.items()},
             paused=self.action_server.paused,
-            ordered=self.action_server.ordered,
+            ordered=self.action_log.ordered,
             notes=self.notes(),
         )
 

@@ -11,24 +11,21 @@ from functools import partial
 import zenoh
 from msgspec.structs import replace
 
-from bridged.bridge.action_server import ActionServer
-from bridged.bridge.live_manifest import RunningManifest
-from bridged.bridge.percepts import PerceptPublisher
-from bridged.bridge.safety_orders import SafetyOrders, by_operator
-from bridged.drivers.api import Order
+from bridged.bridge.bridge import Bridge
+from bridged.bridge.safety_orders import by_operator
 from bridged.drivers.api import Outcome as OfOrder
 from bridged.drivers.argument_check import signature
 from commd.bus.bus import Bus, Query
-from schemas.manifest.loader import ActionDescription, Manifest
+from schemas.manifest.loader import ActionDescription
 from schemas.manifest.rules import BRIDGE_ACTIONS
 from schemas.wire import keys
-from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import (
     Action,
     ActionStatus,
     Cancel,
     LiveManifest,
     ManifestChange,
+    OperatorOrder,
     Outcome,
     Perception,
     StopOrder,
@@ -61,67 +58,41 @@ class Service:
         key = keys.status(self._bus.fleet, agent, status.name)
         asyncio.get_running_loop().call_soon(self._bus.put, key, status)
 
-    def open(
-        self, percepts: PerceptPublisher, action_server: ActionServer, orders: SafetyOrders, live: RunningManifest
-    ) -> None:
+    def open(self, bridge: Bridge) -> None:
         """Begin to serve. Orders and manifest changes are served as actions are, in the order of arrival: an
         action behind a stop is refused."""
-        bus, fleet = self._bus, self._bus.fleet
+        self._bridge, bus, fleet = bridge, self._bus, self._bus.fleet
         for agent in self._agents:
-            bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent, percepts.sets[agent]))
-            bus.serve(
-                keys.action(fleet, agent, "*"),
-                Action,
-                partial(self._act, agent, action_server, live),
-                at_most=ACTION_BYTES,
-            )
-            cancel = partial(self._cancel, agent, action_server)
-            bus.serve(
-                keys.cancel(fleet, agent),
-                Cancel,
-                cancel,
-                urgent=True,
-            )
-        change = partial(self._read_or_change, live)
-        bus.serve(
-            keys.manifest(fleet, self._robot),
-            ManifestChange,
-            change,
-        )
-        stop = partial(self._stop, action_server, orders)
-        bus.serve(
-            keys.stop(fleet, self._robot),
-            StopOrder,
-            stop,
-            urgent=True,
-        )
+            bus.serve(keys.percept(fleet, agent, "**"), Perception, partial(self._repair, agent))
+            bus.serve(keys.action(fleet, agent, "*"), Action, partial(self._act, agent), at_most=ACTION_BYTES)
+            bus.serve(keys.cancel(fleet, agent), Cancel, partial(self._cancel, agent), urgent=True)
+        bus.serve(keys.manifest(fleet, self._robot), ManifestChange, self._read_or_change)
+        bus.serve(keys.stop(fleet, self._robot), StopOrder, self._stop, urgent=True)
 
-    async def _repair(self, agent: str, present: PerceptSet, query: Query[Perception]) -> None:
+    async def _repair(self, agent: str, query: Query[Perception]) -> None:
         """Answer with every present belief of an agent that the query asks for, each on its own key."""
         asked = zenoh.KeyExpr(query.key)
-        for perception in present.snapshot():
+        for perception in self._bridge.percepts.sets[agent].snapshot():
             key = keys.percept(self._bus.fleet, agent, perception.name)
             if asked.intersects(zenoh.KeyExpr(key)):
                 query.reply(perception, key)
 
-    def _act(
-        self, agent: str, action_server: ActionServer, live: RunningManifest, query: Query[Action]
-    ) -> Awaitable[None] | None:
+    def _act(self, agent: str, query: Query[Action]) -> Awaitable[None] | None:
         """Carry out a valid request on a concrete key; answer any other query with descriptions of actions."""
         if not query.concrete or query.record is None:
-            self._describe(agent, live.manifest, query)
+            self._describe(agent, query)
             return None
         name = query.key.rpartition("/")[2]
         following = _Following(query)
         if self._inject or not is_by_hand(agent, query.record):
-            action_server.ask(agent, name, query.record, following.hear)
+            self._bridge.action_server.ask(agent, name, query.record, following.hear)
         else:
-            action_server.turn_away(agent, name, query.record, BY_HAND, following.hear)
+            self._bridge.action_server.turn_away(agent, name, query.record, BY_HAND, following.hear)
         return following.to_its_end()
 
-    def _describe(self, agent: str, manifest: Manifest, query: Query[Action]) -> None:
+    def _describe(self, agent: str, query: Query[Action]) -> None:
         asked = zenoh.KeyExpr(query.key)
-        for name, entry in (manifest.actions | BRIDGE_ACTIONS).items():
+        for name, entry in (self._bridge.live.manifest.actions | BRIDGE_ACTIONS).items():
             key = keys.action(self._bus.fleet, agent, name)
             if asked.intersects(zenoh.KeyExpr(key)):
                 description = ActionDescription(
@@ -133,19 +104,19 @@ class Service:
                 )
                 query.reply(description, key)
 
-    def _cancel(self, agent: str, action_server: ActionServer, query: Query[Cancel]) -> None:
+    def _cancel(self, agent: str, query: Query[Cancel]) -> None:
         if query.record is None or not query.concrete:
             query.reply_error(query.error or 'expected the id of an action: {"id": "..."}')
             return
         by = query.record.header.source
         if self._inject or by == agent:
-            query.reply(action_server.cancel(agent, query.record.id, by or "hand"))
+            query.reply(self._bridge.action_server.cancel(agent, query.record.id, by or "hand"))
         else:
-            query.reply(action_server.leave(agent, query.record.id, BY_HAND))
+            query.reply(self._bridge.action_server.leave(agent, query.record.id, BY_HAND))
 
-    def _read_or_change(self, live: RunningManifest, query: Query[ManifestChange]) -> None:
+    def _read_or_change(self, query: Query[ManifestChange]) -> None:
         """Answer with the running manifest, after the change in the query, if there is one."""
-        key = keys.manifest(self._bus.fleet, self._robot)
+        key, live = keys.manifest(self._bus.fleet, self._robot), self._bridge.live
         if query.error or (query.record is not None and not query.concrete):
             query.reply_error(query.error or "a change is for one robot: ask on its own key")
             return
@@ -154,44 +125,43 @@ class Service:
             problems = live.change(query.record)
             log.info("robot=%s manifest: %s", self._robot, "; ".join(problems) or f"version {live.version}")
             if not problems:
-                self._bus.put(key, self._told(live))
-        query.reply(self._told(live, problems), key)
+                self._bus.put(key, self._told())
+        query.reply(self._told(problems), key)
 
-    def _told(self, live: RunningManifest, problems: Iterable[str] = ()) -> LiveManifest:
-        return replace(live.told(self._robot, problems), header=self._bus.header("manifest", self._robot))
+    def _told(self, problems: Iterable[str] = ()) -> LiveManifest:
+        told = self._bridge.live.told(self._robot, problems)
+        return replace(told, header=self._bus.header("manifest", self._robot))
 
-    def _stop(
-        self, action_server: ActionServer, orders: SafetyOrders, query: Query[StopOrder]
-    ) -> Awaitable[None] | None:
+    def _stop(self, query: Query[StopOrder]) -> Awaitable[None] | None:
         """Block actions and carry the order out; or release them; or pause and continue."""
         if query.record is None or not query.concrete:
             query.reply_error(
                 query.error or 'expected an order: {"order": "hold"}, land, rtl, release, pause or continue'
             )
             return None
-        order = query.record.order
-        if order == "pause":
-            return self._answer(orders.pause(), query)
-        if order == "continue":
-            return self._answer(orders.resume(), query)
-        if order == "release":
-            if self._stops:  # one that came before it: it has its turn first
-                return self._release(orders, query)
-            _tell_outcome(query, orders.release())
-            return None
-        action_server.block(by_operator(order))
-        self._stops += 1
-        return self._carry_out(orders, order, query)
+        match query.record.order:
+            case "release" if not self._stops:
+                _tell_outcome(query, self._bridge.orders.release())
+                return None
+            case "hold" | "land" | "rtl" as order:
+                self._bridge.action_server.block(by_operator(order))
+                self._stops += 1
+        return self._carry_out(query, query.record.order)
 
-    async def _release(self, orders: SafetyOrders, query: Query[StopOrder]) -> None:
-        _tell_outcome(query, orders.release())
-
-    async def _answer(self, outcome: Awaitable[OfOrder], query: Query[StopOrder]) -> None:
-        _tell_outcome(query, await outcome)
-
-    async def _carry_out(self, orders: SafetyOrders, order: Order, query: Query[StopOrder]) -> None:
-        self._stops -= 1
-        _tell_outcome(query, await orders.operator(order))
+    async def _carry_out(self, query: Query[StopOrder], order: OperatorOrder) -> None:
+        """Carry out an order of the operator in its turn: a release after the orders that came before it."""
+        orders = self._bridge.orders
+        match order:
+            case "release":
+                outcome = orders.release()
+            case "pause":
+                outcome = await orders.pause()
+            case "continue":
+                outcome = await orders.resume()
+            case "hold" | "land" | "rtl":
+                self._stops -= 1
+                outcome = await orders.operator(order)
+        _tell_outcome(query, outcome)
 
 
 def _tell_outcome(query: Query[StopOrder], outcome: OfOrder) -> None:

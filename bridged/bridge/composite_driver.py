@@ -109,9 +109,7 @@ class CompositeDriver:
         """
         by_itself = order in self.own.orders
         if not (by_itself or insist) and defers(order, self.under_way):
-            execution = Execution(order)
-            execution.end(Outcome("succeeded", f"{self.under_way} is under way"))
-            return execution
+            return Execution(order, Outcome("succeeded", f"{self.under_way} is under way"))
         for execution, begun in list(self._of.items()):
             if not (by_itself and begun.driver is self.own):  # whose driver ends them itself
                 self._end(execution, ending)
@@ -142,9 +140,7 @@ class CompositeDriver:
                 return self.own.resume()
             except Exception as error:
                 return _defect("continue", error)
-        execution = Execution("continue")
-        execution.end(Outcome("succeeded"))
-        return execution
+        return Execution("continue", Outcome("succeeded"))
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution by its driver; a robot that cannot hold by itself does it by the manifest's `orders`.
@@ -316,9 +312,7 @@ class CompositeDriver:
         """Carry out an order as the manifest's `orders` say."""
         said = self._manifest.orders.get(order)
         if said is None:
-            execution = Execution(order)
-            execution.end(Outcome("failed", f"the manifest has no order `{order}`"))
-            return execution
+            return Execution(order, Outcome("failed", f"the manifest has no order `{order}`"))
         name, arguments = read_call(self._manifest, said)
         execution = self.perform(name, self._manifest.actions[name], arguments)
         self._halt, self._halt_order, self._halt_until = execution, order, math.inf
@@ -328,9 +322,7 @@ class CompositeDriver:
 def _defect(name: str, error: Exception) -> Execution:
     """Return an execution that has failed by an exception of its driver."""
     log.error("defect in the driver at %s", name, exc_info=error)
-    execution = Execution(name)
-    execution.end(Outcome("failed", f"defect in the driver: {type(error).__name__}: {error}"))
-    return execution
+    return Execution(name, Outcome("failed", f"defect in the driver: {type(error).__name__}: {error}"))
 
 
 def _not_done(halt: Execution) -> str:

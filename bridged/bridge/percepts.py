@@ -168,10 +168,6 @@ class PerceptPublisher:
             if one.name == name and one.parameters[: len(first)] == first:
                 self._send((agent,), name, one.parameters, "remove", tuple(range(len(one.parameters))))
 
-    def last_seq(self, agent: str) -> int:
-        """Seq of the last perception that was published to an agent."""
-        return self.sets[agent].seq
-
     def _read(self, reading: Reading, now: float, only: Collection[str] | None = None) -> None:
         """Make the percepts of a reading's source, or `only` those."""
         for name, entry, fields in self._by_source.get((reading.driver, reading.source), ()):
@@ -272,12 +268,17 @@ class _Absent(Exception):
 def _argument(field: Field, message: object, term: ToTerm) -> Term:
     value = message
     for step in field.field.split("."):
-        value = value[int(step)] if isinstance(value, _LISTS) else _member(value, step)
+        if isinstance(value, _LISTS):
+            value = value[int(step)]
+        elif isinstance(value, Mapping):
+            value = value[step]
+        else:
+            raise TypeError(f"{step!r} of a {type(value).__name__}")
     if field.each:
         return _elements(field, value, term)
     if isinstance(value, _LISTS):
-        return [_value(field, item, term) for item in value if not _is_absent(field, item)]
-    if _is_absent(field, value):
+        return [_value(field, item, term) for item in value if field.absent is None or item != field.absent]
+    if field.absent is not None and value == field.absent:
         raise _Absent
     return _value(field, value, term)
 
@@ -298,10 +299,6 @@ def _elements(field: Field, value: object, term: ToTerm) -> list[Term]:
     return found
 
 
-def _is_absent(field: Field, value: object) -> bool:
-    return field.absent is not None and value == field.absent
-
-
 def _value(field: Field, value: object, term: ToTerm) -> Term:
     """Convert a value, or every number in a list of lists."""
     if isinstance(value, _LISTS):
@@ -309,12 +306,6 @@ def _value(field: Field, value: object, term: ToTerm) -> Term:
     if isinstance(value, _NUMBERS) and not isinstance(value, bool) and (field.scale, field.offset) != (1.0, 0.0):
         value = float(f"{value * field.scale + field.offset:.{DIGITS}g}")
     return term(value)
-
-
-def _member(value: object, step: str) -> object:
-    if isinstance(value, Mapping):
-        return value[step]
-    raise TypeError(f"{step!r} of a {type(value).__name__}")
 
 
 def _term(value: object) -> Term:

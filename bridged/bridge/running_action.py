@@ -49,7 +49,7 @@ Follower = Callable[[ActionStatus | None], None]
 class RunningAction:
     """An action that runs."""
 
-    action: Action
+    request: Action
     entry: ActionEntry
     execution: Execution
     deadline_at: float
@@ -82,15 +82,9 @@ class RunningAction:
             one[1](None)
         self.followers.append((asker, follower))
 
-    def tell(self, status: ActionStatus) -> None:
-        """Pass a status to all followers."""
-        self.status = status
-        for _, follower in self.followers:
-            follower(status)
-
     def show(self, percepts: PerceptPublisher, feedback: Mapping[str, float], cause: str = "") -> None:
         """Let the agent perceive these figures and the cause, as far as the manifest wants them, and no others."""
-        agent, action = self.action.agent, Atom(self.action.name)
+        agent, action = self.request.agent, Atom(self.request.name)
         told: dict[str, Term] = {what: number(value) for what, value in feedback.items()}
         if cause:
             told[CAUSE] = cause
@@ -111,29 +105,29 @@ class Statuses:
         self._robot, self._boot, self._clock, self._percepts = robot, boot, clock, percepts
         self._seq = 0
 
-    def ended(self, action: Action, outcome: Outcome, feedback: Mapping[str, float] = NO_FIGURES) -> ActionStatus:
+    def ended(self, request: Action, outcome: Outcome, feedback: Mapping[str, float] = NO_FIGURES) -> ActionStatus:
         """Return how an action has ended. A cause that the records do not know becomes `driver`."""
         succeeded = outcome.state == "succeeded"
         if outcome.cause not in _CAUSES:  # drivers of others are not type-checked
-            log.warning("robot=%s unknown cause %r of %s: taken as driver", self._robot, outcome.cause, action.name)
+            log.warning("robot=%s unknown cause %r of %s: taken as driver", self._robot, outcome.cause, request.name)
             outcome = dataclasses.replace(outcome, cause="driver")
-        status = self.make(action, outcome.state, outcome.reason, feedback)
+        status = self.make(request, outcome.state, outcome.reason, feedback)
         return replace(status, result=succeeded, cause=None if succeeded else outcome.cause, order=outcome.order)
 
     def make(
-        self, action: Action, state: State, reason: str = "", feedback: Mapping[str, float] = NO_FIGURES
+        self, request: Action, state: State, reason: str = "", feedback: Mapping[str, float] = NO_FIGURES
     ) -> ActionStatus:
         """Return a status of an action."""
         self._seq += 1
         return ActionStatus(
             header=Header(seq=self._seq, stamp=self._clock.stamp(), source=self._robot, boot=self._boot),
-            id=action.id,
+            id=request.id,
             state=state,
             reason=legible(reason, MAX_REASON),
             feedback=finite_figures(feedback) if feedback else {},
-            after=self._percepts.last_seq(action.agent),
-            name=action.name,
-            parameters=action.parameters,
+            after=self._percepts.sets[request.agent].seq,
+            name=request.name,
+            parameters=request.parameters,
         )
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, cast, get_args
 
+from bridged.bridge.action_log import ActionLog
 from bridged.bridge.action_server import ActionServer
 from bridged.bridge.composite_driver import CompositeDriver
 from bridged.drivers.api import Execution, Order, Outcome
@@ -88,13 +89,19 @@ class SafetyOrders:
     """
 
     def __init__(
-        self, action_server: ActionServer, driver: CompositeDriver, clock: Clock, patience: float = 10.0
+        self,
+        action_server: ActionServer,
+        driver: CompositeDriver,
+        action_log: ActionLog,
+        clock: Clock,
+        patience: float = 10.0,
     ) -> None:
         """`patience`: mission seconds that an agent which is back has to take control (`idle_after`)."""
-        self._server, self._driver, self._clock, self._patience = action_server, driver, clock, patience
+        self._server, self._driver, self._action_log = action_server, driver, action_log
+        self._clock, self._patience = clock, patience
         self._robot = action_server.robot
         self._sequence: asyncio.Task[None] | None = None
-        self._answer: Callable[[], Coroutine[Any, Any, None]] | None = None
+        self._carries_out: Callable[[], Coroutine[Any, Any, None]] | None = None
         """What the sequence carries out: after a pause it begins again."""
         self._restoring: asyncio.Task[None] | None = None
         self._execution: Execution | None = None
@@ -110,9 +117,9 @@ class SafetyOrders:
         self._stopping = False
         self._secured = False
         """Whether the robot carries out the order of `shut_down`."""
-        action_server.on_control = self._taken
-        if action_server.ordered:
-            standing = by_operator(action_server.ordered)
+        action_server.on_control = self._give_control
+        if action_log.ordered:
+            standing = by_operator(action_log.ordered)
             action_server.block(standing)
             told = "as ordered before the bridge restarted: no action is accepted until `release`"
             log.warning("robot=%s %s, %s", action_server.robot, standing.reason, told)
@@ -122,7 +129,7 @@ class SafetyOrders:
         left, blocked = self._left if self._driver.overridden else None, None
         if self._server.blocked:
             text = f"no action is accepted: {self._server.blocked.reason}"
-            ordered = Note("operator_order", text, self._server.ordered or "")
+            ordered = Note("operator_order", text, self._action_log.ordered or "")
             blocked = Note("bridge_stops", text) if self._stopping else ordered
         return [note for note in (left, self._unheard, self._deferred, self._alarm, blocked) if note is not None]
 
@@ -190,7 +197,7 @@ class SafetyOrders:
         The sequence for a lost agent begins again on `release`, unless the robot is left by then.
         """
         if not self._stopping:
-            self._server.stand(order)
+            self._stand(order)
         back_at, may_move = self._back_at, self._loss or self._may_move
         self.call_off()
         if may_move and self._lost is not None and self._lost[0] == self._server.lease.answers and not self._stopping:
@@ -203,7 +210,7 @@ class SafetyOrders:
         if self._stopping:
             return Outcome("refused", "the bridge stops: it accepts no more actions")
         self._server.blocked = None
-        self._server.stand(None)
+        self._stand(None)
         released = RobotReleased(robot=self._robot)
         log.info("robot=%s released: actions are accepted again", self._robot, extra={"event": released})
         waits = "; it is paused: they begin when it is told to `continue`" if self._server.paused else ""
@@ -214,9 +221,9 @@ class SafetyOrders:
         """Pause the robot for the operator: it holds, its actions are kept and wait for `resume`."""
         if self._stopping:
             return Outcome("refused", "the bridge stops")
-        if self._sequence is not None and self._answer is not None:
+        if self._sequence is not None and self._carries_out is not None:
             self._sequence.cancel()
-            self._begin(self._answer)
+            self._begin(self._carries_out)
         return await self._confirmed(self._server.pause())
 
     async def resume(self) -> Outcome:
@@ -230,30 +237,30 @@ class SafetyOrders:
             return Outcome("refused", f"it is not paused: {blocked.reason}; `release` gives it back to its agents")
         if not self._server.paused:
             return Outcome("succeeded", "it was not paused")
-        if order := self._server.ordered:
+        if order := self._action_log.ordered:
             return await self.carry_out(order, by_operator(order), block=True, insist=True)
-        outcome = await self._confirmed(self._server.resume())
+        outcome = await self._confirmed(self._driver.resume())
         if outcome.state == "succeeded" and self._server.paused:
             self._server.go_on()
         return outcome
 
     def restore(self) -> None:
         """Pause or order a robot again, when it is heard, as the operator did in a former run of the bridge."""
-        if self._server.paused or self._server.ordered:
+        if self._server.paused or self._action_log.ordered:
             self._restoring = asyncio.create_task(self._restore())
 
     async def _restore(self) -> None:
         server, driver = self._server, self._driver
-        while (server.paused or server.ordered) and not (driver.heard or self._stopping):  # noqa: ASYNC110 - drivers do not tell when
+        while (server.paused or self._action_log.ordered) and not (driver.heard or self._stopping):  # noqa: ASYNC110 - drivers do not tell when
             await asyncio.sleep(LOOK)
         if self._stopping or driver.overridden:
             return
         if server.paused:
             await self._confirmed(server.pause())
-        elif server.of_before_boot and driver.arms and not driver.active:
+        elif self._action_log.before_boot and driver.arms and not driver.active:
             log.warning("robot=%s is not armed and the machine was started since: that ends the order", server.robot)
             self.release()
-        elif (order := server.ordered) and driver.active:
+        elif (order := self._action_log.ordered) and driver.active:
             await self.carry_out(order, by_operator(order), block=True)
 
     def agent_lost(self, agent: str, why: str, steps: Sequence[Step]) -> None:
@@ -295,7 +302,7 @@ class SafetyOrders:
         if first:
             log.error("robot=%s %s", self._robot, text)
             if steps:
-                self._begin(partial(self._answer_idle, f"agent {agent} is {'lost' if lost else 'idle'}", steps))
+                self._begin(partial(self._answer, f"agent {agent} is {'lost' if lost else 'idle'}", steps))
 
     def call_off(self) -> None:
         """End the sequence under way: an agent has taken control, or the operator or the bridge's end overrides."""
@@ -308,17 +315,24 @@ class SafetyOrders:
         self._left = self._unheard = self._deferred = None
         self._back_at = None
 
-    def _taken(self) -> None:
-        """An agent takes control."""
+    def _give_control(self) -> None:
+        """Let an agent take control."""
         self._lost = None
         self.call_off()
+
+    def _stand(self, order: Order | None) -> None:
+        """Keep the operator's order (None = none) on disk: it outlives a bridge that is killed."""
+        try:
+            self._action_log.order(order)
+        except OSError as error:
+            log.error("robot=%s the operator's order cannot be kept on disk: %s", self._robot, error.strerror)
 
     def _begin_loss(self, agent: str, steps: Sequence[Step]) -> None:
         self._server.lease.closed = f"agent {agent} is lost: the bridge brings the robot to safety first"
         self._begin(partial(self._answer_loss, agent, steps))
 
     def _begin(self, answer: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        self._answer, self._sequence = answer, asyncio.create_task(answer())
+        self._carries_out, self._sequence = answer, asyncio.create_task(answer())
 
     @property
     def _never_heard(self) -> bool:
@@ -331,19 +345,16 @@ class SafetyOrders:
 
     async def _answer_loss(self, agent: str, steps: Sequence[Step]) -> None:
         """Bring the robot to safety, then end the lease."""
-        await self._try_to_bring_to_safety(f"agent {agent} is lost", steps)
-        self._sequence, self._server.lease.closed = None, ""
+        await self._answer(f"agent {agent} is lost", steps)
+        self._server.lease.closed = ""
         self._server.lease.let_go()
 
-    async def _answer_idle(self, why: str, steps: Sequence[Step]) -> None:
-        await self._try_to_bring_to_safety(why, steps)
-        self._sequence = None
-
-    async def _try_to_bring_to_safety(self, why: str, steps: Sequence[Step]) -> None:
+    async def _answer(self, why: str, steps: Sequence[Step]) -> None:
         try:
             await self._bring_to_safety(why, steps)
         except Exception:
             log.exception("robot=%s defect while the robot is brought to safety (%s)", self._robot, why)
+        self._sequence = None
 
     async def _bring_to_safety(self, why: str, steps: Sequence[Step]) -> None:
         if not self._may_move:
@@ -360,7 +371,8 @@ class SafetyOrders:
             self._unheard = None
         outcome = Outcome("succeeded")
         for step in steps:
-            await self._leave_time_to_take_control()
+            while self._back_at is not None and self._clock.now() < self._back_at + self._patience:  # noqa: ASYNC110 - as above
+                await asyncio.sleep(LOOK)  # an agent that is back may still take control, which ends the sequence
             outcome = await self._until_heard(step.order, why)
             if self._driver.overridden:
                 break
@@ -400,11 +412,6 @@ class SafetyOrders:
         if self._back_at is not None:
             self._back_at = self._clock.now()
 
-    async def _leave_time_to_take_control(self) -> None:
-        """Wait while an agent that is back may still take control; its first action ends the sequence."""
-        while self._back_at is not None and self._clock.now() < self._back_at + self._patience:  # noqa: ASYNC110 - as above
-            await asyncio.sleep(LOOK)
-
     async def _until_heard(self, order: Order, why: str) -> Outcome:
         """Give an order until the vehicle answers: one that is out of reach may come back."""
         outcome, again = Outcome("failed", f"the robot has no order `{order}`"), False
@@ -441,7 +448,7 @@ class SafetyOrders:
         if stay and (self._piloted or not self._driver.active):  # nothing is ordered any more
             left = await self._leave_safe(order)
         if self._secured or self._piloted or not self._driver.active:
-            self._server.stand(None)  # not before: a bridge that is killed on its way out has left nobody in charge
+            self._stand(None)  # not before: a bridge that is killed on its way out has left nobody in charge
         return left
 
     @property

@@ -40,9 +40,7 @@ class SimpleDriver:
 
     def order(self, order: Order, ending: Outcome, *, insist: bool) -> Execution:
         """Fail: the robot knows no order."""
-        execution = Execution(order)
-        execution.end(Outcome("failed", f"the driver has no order `{order}`"))
-        return execution
+        return Execution(order, Outcome("failed", f"the driver has no order `{order}`"))
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:
         """End an execution; a command that was sent is not taken back."""

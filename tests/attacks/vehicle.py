@@ -32,7 +32,7 @@ async def telemetry_from_elsewhere(world: World) -> Row:
     async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
         vehicle, forger = Speaker(port), Speaker(port)
         vehicle.say(GUIDED, place(5.0))
-        state = ride.driver._vehicle_session.vehicle
+        state = ride.driver.vehicle
         await until(lambda: state.positions == 1, "the vehicle is heard")
         goal_of_agent = {"latitude": -27.61, "longitude": -48.52, "altitude": 20.0}
         action = ride.driver.perform("goto", COPTER.actions["goto"], goal_of_agent)

@@ -149,7 +149,7 @@ def link_cut(state: Path) -> Row:
 
 
 def _positions(sky: BadAir) -> int:
-    return sky.driver._vehicle_session.vehicle.positions
+    return sky.driver.vehicle.positions
 
 
 VIRTUAL: tuple[Callable[[Path], Row], ...] = (

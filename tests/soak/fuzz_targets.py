@@ -54,6 +54,7 @@ from schemas.wire.terms import Atom, Map, Source, Structure, Variable
 from tests.agentd.trials import TooLong, at_most
 from tests.argosy.recording.files import BEGIN, altitude, heard, stretch, write
 from tests.bridged.recorded import packets
+from tests.bridged.sky import VirtualClock
 
 ROOT = Path(__file__).parents[2]
 HANG = 1.0
@@ -331,17 +332,17 @@ class _Vehicle:
     """A conversation with whatever says that it is the vehicle."""
 
     def __init__(self) -> None:
-        self.now = 0.0
+        self.clock = VirtualClock()
         self.framer = Framer(WireCounters())
         self.vehicle_session = VehicleSession(
-            load_manifest("arducopter"), Identity(255, 190, 1), lambda message: None, lambda reading: None
+            load_manifest("arducopter"), Identity(255, 190, 1), lambda message: None, lambda reading: None, self.clock
         )
 
     def read(self, data: bytes, rng: random.Random) -> None:
-        self.now += rng.choice((0.0, 0.02, 0.5, 3.0))
+        self.clock.time += rng.choice((0.0, 0.02, 0.5, 3.0))
         for message in self.framer.feed(_absurd_packet(data, rng)):
-            self.vehicle_session.receive(message, self.now)
-        self.vehicle_session.tick(self.now)
+            self.vehicle_session.receive(message)
+        self.vehicle_session.tick()
         self.vehicle_session.notes()
 
 

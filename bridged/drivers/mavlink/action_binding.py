@@ -1,4 +1,4 @@
-"""From an action's entry in the manifest to a procedure and its call.
+"""From an action's entry in the manifest to a procedure, and to the action with its arguments filled in.
 
 Tables say what the driver offers a manifest: confirmations of commands, messages, and calls of its own; each row says
 which fields there are, how it is carried out, and which figures it reports as feedback."""
@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Value
 from bridged.drivers.mavlink.actions import flight, mission_actions, mission_execution, outputs, parameters, setpoints
-from bridged.drivers.mavlink.actions.context import Call, LocalTarget, Procedure, Triple
+from bridged.drivers.mavlink.actions.context import BoundAction, LocalTarget, Procedure, Triple
 from bridged.drivers.mavlink.actions.setpoints import RC_CHANNELS, RC_IGNORE, RC_IGNORE_HIGH
 from bridged.drivers.mavlink.vehicle.flight_modes import ModeTable
 from bridged.drivers.mavlink.vehicle.state import Place
@@ -39,53 +39,41 @@ _ITEMS = ("item", "items")
 
 
 @dataclass(frozen=True)
-class Offer:
-    """How an action is carried out once its fields are filled in."""
-
-    procedure: Procedure
-    feedback: tuple[str, ...] = ()
-    """The figures of its progress."""
-    sets_mode: bool = False
-    takes_control: bool = False
-    judges_mode: bool = False
-
-
-@dataclass(frozen=True)
-class MessageOffer:
+class MessageForm:
     """A message that the driver sends: its fields, its frames, and what confirms it."""
 
     fields: tuple[str, ...]
     frames: Mapping[str, int]
-    confirm: Mapping[str, Offer]
+    confirm: Mapping[str, Procedure]
     needed: Mapping[str, tuple[str, ...]]
     """By confirmation: fields without which it says nothing."""
 
 
 @dataclass(frozen=True)
-class CallOffer:
+class CallForm:
     """A call by a name of the driver's own, and what it is given."""
 
     fields: tuple[str, ...]
-    offer: Offer
+    procedure: Procedure
     needed: tuple[str, ...] = ()
     confirm: str = ""
     """What its manifest entry must say as `confirm`; empty = it confirms itself."""
     frames: Mapping[str, int] = field(default_factory=dict)
 
 
-COMMANDS: Mapping[str, Offer] = MappingProxyType({
-    "mode": Offer(mission_execution.enter_mode, sets_mode=True, takes_control=True),
-    "armed": Offer(flight.arm, ("cause",)),
-    "altitude": Offer(flight.take_off, _CLIMB),
-    "target": Offer(flight.reposition),
-    "arrival": Offer(flight.reposition_and_arrive, _WAY),
-    "landed": Offer(flight.land, _DOWN),
-    "home": Offer(flight.return_home, _DOWN),
-    "at_home": Offer(flight.return_above, ("distance", "speed")),
-    "servo": Offer(outputs.move_servo),
-    "gripper": Offer(outputs.grip),
-    "fence": Offer(outputs.fence),
-    "ack": Offer(outputs.acknowledge),
+COMMANDS: Mapping[str, Procedure] = MappingProxyType({
+    "mode": Procedure(mission_execution.enter_mode, sets_mode=True, takes_control=True),
+    "armed": Procedure(flight.arm, ("cause",)),
+    "altitude": Procedure(flight.take_off, _CLIMB),
+    "target": Procedure(flight.reposition),
+    "arrival": Procedure(flight.reposition_and_arrive, _WAY),
+    "landed": Procedure(flight.land, _DOWN),
+    "home": Procedure(flight.return_home, _DOWN),
+    "at_home": Procedure(flight.return_above, ("distance", "speed")),
+    "servo": Procedure(outputs.move_servo),
+    "gripper": Procedure(outputs.grip),
+    "fence": Procedure(outputs.fence),
+    "ack": Procedure(outputs.acknowledge),
 })  # fmt: skip
 """Confirmations of commands."""
 
@@ -101,53 +89,53 @@ COMMANDS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({
 })  # fmt: skip
 """Confirmations that read the parameters of one command, and are of no other."""
 
-MESSAGES: Mapping[str, MessageOffer] = MappingProxyType({
-    GLOBAL_TARGET: MessageOffer(
+MESSAGES: Mapping[str, MessageForm] = MappingProxyType({
+    GLOBAL_TARGET: MessageForm(
         ("lat_int", "lon_int", "alt", "yaw"),
         GLOBAL_FRAMES,
-        {"target": Offer(flight.send_target), "arrival": Offer(flight.go_to, _WAY)},
+        {"target": Procedure(flight.send_target), "arrival": Procedure(flight.go_to, _WAY)},
         dict.fromkeys(("target", "arrival"), ("lat_int", "lon_int", "alt")),
     ),
-    LOCAL_TARGET: MessageOffer(
+    LOCAL_TARGET: MessageForm(
         ("x", "y", "z", "vx", "vy", "vz", "yaw", "yaw_rate"),
         LOCAL_FRAMES,
         {
-            "target": Offer(setpoints.send_local_place),
-            "arrival": Offer(setpoints.go_to_local, _WAY),
-            "velocity": Offer(setpoints.send_velocity),
+            "target": Procedure(setpoints.send_local_place),
+            "arrival": Procedure(setpoints.go_to_local, _WAY),
+            "velocity": Procedure(setpoints.send_velocity),
         },
         {"target": ("x", "y", "z"), "arrival": ("x", "y", "z"), "velocity": ("vx", "vy")},
     ),
-    CHANNELS: MessageOffer(
+    CHANNELS: MessageForm(
         ("channels", *(f"chan{index}_raw" for index in range(1, setpoints.RC_CHANNELS + 1))),
         {},
-        {"rc": Offer(setpoints.override_channels), "sent": Offer(setpoints.send_channels)},
+        {"rc": Procedure(setpoints.override_channels), "sent": Procedure(setpoints.send_channels)},
         {},
     ),
 })  # fmt: skip
 """Messages that are sent instead of a command: nothing acknowledges them."""
 
-CALLS: Mapping[str, CallOffer] = MappingProxyType({
-    "mission_upload": CallOffer(
-        ("items", "home_first"), Offer(mission_actions.upload_mission, _ITEMS), ("items",), frames=GLOBAL_FRAMES
+CALLS: Mapping[str, CallForm] = MappingProxyType({
+    "mission_upload": CallForm(
+        ("items", "home_first"), Procedure(mission_actions.upload_mission, _ITEMS), ("items",), frames=GLOBAL_FRAMES
     ),
-    "mission_download": CallOffer((), Offer(mission_actions.download_mission, _ITEMS)),
-    "mission_start": CallOffer(
+    "mission_download": CallForm((), Procedure(mission_actions.download_mission, _ITEMS)),
+    "mission_start": CallForm(
         (),
-        Offer(
+        Procedure(
             mission_execution.start_mission, ("item", "items", "reached", "altitude", "distance"), judges_mode=True
         ),
     ),
-    "mission_clear": CallOffer((), Offer(mission_actions.clear_mission)),
-    "mission_set_current": CallOffer(("seq",), Offer(mission_actions.set_current), ("seq",)),
-    "param_pull": CallOffer((), Offer(parameters.pull_parameters, ("params", "of"))),
-    "param_get": CallOffer(("name",), Offer(parameters.get_parameter), ("name",)),
-    "param_set": CallOffer(("name", "value"), Offer(parameters.set_parameter), ("name", "value")),
-    "takeoff_by_mode": CallOffer(
-        ("altitude",), Offer(flight.take_off_by_mode, _CLIMB), ("altitude",)
+    "mission_clear": CallForm((), Procedure(mission_actions.clear_mission)),
+    "mission_set_current": CallForm(("seq",), Procedure(mission_actions.set_current), ("seq",)),
+    "param_pull": CallForm((), Procedure(parameters.pull_parameters, ("params", "of"))),
+    "param_get": CallForm(("name",), Procedure(parameters.get_parameter), ("name",)),
+    "param_set": CallForm(("name", "value"), Procedure(parameters.set_parameter), ("name", "value")),
+    "takeoff_by_mode": CallForm(
+        ("altitude",), Procedure(flight.take_off_by_mode, _CLIMB), ("altitude",)
     ),
-    "command": CallOffer(
-        ("command", *COMMAND_FIELDS), Offer(outputs.acknowledge), ("command",), confirm="ack", frames=COMMAND_FRAMES
+    "command": CallForm(
+        ("command", *COMMAND_FIELDS), Procedure(outputs.acknowledge), ("command",), confirm="ack", frames=COMMAND_FRAMES
     ),
 })  # fmt: skip
 """Calls of the driver's own."""
@@ -165,62 +153,60 @@ KNOWN_BETTER: Mapping[int, str] = MappingProxyType({
 """Commands that the call `command` does not leave at the acknowledgement: what proves them is known; limits hold."""
 
 
-def offer_of(entry: ActionEntry, number: int) -> Offer:
-    """Return how an entry that nothing is wrong with is carried out; `number` is the command that it came to."""
+def procedure_of(entry: ActionEntry, number: int) -> Procedure:
+    """Return how an entry that nothing is wrong with is carried out; `number` (MAV_CMD) is the command it came to."""
     if entry.call:
         if entry.call == "command" and number in KNOWN_BETTER:
             return COMMANDS[KNOWN_BETTER[number]]
-        return CALLS[entry.call].offer
+        return CALLS[entry.call].procedure
     return MESSAGES[entry.message].confirm[entry.confirm] if entry.message else COMMANDS[entry.confirm]
 
 
 FLOAT32_MAX = 3.4e38
 
 
-def call_of(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeTable) -> Call:
+def bind_action(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeTable) -> BoundAction:
     """Fill the arguments into an action. Raises ValueError for one that the driver cannot use."""
-    call = Call(retry=entry.retry, tolerance=entry.tolerance)
+    action = BoundAction(retry=entry.retry, tolerance=entry.tolerance)
     if entry.call == "command":
-        return _command(call, entry, _raw(entry, arguments), modes)
+        return _command(action, entry, _raw(entry, arguments))
     if entry.call:
-        frame = GLOBAL_FRAMES[entry.frame or "relative"] if entry.frame in (None, *GLOBAL_FRAMES) else call.frame
-        return replace(call, arguments=_raw(entry, arguments), frame=frame)
+        frame = GLOBAL_FRAMES[entry.frame or "relative"] if entry.frame in (None, *GLOBAL_FRAMES) else action.frame
+        return replace(action, arguments=_raw(entry, arguments), frame=frame)
     if entry.message == CHANNELS:
-        return replace(call, channels=_channels(_raw(entry, arguments)))
+        return replace(action, channels=_channels(_raw(entry, arguments)))
     values = {field: _value(value, arguments, modes) for field, value in entry.fields.items()}
     if entry.message == GLOBAL_TARGET:
         place = Place(values["lat_int"] / 1e7, values["lon_int"] / 1e7, values["alt"])
         frame = GLOBAL_FRAMES[entry.frame or "relative"]
-        return replace(call, target=_on_earth(place), frame=frame, yaw=values.get("yaw"))
+        return replace(action, target=_on_earth(place), frame=frame, yaw=values.get("yaw"))
     if entry.message:
-        return replace(call, local=_local(entry, values))
-    return _command(call, entry, values | {"command": float(getattr(dialect, entry.command))}, modes)
+        by_velocity = entry.confirm == "velocity"
+        local = LocalTarget(
+            LOCAL_FRAMES[entry.frame or "local"],
+            None if by_velocity else _triple(values, "x", "y", "z"),
+            _triple(values, "vx", "vy", "vz") if by_velocity else None,
+            values.get("yaw"),
+            values.get("yaw_rate"),
+        )
+        return replace(action, local=local)
+    return _command(action, entry, values | {"command": float(getattr(dialect, entry.command))})
 
 
-def _command(call: Call, entry: ActionEntry, values: Mapping[str, object], modes: ModeTable) -> Call:
+def _command(action: BoundAction, entry: ActionEntry, values: Mapping[str, object]) -> BoundAction:
     """A command of the manifest, or one that an argument names."""
     said = values["command"]
     number = getattr(dialect, said, None) if isinstance(said, str) and said.startswith("MAV_CMD_") else said
     if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number <= 65535:
         raise ValueError(f"MAVLink has no command {said!r}")
     one, two, three, four, five, six, seven = (_number(values.get(field, 0.0)) for field in COMMAND_FIELDS)
-    call = replace(call, number=int(number), parameters=(one, two, three, four, five, six, seven))
+    action = replace(action, number=int(number), parameters=(one, two, three, four, five, six, seven))
     if entry.frame is None:
-        if call.number == dialect.MAV_CMD_DO_REPOSITION:
+        if action.number == dialect.MAV_CMD_DO_REPOSITION:
             raise ValueError("MAV_CMD_DO_REPOSITION needs the `frame` of its altitude, relative or amsl")
-        return call
+        return action
     place = Place(five, six, seven)
-    return replace(call, by_int=True, target=_on_earth(place), frame=COMMAND_FRAMES[entry.frame])
-
-
-def _local(entry: ActionEntry, values: Mapping[str, float]) -> LocalTarget:
-    position = velocity = None
-    if entry.confirm == "velocity":
-        velocity = _triple(values, "vx", "vy", "vz")
-    else:
-        position = _triple(values, "x", "y", "z")
-    frame = LOCAL_FRAMES[entry.frame or "local"]
-    return LocalTarget(frame, position, velocity, values.get("yaw"), values.get("yaw_rate"))
+    return replace(action, by_int=True, target=_on_earth(place), frame=COMMAND_FRAMES[entry.frame])
 
 
 def _triple(values: Mapping[str, float], *names: str) -> Triple:
@@ -295,11 +281,11 @@ def may_lead_down(entry: ActionEntry) -> bool:
     return entry.confirm in WAYS_DOWN
 
 
-def leads_down(entry: ActionEntry, call: Call, modes: ModeTable) -> bool:
+def leads_down(entry: ActionEntry, action: BoundAction, modes: ModeTable) -> bool:
     """Whether it does so with its arguments filled in: it starts no motors and sets no mode but the safe ones."""
     match entry.confirm:
         case "mode":
-            return call.parameters[1] in (modes.hold, modes.land, modes.rtl)
+            return action.parameters[1] in (modes.hold, modes.land, modes.rtl)
         case "armed":
-            return call.parameters[0] == 0.0
+            return action.parameters[0] == 0.0
     return may_lead_down(entry)

@@ -6,11 +6,12 @@ A mode that nobody here asked for is theirs. It ends motions of agents, and last
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 from bridged.drivers.api import Outcome, Reading
-from bridged.drivers.mavlink.actions.context import TEXT_WINDOW, ProcedureContext, Task
+from bridged.drivers.mavlink.actions.context import TEXT_WINDOW, ProcedureContext, ProcedureRun
+from bridged.drivers.mavlink.actions.flight import arm
 
 RESTARTS_WITHIN = 1.8
 """Wall seconds without a HEARTBEAT in which a vehicle may have restarted; there is one each second."""
@@ -28,14 +29,16 @@ class _Override:
 
 
 class ControlAuthority:
-    """Judges each change of the mode. `tasks` are those under way; `end` ends one of them."""
+    """Judges each change of the mode. `runs` are those under way; `end` ends one of them."""
 
-    def __init__(self, flight: ProcedureContext, tasks: Iterable[Task], end: Callable[[Task, Outcome], None]) -> None:
+    def __init__(
+        self, flight: ProcedureContext, runs: Collection[ProcedureRun], end: Callable[[ProcedureRun, Outcome], None]
+    ) -> None:
         self.overridden = False
         """Whether others set the present mode of the vehicle."""
         self.override = ""
         """The mode that others set while an agent had control; empty once an agent has set the mode again."""
-        self._flight, self._tasks, self._end = flight, tasks, end
+        self._flight, self._runs, self._end = flight, runs, end
         self._by_agent = False
         """Whether an agent has set the mode since others did."""
         self._pending: _Override | None = None
@@ -48,7 +51,7 @@ class ControlAuthority:
 
     @property
     def pending(self) -> bool:
-        """Whether the tasks that moved the vehicle only wait for their end."""
+        """Whether the runs that moved the vehicle only wait for their end."""
         return self._pending is not None
 
     def heard(self, mode_before: int, *, again: bool) -> None:
@@ -82,50 +85,55 @@ class ControlAuthority:
         self._end_override()
 
     def look(self) -> None:
-        """End the tasks that moved the vehicle when others set the mode, as soon as the vehicle has reported why."""
+        """End the runs that moved the vehicle when others set the mode, as soon as the vehicle has reported why."""
         pending, now = self._pending, self._flight.now
         if self._untold:
             self._tell_override()
         if pending is None or now < self._doubt_until:
             return
         said = self._flight.texts.warnings(pending.at - self._flight.wait(*TEXT_WINDOW))
-        moving = [task for task in self._tasks if task.moves]
+        moving = [run for run in self._runs if run.moves]
         if not said and now < pending.until and moving:
             return
         self._pending = None
         reason = f"the mode became {pending.mode}, which nobody here asked for (pilot, ground station or failsafe)"
-        for task in moving:
-            self._end(task, Outcome("failed", f"{reason}: {said}" if said else reason, "pilot"))
+        for run in moving:
+            self._end(run, Outcome("failed", f"{reason}: {said}" if said else reason, "pilot"))
 
-    def settle(self) -> None:
-        """Wait no longer for the vehicle's texts: another task begins."""
+    def begin(self, run: ProcedureRun) -> None:
+        """Take in that a run begins: an agent that moves the vehicle has control of it.
+
+        The vehicle's texts are waited for no longer.
+        """
         if self._pending is not None:
             self._pending = replace(self._pending, until=self._flight.now)
             self.look()
-
-    def begun(self, task: Task) -> None:
-        """Take in that a task begins: an agent that moves the vehicle has control of it."""
-        if task.by_agent and task.moves and not self.overridden:
+        if run.procedure.steps is arm and not self._flight.vehicle.armed:
+            self.overridden = False  # whoever starts the motors answers for the flight
+        if run.by_agent and run.moves and not self.overridden:
             self._by_agent = True
 
-    def ended(self, task: Task, outcome: Outcome) -> None:
-        """Take in how a task ended: success of one that moves the vehicle or sets its mode proves our control."""
+    def ended(self, run: ProcedureRun, outcome: Outcome) -> None:
+        """Take in how a run ended: success of one that moves the vehicle or sets its mode proves our control."""
         if outcome.state == "succeeded":
-            self.overridden = self.overridden and not (task.moves or task.sets_mode)
-            if task.takes_control:
-                self._taken()
-            elif task.by_agent and task.moves:
+            self.overridden = self.overridden and not (run.moves or run.procedure.sets_mode)
+            if run.procedure.takes_control:
                 self._by_agent = True
-        elif (task.judges_mode or (task.sets_mode and self._flight.vehicle.armed)) and self.overridden:
-            self._by_agent = self._by_agent or task.by_agent
+                self._end_override()
+            elif run.by_agent and run.moves:
+                self._by_agent = True
+        elif self.overridden and (
+            run.procedure.judges_mode or (run.procedure.sets_mode and self._flight.vehicle.armed)
+        ):
+            self._by_agent = self._by_agent or run.by_agent
             self._set_by_others()
 
     def _set_by_others(self) -> None:
-        """A task that sets the mode, or knows which changes end it, judges for itself, unless it yields."""
+        """A run that sets the mode, or knows which changes end it, judges for itself, unless it yields."""
         name, now = self._flight.vehicle.mode_name, self._flight.now
-        for task in [task for task in self._tasks if task.yields]:
-            self._end(task, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
-        if any(task.sets_mode or task.judges_mode for task in self._tasks):
+        for run in [run for run in self._runs if run.yields]:
+            self._end(run, Outcome("failed", f"the mode became {name}, which nobody here asked for", "pilot"))
+        if any(run.procedure.sets_mode or run.procedure.judges_mode for run in self._runs):
             return
         self._pending = _Override(name, now, now + self._flight.wait(*TEXT_WINDOW))
         if self._by_agent:
@@ -137,11 +145,6 @@ class ControlAuthority:
         if self._untold and self._flight.now >= self._doubt_until:
             self._untold = False
             self._flight.tell(Reading("OVERRIDE", {"mode": self.override}))
-
-    def _taken(self) -> None:
-        """End an override: an agent has set the mode itself."""
-        self._by_agent = True
-        self._end_override()
 
     def _end_override(self) -> None:
         told, self.override, self._untold = self.override and not self._untold, "", False

@@ -16,8 +16,8 @@ from bridged.drivers.mavlink.action_binding import (
     COMMANDS_OF,
     MESSAGES,
     REPOSITION,
-    Offer,
 )
+from bridged.drivers.mavlink.actions.context import Procedure
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES
 from schemas.files.findings import Finding
 from schemas.manifest.loader import ActionEntry, FieldValue, Manifest, PerceptEntry
@@ -91,21 +91,21 @@ def _is_index(source: str, number: int | None, field: str, rest: str, own: bool)
 
 
 def _action_problems(entry: ActionEntry) -> Iterator[Problem]:
-    offer: Offer | None = None
+    procedure: Procedure | None = None
     if entry.message:
-        offer = yield from _message_problems(entry)
+        procedure = yield from _message_problems(entry)
     elif entry.call:
-        offer = yield from _call_problems(entry)
+        procedure = yield from _call_problems(entry)
     elif entry.command:
-        offer = yield from _command_problems(entry)
+        procedure = yield from _command_problems(entry)
     else:
         yield f"the mavlink driver acts by {', '.join(f'`{way}`' for way in WAYS)}", next(iter(entry.ways()), "command")
     for figure in entry.feedback or ():
-        if offer is not None and figure not in offer.feedback:
-            yield f"`{figure}` is not reported; there is {_list(offer.feedback)}", "feedback"
+        if procedure is not None and figure not in procedure.feedback:
+            yield f"`{figure}` is not reported; there is {_list(procedure.feedback)}", "feedback"
 
 
-def _message_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | None]:
+def _message_problems(entry: ActionEntry) -> Generator[Problem, None, Procedure | None]:
     message = MESSAGES.get(entry.message)
     if message is None:
         yield f"the driver sends {_list(MESSAGES)}, got `{entry.message}`", "message"
@@ -125,7 +125,7 @@ def _message_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | No
     return message.confirm.get(entry.confirm)
 
 
-def _call_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | None]:
+def _call_problems(entry: ActionEntry) -> Generator[Problem, None, Procedure | None]:
     call = CALLS.get(entry.call)
     if call is None:
         yield f"the driver has no call `{entry.call}`; it has {_list(CALLS)}", "call"
@@ -144,10 +144,10 @@ def _call_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | None]
         if field not in given:
             yield f"{entry.call} needs `{field}`", key
     yield from _field_problems(entry, (*call.fields, *entry.fields))
-    return call.offer
+    return call.procedure
 
 
-def _command_problems(entry: ActionEntry) -> Generator[Problem, None, Offer | None]:
+def _command_problems(entry: ActionEntry) -> Generator[Problem, None, Procedure | None]:
     number = getattr(dialect, entry.command, None)
     if not entry.command.startswith("MAV_CMD_") or not isinstance(number, int):
         yield f"MAVLink has no command `{entry.command}`", "command"

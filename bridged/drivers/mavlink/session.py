@@ -1,38 +1,37 @@
 """The session with one vehicle: heartbeats, streams, commands, actions, and whether it is heard.
 
-Pure: messages and the time (mission seconds) go in, messages and readings come out. The driver adds the link.
+Pure but for the clock: messages go in, messages and readings come out. The driver adds the link.
 """
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.api import OnReading, Order, Outcome, Reading
-from bridged.drivers.mavlink.action_binding import Offer
+from bridged.drivers.api import Execution, OnReading, Order, Outcome, Reading
 from bridged.drivers.mavlink.actions.confirmation import PRE_ARM
 from bridged.drivers.mavlink.actions.context import (
     NOBODYS_FAILSAFE,
-    Call,
     LimitWatch,
-    Procedure,
     ProcedureContext,
+    ProcedureRun,
     Steps,
-    Task,
 )
-from bridged.drivers.mavlink.actions.flight import arm, hold_by_mode, leave_hold, mode_call, secure, stay
+from bridged.drivers.mavlink.actions.flight import HOLD, LEAVE_HOLD, SECURE, STAY, mode_action
 from bridged.drivers.mavlink.actions.parameters import spellings
 from bridged.drivers.mavlink.control_authority import ControlAuthority
-from bridged.drivers.mavlink.vehicle.commands import Command, Commands, Identity
+from bridged.drivers.mavlink.vehicle.commands import Commands, Identity, MavlinkCommand
 from bridged.drivers.mavlink.vehicle.flight_modes import MODE_TABLES, ModeTable
 from bridged.drivers.mavlink.vehicle.gcs_failsafe import FailsafeCheck
 from bridged.drivers.mavlink.vehicle.state import Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import REPEATS_WITHIN, SEVERITIES, Texts, Warnings
 from bridged.drivers.mavlink.vehicle.streams import MessageFields, Streams
+from commd.common.clock import Clock
 from schemas.files.units import Duration
 from schemas.manifest.loader import Manifest, Retry
 from schemas.mission.model import Failsafe, Limits
@@ -53,7 +52,7 @@ REBOOT_TOLD = (60.0, 30.0)
 """Mission and wall seconds for which health reports a restart of the vehicle."""
 TEXT = "VEHICLE_TEXT"
 """The source of the vehicle's own warnings."""
-MAX_TASKS = 16
+MAX_RUNS = 16
 """Executions under way at a time; the bridge allows fewer."""
 NO_LIMITS = Limits()
 _ATOMS = {True: Atom("up"), False: Atom("down")}
@@ -69,12 +68,16 @@ class VehicleSession:
         identity: Identity,
         send: Callable[[dialect.MAVLink_message], None],
         on_reading: OnReading,
+        clock: Clock,
         *,
-        speed: float = 1.0,
         limits: Limits = NO_LIMITS,
         failsafe: Failsafe = NOBODYS_FAILSAFE,
     ) -> None:
+        self.clock, speed = clock, clock.speed
         self.identity = identity
+        """Our MAVLink ids, and the vehicle's."""
+        self.asked = asyncio.Event()
+        """Set when something is asked of the vehicle: `tick` is due then, and more often."""
         self.vehicle = Vehicle(MODE_TABLES[manifest.robot.vehicle])
         self.vehicle.stale_after = max(STALE[0], STALE[1] * speed)
         self.texts, self.warnings = Texts(), Warnings()
@@ -87,14 +90,14 @@ class VehicleSession:
         self._limits = LimitWatch(self.flight)
         self.received = 0
         """Messages of the vehicle so far."""
-        self.speaks_for_agent = True
+        self._speaks_for_agent = True
         self._sources = {percept.source for percept in manifest.percepts.values()}
         self.link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
         """Mission seconds of silence that are a link loss."""
         self._link_state = LinkState(on_reading)
         self._send = send
         self._on_reading = on_reading
-        self._tasks: dict[Task, Steps] = {}
+        self._runs: list[ProcedureRun] = []
         self._heartbeat_at = 0.0
         self._listening_since = math.inf
         self._idle_at = 0.0
@@ -102,13 +105,13 @@ class VehicleSession:
         self._commanded = False
         """Whether something was asked of the vehicle since the last pause: the mode `hold` is not that pause's."""
         self._rebooted_until = -math.inf
-        self.control = ControlAuthority(self.flight, self._tasks, self.end)
+        self.control = ControlAuthority(self.flight, self._runs, self.stop)
 
-    def receive(self, message: dialect.MAVLink_message, now: float) -> None:
+    def receive(self, message: dialect.MAVLink_message) -> None:
         """Take in one message from the link; only the vehicle's autopilot counts."""
         if (message.get_srcSystem(), message.get_srcComponent()) != (self.identity.vehicle, self.identity.autopilot):
             return
-        self.flight.now, self.flight.message = max(now, self.flight.now), message
+        self.flight.now, self.flight.message = max(self.clock.now(), self.flight.now), message
         self.received += 1
         vehicle, name = self.vehicle, message.get_type()
         reboots, mode, was_armed, heard_at = vehicle.reboots, vehicle.mode, vehicle.armed, vehicle.heard_at
@@ -124,8 +127,11 @@ class VehicleSession:
         match name:
             case "HEARTBEAT":
                 silence = self.flight.to_wall(self.flight.now - heard_at)
-                if self.control.doubts(mode, was_armed, silence):
-                    self._ask_for_time()
+                if self.control.doubts(mode, was_armed, silence):  # a vehicle that was restarted reports a short time
+                    request = (float(dialect.MAVLINK_MSG_ID_SYSTEM_TIME), *(0.0,) * 6)
+                    retry = Retry(times=2, every=Duration(0.2))
+                    command = MavlinkCommand(dialect.MAV_CMD_REQUEST_MESSAGE, request, retry)
+                    self.commands.submit(command, self.flight.now)
                 self._heard(mode, silence)
             case "COMMAND_ACK":
                 self.commands.acknowledge(message, self.flight.now)
@@ -133,15 +139,17 @@ class VehicleSession:
                 self._hear_texts(message)
             case "PARAM_VALUE":
                 self.failsafe.receive(message)
-                self._parameter_told(message.param_id, message.param_value)
+                for asked in spellings(message.param_id):  # one that was requested once is reported when others set it
+                    if self.flight.parameters.get(asked, message.param_value) != message.param_value:
+                        self.flight.learn(asked, message.param_value)
             case "GLOBAL_POSITION_INT":
                 self._keep_limits()
         self._step()
         self.flight.message = None
 
-    def tick(self, now: float) -> None:
+    def tick(self) -> None:
         """Let time pass: heartbeats, repetitions, silence."""
-        self.flight.now = now = max(now, self.flight.now)
+        self.flight.now = now = max(self.clock.now(), self.flight.now)
         self._listening_since = min(self._listening_since, now)
         if now >= self._heartbeat_at:
             self._beat()
@@ -155,37 +163,35 @@ class VehicleSession:
             self.failsafe.tick(now)
         self._step()
 
-    def carry(self, up: bool, now: float) -> None:
+    def carry(self, up: bool) -> None:
         """Take in that packets can pass over the link (`up`), or that they cannot."""
-        self.flight.now = max(now, self.flight.now)
+        self.flight.now = max(self.clock.now(), self.flight.now)
         self._link_state.carry(up, self.flight.now)
         self._look_at_link()
 
-    def begin(self, task: Task, procedure: Procedure, call: Call) -> Task:
+    def begin(self, run: ProcedureRun) -> ProcedureRun:
         """Start a procedure and take its first step."""
-        if len(self._tasks) >= MAX_TASKS:
-            task.end(Outcome("refused", f"{MAX_TASKS} actions are under way already", "busy"))
-            return task
-        if task.moves:
-            for other in [other for other in self._tasks if other.name == stay.__name__]:
-                self.end(other, Outcome("cancelled", f"{task.name} takes over", "superseded"))
-        self.control.settle()
-        if procedure is arm and not self.vehicle.armed:  # whoever starts the motors answers for the flight
-            self.control.overridden = False
-        self.control.begun(task)
-        self._tasks[task] = self._when_connected(task, procedure, call)
+        self.asked.set()
+        if run.by_agent and (run.moves or run.procedure.sets_mode):
+            self._commanded = True
+        if len(self._runs) >= MAX_RUNS:
+            run.end(Outcome("refused", f"{MAX_RUNS} actions are under way already", "busy"))
+            return run
+        if run.moves:
+            for other in [other for other in self._runs if other.procedure is STAY]:
+                self.stop(other, Outcome("cancelled", f"{run.name} takes over", "superseded"))
+        self.control.begin(run)
+        run.steps = self._when_connected(run)
+        self._runs.append(run)
         self._pace()
         message, self.flight.message = self.flight.message, None  # an earlier message is not for it
         self._step()
         self.flight.message = message
-        return task
+        return run
 
-    def perform(self, task: Task, offer: Offer, call: Call) -> Task:
-        """Start what the driver offers for an action."""
-        task.by_agent, task.call = True, call
-        self._commanded = self._commanded or task.moves or offer.sets_mode
-        task.sets_mode, task.takes_control, task.judges_mode = offer.sets_mode, offer.takes_control, offer.judges_mode
-        return self.begin(task, offer.procedure, call)
+    def speak_for_agent(self, present: bool) -> None:
+        """Send heartbeats that claim to be the ground station only while an agent is `present`."""
+        self._speaks_for_agent = present
 
     def adopt(self, manifest: Manifest) -> None:
         """Continue by another manifest: other sources, other rates."""
@@ -193,64 +199,58 @@ class VehicleSession:
         self.link_loss = self.flight.wait(manifest.robot.link_loss, manifest.robot.link_loss)
         self.streams.adopt(manifest, self.flight.now)
 
-    def order(self, order: Order, ending: Outcome, *, insist: bool) -> Task:
-        """Start an order above the agents; every running task ends as `ending`.
+    def order(self, order: Order, ending: Outcome, *, insist: bool) -> ProcedureRun:
+        """Start an order above the agents; every run ends as `ending`.
 
         One that does not `insist` ends when others set the mode: the pilot overrides it.
         """
         mode = {"hold": self.modes.hold, "land": self.modes.land, "rtl": self.modes.rtl}[order]
-        for other in list(self._tasks):
-            self.end(other, ending)
+        for other in list(self._runs):
+            self.stop(other, ending)
         self._commanded = True
-        return self.begin(Task(order, moves=False, sets_mode=True, yields=not insist), secure, mode_call(mode))
+        return self.begin(
+            ProcedureRun(order, procedure=SECURE, action=mode_action(mode), moves=False, yields=not insist)
+        )
 
-    def pause(self, interrupted: list[Task]) -> Task:
-        """Hold the vehicle by its mode until `resume`; tasks that are `interrupted`, move it or set its mode end."""
-        for task in [task for task in self._tasks if task in interrupted or task.moves or task.sets_mode]:
-            self.end(task, Outcome("cancelled", "paused by the operator", "operator"))
+    def pause(self, interrupted: Collection[Execution]) -> ProcedureRun:
+        """Hold the vehicle by its mode until `resume`; runs that are `interrupted`, move it or set its mode end."""
+        for run in [run for run in self._runs if run in interrupted or run.moves or run.procedure.sets_mode]:
+            self.stop(run, Outcome("cancelled", "paused by the operator", "operator"))
         hold = self.modes.hold
         if self._commanded or self.vehicle.mode != hold:
             self._mode_before_pause = self.vehicle.mode
-            self.flight.interrupted = [task.call for task in interrupted if task.call is not None]
+            self.flight.interrupted = [run.action for run in interrupted if isinstance(run, ProcedureRun)]
         self._commanded = False
-        return self.begin(Task("pause", moves=False, sets_mode=True), hold_by_mode, mode_call(hold))
+        return self.begin(ProcedureRun("pause", procedure=HOLD, action=mode_action(hold), moves=False))
 
-    def resume(self) -> Task:
+    def resume(self) -> ProcedureRun:
         """Set the mode before `pause`; after a restart of the bridge the one that takes targets."""
         before = self._mode_before_pause
         mode = self.modes.guided if before is None else before
-        for task in [task for task in self._tasks if task.sets_mode]:  # a hold that is not confirmed yet
-            self.end(task, Outcome("cancelled", "the operator continues", "operator"))
-        return self.begin(Task("continue", moves=False, sets_mode=True), self._leave_hold, mode_call(mode))
+        for run in [run for run in self._runs if run.procedure.sets_mode]:  # a hold that is not confirmed yet
+            self.stop(run, Outcome("cancelled", "the operator continues", "operator"))
+        return self.begin(ProcedureRun("continue", procedure=LEAVE_HOLD, action=mode_action(mode), moves=False))
 
-    def _leave_hold(self, flight: ProcedureContext, task: Task, call: Call) -> Steps:
-        outcome = yield from leave_hold(flight, task, call)
-        self._commanded = outcome.state == "succeeded"
-        return outcome
-
-    def end(self, task: Task, outcome: Outcome, *, hold: bool = False) -> None:
-        """End a procedure from outside; `hold` makes a vehicle in flight stay where it is, unless others fly it."""
-        steps = self._tasks.pop(task, None)
-        if steps is not None:
-            steps.close()
-        if task.leaves:
-            outcome = replace(outcome, reason=f"{outcome.reason}; {task.leaves}")
-        task.end(outcome)
-        for command in task.commands:
+    def stop(self, run: Execution, outcome: Outcome, *, hold: bool = False) -> None:
+        """End a run from outside; `hold` makes a vehicle in flight stay where it is, unless others fly it."""
+        if not isinstance(run, ProcedureRun):  # it was refused before it began
+            return
+        if run in self._runs:
+            self._runs.remove(run)
+            run.steps.close()
+        if run.leaves:
+            outcome = replace(outcome, reason=f"{outcome.reason}; {run.leaves}")
+        run.end(outcome)
+        for command in run.commands:
             self.commands.abandon(command)
-        left_ground = self.vehicle.aloft or any(command.sent for command in task.commands)
-        if hold and task.moves and self.vehicle.armed and left_ground and not self.control.overridden:
-            self._hold()
+        left_ground = self.vehicle.aloft or any(command.sent for command in run.commands)
+        if hold and run.moves and self.vehicle.armed and left_ground and not self.control.overridden:
+            self._stay()
 
     @property
     def modes(self) -> ModeTable:
         """The modes of the vehicle as it is."""
         return self.vehicle.modes
-
-    @property
-    def moving(self) -> list[Task]:
-        """The tasks that move the vehicle."""
-        return [task for task in self._tasks if task.moves]
 
     @property
     def silence(self) -> float:
@@ -274,7 +274,7 @@ class VehicleSession:
             Note("other_vehicle_kind", self.vehicle.contradiction),
             Note("mission_broken", self.flight.plan.broken),
             Note("outside_limits", self._limits.outside),
-            *(Note("hold_failed", task.trouble) for task in self._tasks),
+            *(Note("hold_failed", run.trouble) for run in self._runs),
         )
         unsent = [] if late else self.streams.notes()
         return [*rebooted, *(note for note in own if note.text), *unsent, *self.failsafe.notes()]
@@ -282,35 +282,38 @@ class VehicleSession:
     def _step(self) -> None:
         """Let every procedure take one step; one that others have overridden only waits for its end."""
         self.control.look()
-        for task, steps in list(self._tasks.items()):
-            if task not in self._tasks or (task.moves and self.control.pending):
+        for run in list(self._runs):
+            if run not in self._runs or (run.moves and self.control.pending):
                 continue
             try:
-                next(steps)
+                next(run.steps)
                 continue
             except StopIteration as stop:
                 outcome: Outcome = stop.value
+                if run.procedure is LEAVE_HOLD:
+                    self._commanded = outcome.state == "succeeded"
             except Exception as error:  # a defect must not take the link down, and with it the way home
-                log.exception("defect in argosy: %s", task.name)
+                log.exception("defect in argosy: %s", run.name)
                 outcome = Outcome("failed", f"defect in argosy: {type(error).__name__}: {error}")
-            self._tasks.pop(task, None)
-            self.control.ended(task, outcome)  # first: it may report that an override is over
-            task.end(outcome)
+            if run in self._runs:
+                self._runs.remove(run)
+            self.control.ended(run, outcome)  # first: it may report that an override is over
+            run.end(outcome)
 
     def _pace(self) -> None:
-        """Request full streams while the vehicle is armed or a task runs, and a little longer."""
+        """Request full streams while the vehicle is armed or a procedure runs, and a little longer."""
         now = self.flight.now
-        if self.vehicle.armed or self._tasks:
+        if self.vehicle.armed or self._runs:
             self._idle_at = now + self.flight.wait(*IDLE_AFTER)
         self.streams.pace(now < self._idle_at, now)
 
-    def _when_connected(self, task: Task, procedure: Procedure, call: Call) -> Steps:
+    def _when_connected(self, run: ProcedureRun) -> Steps:
         while not self.vehicle.connected:
-            task.waits_for = f"a heartbeat from system {self.identity.vehicle}"
+            run.waits_for = f"a heartbeat from system {self.identity.vehicle}"
             yield
         if refusal := self.vehicle.not_commanded:
             return Outcome("refused", refusal)
-        return (yield from procedure(self.flight, task, call))
+        return (yield from run.procedure.steps(self.flight, run, run.action))
 
     def _send_known(self, message: dialect.MAVLink_message) -> None:
         """Send a command or request, only to a vehicle whose autopilot is known."""
@@ -319,7 +322,7 @@ class VehicleSession:
 
     def _beat(self) -> None:
         self._heartbeat_at = self.flight.now + HEARTBEAT_EVERY
-        if self.speaks_for_agent or not self.failsafe.claims_ground_station:
+        if self._speaks_for_agent or not self.failsafe.claims_ground_station:
             self._send(_HEARTBEAT)
 
     def _heard(self, mode_before: int, silence: float) -> None:
@@ -349,18 +352,12 @@ class VehicleSession:
         if self.control.overridden or not (left := self._limits.look()):
             return
         log.warning("system %d: %s; it is held", self.identity.vehicle, left)
-        for task in self.moving:
-            self.end(task, Outcome("failed", left, "limits"))
-        self._hold()
+        for run in [run for run in self._runs if run.moves]:
+            self.stop(run, Outcome("failed", left, "limits"))
+        self._stay()
 
-    def _hold(self) -> None:
-        self.begin(Task(stay.__name__), stay, mode_call(self.modes.guided))
-
-    def _parameter_told(self, name: str, value: float) -> None:
-        """Report a parameter that was requested once whenever the vehicle sends it, as when others set it."""
-        for asked in spellings(name):
-            if self.flight.parameters.get(asked, value) != value:
-                self.flight.learn(asked, value)
+    def _stay(self) -> None:
+        self.begin(ProcedureRun("stay", procedure=STAY, action=mode_action(self.modes.guided)))
 
     def _lost(self) -> None:
         self.vehicle.connected = False
@@ -370,9 +367,9 @@ class VehicleSession:
         self.streams.stop()
         self._tell_state()
         self._look_at_link()
-        for task in list(self._tasks):
-            if task.name != stay.__name__:  # that one waits until the vehicle is heard again
-                self.end(task, Outcome("failed", f"link lost: {lost}"))
+        for run in list(self._runs):
+            if run.procedure is not STAY:  # that one waits until the vehicle is heard again
+                self.stop(run, Outcome("failed", f"link lost: {lost}"))
 
     def _hear_texts(self, message: dialect.MAVLink_message) -> None:
         """Pass on warnings and worse: new ones to the log, all to the agents.
@@ -384,24 +381,18 @@ class VehicleSession:
             if news is None:
                 continue
             severity = SEVERITIES[said.severity]
-            if news and not (said.text.startswith(PRE_ARM) and any(task.cause for task in self._tasks)):
+            if news and not (said.text.startswith(PRE_ARM) and any(run.cause for run in self._runs)):
                 log.warning("system %d says (%s): %s", self.identity.vehicle, severity, said.text)
             if TEXT in self._sources:
                 self._on_reading(Reading(TEXT, {"severity": Atom(severity), "text": said.text}))
-
-    def _ask_for_time(self) -> None:
-        """Request the time since boot: a mode that the vehicle started with was set by nobody."""
-        number = float(dialect.MAVLINK_MSG_ID_SYSTEM_TIME)
-        request = Command(dialect.MAV_CMD_REQUEST_MESSAGE, (number, *(0.0,) * 6), Retry(times=2, every=Duration(0.2)))
-        self.commands.submit(request, self.flight.now)
 
     def _rebooted(self) -> None:
         log.warning("system %d: the vehicle rebooted", self.identity.vehicle)
         self._rebooted_until = self.flight.now + self.flight.wait(*REBOOT_TOLD)
         self.control.rebooted()
         self._tell_state()
-        for task in self.moving:
-            self.end(task, Outcome("failed", "the vehicle rebooted"))
+        for run in [run for run in self._runs if run.moves]:
+            self.stop(run, Outcome("failed", "the vehicle rebooted"))
         self._ask_for_streams()
 
     def _autopilot_changed(self) -> None:
@@ -410,8 +401,8 @@ class VehicleSession:
             log.error("system %d: %s", self.identity.vehicle, refusal)
             self.commands.clear()
             self.streams.stop()
-            for task in list(self._tasks):
-                self.end(task, Outcome("failed", refusal))
+            for run in list(self._runs):
+                self.stop(run, Outcome("failed", refusal))
         elif self.vehicle.connected:
             self._ask_for_streams()
 

@@ -84,12 +84,11 @@ class ZenohDriver(SimpleDriver):
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin to put or to ask; a key with subscribers is put immediately."""
-        execution = Execution(name)
         try:
             payload = self._codec.encode(payload_of(entry, arguments))
         except ValueError as error:
-            execution.end(Outcome("refused", str(error)))
-            return execution
+            return Execution(name, Outcome("refused", str(error)))
+        execution = Execution(name)
         if entry.service:
             self._begin(execution, partial(self._ask, execution, entry, self._services[entry.service], payload))
             return execution
@@ -145,7 +144,8 @@ class ZenohDriver(SimpleDriver):
             try:
                 outcome = await work()
             except Exception as error:  # an action must not run for ever for a defect
-                _tell_defect(f"carrying out {execution.name}", error)
+                what = {"message": f"carrying out {execution.name}", "exception": error}
+                asyncio.get_running_loop().call_exception_handler(what)
                 outcome = Outcome("failed", f"defect in the driver: {type(error).__name__}: {error}")
             self._tasks.pop(execution, None)
             execution.end(outcome)
@@ -209,10 +209,6 @@ class ZenohDriver(SimpleDriver):
         self._counts["unheard"] += 1
         away = "" if self._bus.router_up else ": the router is away"
         return Outcome("failed", said + away)
-
-
-def _tell_defect(what: str, error: Exception) -> None:
-    asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
 
 
 def _renew(declared: dict[Any, Any], wanted: set[Any], declare: Callable[[Any], _Closable]) -> None:

@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.running_action import MAX_FOLLOWERS
-from bridged.drivers.mavlink.action_binding import GLOBAL_TARGET, MESSAGES, Offer
-from bridged.drivers.mavlink.actions.context import Call, ProcedureContext, Steps, Task
+from bridged.drivers.mavlink.action_binding import GLOBAL_TARGET, MESSAGES
+from bridged.drivers.mavlink.actions.context import BoundAction, Procedure, ProcedureContext, ProcedureRun, Steps
 from schemas.wire.records import Action, ActionStatus, Header
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 
@@ -60,7 +60,7 @@ def test_a_takeoff_is_not_done_before_the_altitude_percept_says_so(sky: Sky) -> 
     assert altitude is not None
     assert abs(float(altitude[0]) - 5) <= 0.3  # type: ignore[arg-type]
     final = sky.statuses[-1]
-    assert final.after == sky.bridge.percepts.last_seq("uav")
+    assert final.after == sky.bridge.percepts.sets["uav"].seq
 
 
 def test_the_status_names_the_last_percept_that_was_published_before_it(sky: Sky) -> None:
@@ -234,7 +234,7 @@ def test_an_asker_that_asks_again_leaves_no_follower_of_its_former_query_behind(
         action = replace(action_of(first, attempt=attempt), header=Header(source=source))
         sky.bridge.action_server.ask("uav", "goto", action, heard.setdefault(query, []).append)
     assert heard["1st"][-1] is None, "its query ends"
-    assert len(sky.bridge.action_server._jobs[first[0].id].followers) <= 3
+    assert len(sky.bridge.action_server._running[first[0].id].followers) <= 3
     sky.forward(lambda: heard["2nd"][-1] is not None and heard["2nd"][-1].final, "arrival")
     assert [one.state for one in (heard["2nd"][-1], heard["watcher"][-1]) if one] == ["succeeded"] * 2
     assert len(sky.commands(dialect.MAV_CMD_NAV_TAKEOFF)) == 1, "nothing is done twice"
@@ -486,12 +486,12 @@ def test_streams_that_another_station_slows_down_are_asked_for_again(sky: Sky) -
 
 
 def test_a_defect_in_a_procedure_fails_its_action_and_nothing_else(sky: Sky, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+    def broken(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
         yield
         raise KeyError("target")
 
     sky.flying()
-    monkeypatch.setitem(MESSAGES[GLOBAL_TARGET].confirm, "arrival", Offer(broken))
+    monkeypatch.setitem(MESSAGES[GLOBAL_TARGET].confirm, "arrival", Procedure(broken))
     status = sky.do("goto", *GOAL, within=2)
     assert (status.state, status.reason) == ("failed", "defect in argosy: KeyError: 'target'")
     assert sky.do("land").state == "succeeded"

@@ -61,7 +61,7 @@ async def resume(sky: Sky) -> Outcome:
 
 
 def place(sky: Sky) -> tuple[float, float, float]:
-    here = sky.driver._vehicle_session.vehicle.position
+    here = sky.driver.vehicle.position
     assert here is not None
     return here.latitude, here.longitude, here.altitude
 

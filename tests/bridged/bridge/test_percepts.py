@@ -218,7 +218,7 @@ def changed(text: str) -> Board:
 def test_entries_that_another_manifest_leaves_as_they_are_keep_belief_seq_and_age() -> None:
     board = changed(MANIFEST + '[percepts.more]\nsource = "MODE"\nargs = ["name"]\n')
     assert board.taken() == [("replace", "more", ("GUIDED",))]
-    assert board.percepts.last_seq("uav") == 5
+    assert board.percepts.sets["uav"].seq == 5
     board.hear("BATTERY", id=0, volts=[12600, 0])
     board.hear("MODE", name="GUIDED", armed=False)
     assert board.taken() == []
@@ -284,7 +284,7 @@ def test_what_is_held_back_by_the_rate_is_told_before_a_status_refers_to_it(boar
     assert board.taken() == [("replace", "altitude", (1.0,))]
     board.percepts.flush()
     assert board.taken() == [("replace", "altitude", (2.0,))]
-    assert board.percepts.last_seq("uav") == 2
+    assert board.percepts.sets["uav"].seq == 2
 
 
 def test_a_flood_of_different_events_stays_bounded(board: Board) -> None:

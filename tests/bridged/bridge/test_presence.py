@@ -74,7 +74,7 @@ def test_a_dead_agents_vehicle_is_not_kept_from_its_own_failsafe(tmp_path: Path)
 def test_an_order_that_is_called_off_does_not_go_on_against_the_agent_that_is_back(tmp_path: Path) -> None:
     async def body() -> None:
         sky = Sky(tmp_path).flying()
-        orders = SafetyOrders(sky.bridge.action_server, sky.bridge.driver, sky.clock)
+        orders = SafetyOrders(sky.bridge.action_server, sky.bridge.driver, sky.bridge.action_log, sky.clock)
         deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
         sky.hears_us = lambda message: not deaf(message)
         orders.agent_lost("uav", "no liveliness token", [Step("rtl")])

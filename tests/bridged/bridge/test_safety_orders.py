@@ -331,8 +331,8 @@ def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge(
         await passing(sky, 2)
         assert asked.done()
         await leaving(sky, orders.shut_down("land"))
-        last = restarted(sky, tmp_path).bridge.action_server
-        assert (last.paused, last.ordered, last.blocked) == (False, None, None)
+        last = restarted(sky, tmp_path).bridge
+        assert (last.action_log.paused, last.action_log.ordered, last.action_server.blocked) == (False, None, None)
 
     sky = Sky(tmp_path)
     sky.wait(2)
@@ -353,7 +353,7 @@ def test_an_order_from_before_the_machine_was_started_ends_when_the_vehicle_is_h
         for _ in range(20):
             await passing(again, 0.5)
             await asyncio.sleep(0.02)
-        assert (again.bridge.action_server.ordered, bool(again.bridge.action_server.blocked)) == (
+        assert (again.bridge.action_log.ordered, bool(again.bridge.action_server.blocked)) == (
             "hold" if armed else None,
             armed,
         )

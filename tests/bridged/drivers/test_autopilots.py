@@ -108,7 +108,8 @@ def test_nothing_but_heartbeats_goes_to_a_recorded_px4() -> None:
     replay = Replay(PX4)
     for packet in packets(PX4):
         replay.now = packet.at
-        replay.talk.receive(packet.message, packet.at)
+        replay.clock.time = packet.at
+        replay.talk.receive(packet.message)
         replay.tick(packet.at)
     assert set(replay.sent) == {"HEARTBEAT"}
     assert [note.code for note in replay.talk.notes()] == ["autopilot_unknown"]

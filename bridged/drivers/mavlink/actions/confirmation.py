@@ -8,8 +8,16 @@ from collections.abc import Callable, Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, TEXT_WINDOW, Call, ProcedureContext, Steps, Task
-from bridged.drivers.mavlink.vehicle.commands import Command
+from bridged.drivers.mavlink.actions.context import (
+    SUCCEEDED,
+    TEXT_WINDOW,
+    Attempt,
+    BoundAction,
+    ProcedureContext,
+    ProcedureRun,
+    Steps,
+)
+from bridged.drivers.mavlink.vehicle.commands import MavlinkCommand
 from bridged.drivers.mavlink.vehicle.state import Place
 from bridged.drivers.mavlink.vehicle.streams import message_number
 from schemas.manifest.loader import Retry
@@ -24,11 +32,14 @@ Fits = Callable[[dialect.MAVLink_message], bool]
 class Poll:
     """Requests one message repeatedly (MAV_CMD_REQUEST_MESSAGE)."""
 
-    def __init__(self, flight: ProcedureContext, task: Task, name: str, every: tuple[float, float] = ASK_EVERY) -> None:
-        self._flight, self._task, self._every = flight, task, every
-        self._number = float(message_number(name))
+    def __init__(
+        self, flight: ProcedureContext, run: ProcedureRun, name: str, every: tuple[float, float] = ASK_EVERY
+    ) -> None:
+        self._flight, self._run, self._every = flight, run, every
+        parameters = (float(message_number(name)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._request = BoundAction(dialect.MAV_CMD_REQUEST_MESSAGE, parameters, ONCE)
         self._at = flight.now
-        self._last: Command | None = None
+        self._last: MavlinkCommand | None = None
 
     def __call__(self) -> None:
         """Send the request if it is due; the last one is abandoned, as its answer may be lost."""
@@ -36,19 +47,26 @@ class Poll:
         if flight.now < self._at:
             return
         self._at = flight.now + flight.wait(*self._every)
-        parameters = (self._number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if self._last is not None:
             flight.commands.abandon(self._last)
-            self._task.commands.remove(self._last)
-        self._last = flight.submit(self._task, dialect.MAV_CMD_REQUEST_MESSAGE, parameters, ONCE)
+            self._run.commands.remove(self._last)
+        self._last = flight.submit(self._run, self._request)
 
 
 def next_message(
-    flight: ProcedureContext, name: str, patience: tuple[float, float], fits: Fits = lambda message: True
+    flight: ProcedureContext,
+    name: str,
+    patience: tuple[float, float],
+    fits: Fits = lambda message: True,
+    request: Callable[[], None] = lambda: None,
 ) -> Generator[None, None, dialect.MAVLink_message | None]:
-    """Wait for a message that fits. Returns None if none arrives in time."""
+    """Wait for a message that fits, calling `request` before each look. Returns None if none arrives in time.
+
+    `patience`: mission and wall seconds.
+    """
     until = flight.now + flight.wait(*patience)
     while flight.now <= until:
+        request()
         yield
         message = flight.message
         if message is not None and message.get_type() == name and fits(message):
@@ -57,17 +75,14 @@ def next_message(
 
 
 def asked_message(
-    flight: ProcedureContext, task: Task, name: str, patience: tuple[float, float], fits: Fits = lambda message: True
+    flight: ProcedureContext,
+    run: ProcedureRun,
+    name: str,
+    patience: tuple[float, float],
+    fits: Fits = lambda message: True,
 ) -> Generator[None, None, dialect.MAVLink_message | None]:
-    """Request a message until one arrives that fits. Returns None if none does in time."""
-    poll, until = Poll(flight, task, name), flight.now + flight.wait(*patience)
-    while flight.now <= until:
-        poll()
-        yield
-        message = flight.message
-        if message is not None and message.get_type() == name and fits(message):
-            return message
-    return None
+    """As `next_message`, requesting the message until it arrives."""
+    return (yield from next_message(flight, name, patience, fits, Poll(flight, run, name)))
 
 
 def for_us(flight: ProcedureContext, message: dialect.MAVLink_message) -> bool:
@@ -111,7 +126,7 @@ TARGET_NEAR = 1.0
 """Metres between the target sent and the one reported; rounding and frame conversion cost centimetres."""
 
 
-def enter(flight: ProcedureContext, task: Task, call: Call, mode: int) -> Generator[None, None, Outcome | None]:
+def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode: int) -> Attempt:
     """Send a command that changes the mode until it sticks. Returns the failure, None if the mode is steady."""
     vehicle, before = flight.vehicle, flight.vehicle.mode
     asked, name = flight.now, flight.vehicle.modes.name(mode)
@@ -122,12 +137,12 @@ def enter(flight: ProcedureContext, task: Task, call: Call, mode: int) -> Genera
     command = None
     for _ in range(MODE_ATTEMPTS):
         flight.expect_mode(mode)
-        command = flight.submit(task, call.number, call.parameters, call.retry)
-        refusal = yield from acknowledged(flight, task, command, shown)
+        command = flight.submit(run, action)
+        refusal = yield from acknowledged(flight, run, command, shown)
         if refusal is not None:
             return refusal
         flight.expect_mode(mode)
-        task.waits_for = f"two HEARTBEATs in {name}; the vehicle is in {vehicle.mode_name}"
+        run.waits_for = f"two HEARTBEATs in {name}; the vehicle is in {vehicle.mode_name}"
         if (yield from steady(flight, shown)):
             return None
         if vehicle.mode not in (before, mode):
@@ -137,8 +152,8 @@ def enter(flight: ProcedureContext, task: Task, call: Call, mode: int) -> Genera
 
 
 def acknowledged(
-    flight: ProcedureContext, task: Task, command: Command, effect: Callable[[], bool]
-) -> Generator[None, None, Outcome | None]:
+    flight: ProcedureContext, run: ProcedureRun, command: MavlinkCommand, effect: Callable[[], bool]
+) -> Attempt:
     """Wait until a command is accepted, or its effect shows anyway. Returns the refusal or the silence.
 
     A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then.
@@ -156,7 +171,7 @@ def acknowledged(
         if command.silent:
             said = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
             return Outcome("failed", f"{said}; {flight.state_in_words()}")
-        task.waits_for = f"the acknowledgement of {command.name}"
+        run.waits_for = f"the acknowledgement of {command.name}"
         yield
     command.may_repeat = lambda: False
     return None
@@ -175,7 +190,7 @@ def steady(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[Non
     return shown() and vehicle.heartbeats > beats
 
 
-def ready(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
+def ready(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
     """Wait until the vehicle is ready to be armed, asking it for its reasons meanwhile.
 
     Returns None when it is, and its refusal as soon as it names a reason that does not go away by waiting.
@@ -185,17 +200,17 @@ def ready(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome
     while missing := flight.vehicle.not_ready():
         answered = flight.now - asked > flight.wait(*TEXT_WINDOW)
         said = sorted(flight.texts.beginning(PRE_ARM, asked if answered else before))
-        task.cause = "; ".join(said or missing)
-        task.waits_for = "readiness: " + "; ".join([*missing, *said])
+        run.cause = "; ".join(said or missing)
+        run.waits_for = "readiness: " + "; ".join([*missing, *said])
         faults = named_before.intersection(said if answered else ())
         if lasting := [one for one in said if _names(LASTING, one) or (one in faults and _names(FAULTS, one))]:
             return Outcome("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(lasting)}")
         if flight.now >= ask_at and flight.vehicle.connected:
             named_before = set(flight.texts.beginning(PRE_ARM, asked))
             before, asked, ask_at = asked, flight.now, flight.now + flight.wait(*ASK_REASONS_EVERY)
-            flight.submit(task, dialect.MAV_CMD_RUN_PREARM_CHECKS, (0.0,) * 7, Retry(times=0))
+            flight.submit(run, BoundAction(dialect.MAV_CMD_RUN_PREARM_CHECKS, retry=ONCE))
         yield
-    task.cause = ""
+    run.cause = ""
     return None
 
 
@@ -215,67 +230,67 @@ def guided_aloft(flight: ProcedureContext, what: str) -> Outcome | None:
     return None
 
 
-def target_taken(flight: ProcedureContext, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
+def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Attempt:
     """Send the target until the vehicle reports it as its own. Returns the refusal, None if it does."""
     asked = flight.now
-    if call.target is None:
-        raise ValueError(f"{task.name}: a call without a target")
+    if action.target is None:
+        raise ValueError(f"{run.name}: a call without a target")
     if (refusal := guided_aloft(flight, "position targets")) is not None:
         return refusal
-    if (refusal := within_limits(flight, call)) is not None:
+    if (refusal := within_limits(flight, action)) is not None:
         return refusal
     for _ in range(TARGET_ATTEMPTS):
-        flight.send_target(call.target, call.frame, call.yaw)
-        task.waits_for = "the vehicle to report the target as its own"
-        if (yield from target_shown(flight, call)):
+        flight.send_target(action.target, action.frame, action.yaw)
+        run.waits_for = "the vehicle to report the target as its own"
+        if (yield from target_shown(flight, action)):
             return None
         if not flight.vehicle.armed:
             return Outcome("failed", flight.with_texts("the vehicle disarmed", asked))
     said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
-    return Outcome("refused", flight.with_texts(f"{said}, {own_target(flight, call)}", asked))
+    return Outcome("refused", flight.with_texts(f"{said}, {own_target(flight, action)}", asked))
 
 
-def within_limits(flight: ProcedureContext, call: Call) -> Outcome | None:
+def within_limits(flight: ProcedureContext, action: BoundAction) -> Outcome | None:
     """Refuse a target outside the mission's limits, or one whose altitude above home is not known yet."""
     if flight.altitude_of_home() is None:
         return Outcome("refused", "the vehicle's altitude is not known yet")
-    if call.limited and flight.limited and not flight.vehicle.placed:
+    if action.limited and flight.limited and not flight.vehicle.placed:
         said = "the vehicle has not reported its position lately, so the mission's limits cannot be kept"
         return Outcome("refused", said, "limits")
-    broken = flight.outside_limits(above_home(flight, call)) if call.limited else ""
+    broken = flight.outside_limits(above_home(flight, action)) if action.limited else ""
     return Outcome("refused", broken, "limits") if broken else None
 
 
-def target_shown(flight: ProcedureContext, call: Call) -> Generator[None, None, bool]:
-    """Whether the vehicle reports the target of a call as its own before long."""
+def target_shown(flight: ProcedureContext, action: BoundAction) -> Generator[None, None, bool]:
+    """Whether the vehicle reports the target of an action as its own before long."""
     vehicle, seen = flight.vehicle, flight.vehicle.targets
     patience = flight.now + flight.wait(*TARGET_WAIT)
     while vehicle.armed and flight.now <= patience:
         yield
-        if vehicle.targets > seen and target_is(flight, call):
+        if vehicle.targets > seen and target_is(flight, action):
             return True
     return False
 
 
-def target_is(flight: ProcedureContext, call: Call) -> bool:
-    """Whether the target that the vehicle reported last is that of a call."""
-    own, wanted = flight.vehicle.target, call.target
+def target_is(flight: ProcedureContext, action: BoundAction) -> bool:
+    """Whether the target that the vehicle reported last is that of an action."""
+    own, wanted = flight.vehicle.target, action.target
     if own is None or wanted is None:
         return False
-    height = wanted.altitude + ((flight.altitude_of_home() or 0.0) if call.frame in ABOVE_HOME else 0.0)
+    height = wanted.altitude + ((flight.altitude_of_home() or 0.0) if action.frame in ABOVE_HOME else 0.0)
     level = flight.vehicle.modes.ground or abs(own.altitude - height) <= TARGET_NEAR
     return own.distance(wanted) <= TARGET_NEAR and level
 
 
-def own_target(flight: ProcedureContext, call: Call) -> str:
+def own_target(flight: ProcedureContext, action: BoundAction) -> str:
     """Return the vehicle's own target, for people."""
     own = flight.vehicle.target
-    if own is None or call.target is None:
+    if own is None or action.target is None:
         return "it reports no target of its own"
-    return f"its own target is {own.distance(call.target):.0f} m from there"
+    return f"its own target is {own.distance(action.target):.0f} m from there"
 
 
-def arrive(flight: ProcedureContext, task: Task, goal: Place, tolerance: float | None) -> Steps:
+def arrive(flight: ProcedureContext, run: ProcedureRun, goal: Place, tolerance: float | None) -> Steps:
     """Wait until the vehicle is within the tolerance of a point (metres above home) and, if it can stand, slow."""
     near, asked = tolerance or 1.0, flight.now
     while True:
@@ -284,44 +299,42 @@ def arrive(flight: ProcedureContext, task: Task, goal: Place, tolerance: float |
             return Outcome("failed", flight.with_texts("the vehicle disarmed on the way", asked))
         if vehicle.position is not None:
             distance, height = vehicle.position.distance(goal), goal.altitude - vehicle.position.altitude
-            task.feedback = {
+            run.feedback = {
                 "distance": round(distance, 2),
                 "altitude": round(vehicle.position.altitude, 2),
                 "speed": round(vehicle.speed, 2),
             }
-            task.waits_for = f"arrival; {distance:.1f} m and {height:+.1f} m of height to go"
+            run.waits_for = f"arrival; {distance:.1f} m and {height:+.1f} m of height to go"
             level = vehicle.modes.ground or abs(height) <= near
             if distance <= near and level and (vehicle.speed <= SLOW or not vehicle.modes.stands):
                 return SUCCEEDED
         yield
 
 
-def above_home(flight: ProcedureContext, call: Call) -> Place:
-    """Return the target of a call with its altitude in metres above home."""
-    target = call.target or Place(0.0, 0.0, 0.0)
-    if call.frame in ABOVE_HOME:
+def above_home(flight: ProcedureContext, action: BoundAction) -> Place:
+    """Return the target of an action with its altitude in metres above home."""
+    target = action.target or Place(0.0, 0.0, 0.0)
+    if action.frame in ABOVE_HOME:
         return target
     return Place(target.latitude, target.longitude, target.altitude - (flight.altitude_of_home() or 0.0))
 
 
-def down(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
+def down(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
     """Wait until the vehicle has landed and disarmed. Returns why its motors stopped elsewhere, None if so."""
     vehicle, fast_at = flight.vehicle, -math.inf
     while vehicle.armed or not vehicle.connected:
         fast_at = flight.now if vehicle.speed > FALLS else fast_at
         position, away = vehicle.position, from_home(flight)
         if position is not None:
-            task.feedback = {"altitude": round(position.altitude, 2)}
+            run.feedback = {"altitude": round(position.altitude, 2)}
             if away is not None:
-                task.feedback["distance"] = round(away, 2)
-            task.waits_for = f"landing and disarming; it is at {position.altitude:.1f} m, {metres(away)} from home"
+                run.feedback["distance"] = round(away, 2)
+            run.waits_for = f"landing and disarming; it is at {position.altitude:.1f} m, {metres(away)} from home"
         yield
-    return (yield from stands(flight, task, fast_at))
+    return (yield from stands(flight, run, fast_at))
 
 
-def stands(
-    flight: ProcedureContext, task: Task, fast_at: float, where: str = ""
-) -> Generator[None, None, Outcome | None]:
+def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: str = "") -> Attempt:
     """Judge whether motors that have just stopped did so on the ground. Returns None if so, else why not.
 
     What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
@@ -330,7 +343,7 @@ def stands(
     vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
     until = asked + flight.wait(*STANDS_FOR)
     while flight.now <= until:
-        task.waits_for = "the vehicle to stand on the ground"
+        run.waits_for = "the vehicle to stand on the ground"
         fast_at = flight.now if vehicle.speed > FALLS else fast_at
         yield
     if vehicle.armed:

@@ -9,14 +9,16 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Execution, Outcome, Reading, Value
 from bridged.drivers.mavlink.actions.mission_items import Item
-from bridged.drivers.mavlink.vehicle.commands import Command, Commands, Parameters
+from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, Parameters
 from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
 from schemas.manifest.loader import Retry
 from schemas.mission.model import Failsafe, Limits
 
 Steps = Generator[None, None, Outcome]
-"""A procedure: it looks at the flight, yields until something changes, and returns how it ended."""
+"""What a procedure does: it looks at the flight, yields until something changes, and returns how it ended."""
+Attempt = Generator[None, None, Outcome | None]
+"""A part of a procedure: returns why it has failed, None if it has not."""
 
 TEXT_WINDOW = (1.0, 0.3)
 """Mission and wall seconds around an acknowledgement in which the vehicle's texts belong to it."""
@@ -38,32 +40,6 @@ SUCCEEDED = Outcome("succeeded")
 NOBODYS_FAILSAFE = Failsafe()
 
 
-@dataclass(eq=False)
-class Task(Execution):
-    """An execution that runs as a procedure."""
-
-    moves: bool = True
-    """A mode that nobody here asked for ends it."""
-    sets_mode: bool = False
-    """Changes of the mode are its own business."""
-    takes_control: bool = False
-    """Its success ends an override by others."""
-    yields: bool = False
-    """It is nobody's wish but the bridge's own: a mode that others set ends it."""
-    judges_mode: bool = False
-    """It sets the mode and knows by itself which changes end it: a mission that is over leaves AUTO."""
-    by_agent: bool = False
-    """An agent wished it: what it moves, or sets the mode of, is in the agent's control."""
-    trouble: str = ""
-    """What keeps it from its end, for people: a warning of health."""
-    leaves: str = ""
-    """What would be left half done if it ended now, for people."""
-    call: Call | None = None
-    """What it carries out."""
-    commands: list[Command] = field(default_factory=list)
-    """What it has sent: taken back when it ends early."""
-
-
 @dataclass(frozen=True, slots=True)
 class LocalTarget:
     """A target of SET_POSITION_TARGET_LOCAL_NED: a place or a velocity, north-east-down or forward-right-down."""
@@ -80,7 +56,7 @@ class LocalTarget:
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class BoundAction:
     """An action of the manifest with its arguments filled in."""
 
     number: int = 0
@@ -100,6 +76,42 @@ class Call:
     """The mission's limits hold; not for what brings a vehicle to a stop where it is."""
     arguments: Mapping[str, Value] = field(default_factory=dict)
     """What a `call` of the driver is given."""
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """How a kind of action or order is carried out, once its arguments are filled in."""
+
+    steps: Callable[[ProcedureContext, ProcedureRun, BoundAction], Steps]
+    feedback: tuple[str, ...] = ()
+    """The figures of its progress."""
+    sets_mode: bool = False
+    """Changes of the mode are its own business."""
+    takes_control: bool = False
+    """Its success ends an override by others."""
+    judges_mode: bool = False
+    """It sets the mode and knows by itself which changes end it: a mission that is over leaves AUTO."""
+
+
+@dataclass(eq=False, kw_only=True)
+class ProcedureRun(Execution):
+    """A procedure that runs for one action or order."""
+
+    procedure: Procedure
+    action: BoundAction
+    steps: Steps = field(init=False)
+    moves: bool = True
+    """A mode that nobody here asked for ends it."""
+    yields: bool = False
+    """It is nobody's wish but the bridge's own: a mode that others set ends it."""
+    by_agent: bool = False
+    """An agent wished it: what it moves, or sets the mode of, is in the agent's control."""
+    trouble: str = ""
+    """What keeps it from its end, for people: a warning of health."""
+    leaves: str = ""
+    """What would be left half done if it ended now, for people."""
+    commands: list[MavlinkCommand] = field(default_factory=list)
+    """What it has sent: taken back when it ends early."""
 
 
 @dataclass
@@ -142,8 +154,8 @@ class ProcedureContext:
         """The present message of the vehicle; None while only time passes."""
         self.tell = tell
         """Takes readings of the driver's own sources."""
-        self.interrupted: list[Call] = []
-        """Calls that the last pause has interrupted: a takeoff among them continues in the air."""
+        self.interrupted: list[BoundAction] = []
+        """Actions that the last pause has interrupted: a takeoff among them continues in the air."""
         self.plan = Plan()
         self.parameters: dict[str, float] = {}
         """Those that were asked for, under the name that was asked for."""
@@ -151,9 +163,9 @@ class ProcedureContext:
         self._speed = speed
         self._expected: dict[int, float] = {}
 
-    def goes_on(self, call: Call) -> bool:
-        """Whether the last pause has interrupted this call, and it is begun again for the first time."""
-        interrupted = call in self.interrupted
+    def goes_on(self, action: BoundAction) -> bool:
+        """Whether the last pause has interrupted this action, and it is begun again for the first time."""
+        interrupted = action in self.interrupted
         self.interrupted = []
         return interrupted
 
@@ -167,21 +179,17 @@ class ProcedureContext:
 
     def submit(
         self,
-        task: Task,
-        number: int,
-        parameters: Parameters,
-        retry: Retry,
+        run: ProcedureRun,
+        action: BoundAction,
         may_repeat: Callable[[], bool] = lambda: True,
-        frame: int | None = None,
-    ) -> Command:
-        """Send a command for a task: as COMMAND_INT if its place is in a `frame`."""
-        command = Command(number, parameters, retry, may_repeat, frame)
-        task.commands.append(command)
+        *,
+        in_frame: bool = False,
+    ) -> MavlinkCommand:
+        """Send the command of an action; `in_frame`: as COMMAND_INT if the action names the frame of its place."""
+        frame = action.frame if in_frame and action.by_int else None
+        command = MavlinkCommand(action.number, action.parameters, action.retry, may_repeat, frame)
+        run.commands.append(command)
         return self.commands.submit(command, self.now)
-
-    def submit_call(self, task: Task, call: Call) -> Command:
-        """Send the command of a call for a task."""
-        return self.submit(task, call.number, call.parameters, call.retry, frame=call.frame if call.by_int else None)
 
     def send_target(self, place: Place, frame: int, yaw: float | None = None) -> None:
         """Send a position target; nothing acknowledges it."""
@@ -311,9 +319,6 @@ class ProcedureContext:
         armed = "armed" if vehicle.armed else "not armed"
         where = "" if vehicle.modes.ground else " in flight," if vehicle.aloft else " on the ground,"
         return f"the vehicle is {armed},{where} in {vehicle.mode_name}"
-
-
-Procedure = Callable[[ProcedureContext, Task, Call], Steps]
 
 
 MARGIN = 2.0

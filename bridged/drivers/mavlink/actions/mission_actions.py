@@ -6,13 +6,21 @@ not end has left is said.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Reading
 from bridged.drivers.mavlink.actions.confirmation import Poll, for_us, next_message
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
+from bridged.drivers.mavlink.actions.context import (
+    SUCCEEDED,
+    Attempt,
+    BoundAction,
+    ProcedureContext,
+    ProcedureRun,
+    Steps,
+)
 from bridged.drivers.mavlink.actions.mission_items import AMSL, MAX_ITEMS, RELATIVE, Item, item_of, read_items
 from bridged.drivers.mavlink.vehicle.state import Place
 
@@ -41,7 +49,7 @@ RESULTS = {
 """Texts of MISSION_ACK.type."""
 
 
-def upload(flight: ProcedureContext, task: Task, items: tuple[Item, ...]) -> Generator[None, None, Outcome | None]:
+def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...]) -> Attempt:
     """Send the items; the first is home. Returns the failure, None if the vehicle holds as many as were sent.
 
     An acknowledgement that is lost proves nothing: then the items are read back and compared.
@@ -52,37 +60,46 @@ def upload(flight: ProcedureContext, task: Task, items: tuple[Item, ...]) -> Gen
     while True:
         if not sent and flight.now >= again_at:
             if tries >= TRIES:
-                task.leaves = ""
+                run.leaves = ""
                 return Outcome("failed", f"the vehicle did not request the mission, announced {TRIES} times")
             tries, again_at = tries + 1, flight.now + flight.wait(*TRY_EVERY)
             flight.send(dialect.MAVLink_mission_count_message(*_peer(flight), count))
-        task.feedback = {"item": float(max(0, sent - 1)), "items": float(count - 1)}
-        task.waits_for = f"the vehicle to take item {sent} of {count}"
+        run.feedback = {"item": float(max(0, sent - 1)), "items": float(count - 1)}
+        run.waits_for = f"the vehicle to take item {sent} of {count}"
         yield
         message = flight.message
         if message is not None and message.get_type().startswith("MISSION_") and ours(flight, message):
             match message.get_type():
                 case "MISSION_REQUEST" | "MISSION_REQUEST_INT" if message.seq < count:
                     quiet_since, sent = flight.now, max(sent, message.seq + 1)
-                    task.leaves = plan.broken = _broken(sent, count)
-                    flight.send(_packed(flight, message.seq, items[message.seq]))
+                    run.leaves = plan.broken = (  # ArduPilot stores items as they arrive
+                        f"the upload was broken off at item {sent - 1} of {count - 1}: "
+                        "what mission the vehicle holds now is not known; upload again or clear it"
+                    )
+                    item = items[message.seq]
+                    flight.send(
+                        dialect.MAVLink_mission_item_int_message(
+                            *_peer(flight), message.seq, item.frame, item.command, 0, item.autocontinue,
+                            *item.parameters, item.x, item.y, item.z,
+                        )
+                    )  # fmt: skip
                 case "MISSION_ACK" if message.type == dialect.MAV_MISSION_ACCEPTED:
                     if sent == count:  # any other is a late one, of an exchange before
                         break
                 case "MISSION_ACK" if message.type != dialect.MAV_MISSION_INVALID_SEQUENCE or not sent:
-                    task.leaves = ""
+                    run.leaves = ""
                     left = f"; {plan.broken}" if sent else ""
                     return Outcome("refused", f"the vehicle refused the mission: {_result(message)}{left}")
         if sent and flight.now - quiet_since > flight.wait(*VEHICLE_GIVES_UP):
             if sent < count:
-                task.leaves = ""
+                run.leaves = ""
                 return Outcome("failed", f"the vehicle fell silent during the upload; {plan.broken}")
-            held = yield from download(flight, task)
+            held = yield from download(flight, run)
             if isinstance(held, tuple) and same_items(held, items):
                 break
             return Outcome("failed", f"the vehicle did not acknowledge the mission; {plan.broken}")
-    task.leaves = ""
-    held_count = yield from count_items(flight, task)
+    run.leaves = ""
+    held_count = yield from count_items(flight, run)
     uncounted = flight.vehicle.home is None  # home counts as an item once the vehicle has one
     if held_count != count and not (uncounted and held_count == count - 1):
         said = (
@@ -93,17 +110,17 @@ def upload(flight: ProcedureContext, task: Task, items: tuple[Item, ...]) -> Gen
     return None
 
 
-def download(flight: ProcedureContext, task: Task) -> Generator[None, None, tuple[Item, ...] | Outcome]:
+def download(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, None, tuple[Item, ...] | Outcome]:
     """Read the vehicle's mission. Returns its items, home first, or the failure."""
-    count = yield from count_items(flight, task)
+    count = yield from count_items(flight, run)
     if count is None:
         return Outcome("failed", f"the vehicle did not send its mission, asked {TRIES} times")
     if count > MAX_ITEMS + 1:
         return Outcome("failed", f"the vehicle reports {count} items; {MAX_ITEMS} are read at most")
     items: list[Item] = []
     for seq in range(count):
-        task.feedback = {"item": float(seq), "items": float(max(0, count - 1))}
-        task.waits_for = f"item {seq} of {count} from the vehicle"
+        run.feedback = {"item": float(seq), "items": float(max(0, count - 1))}
+        run.waits_for = f"item {seq} of {count} from the vehicle"
         item = yield from _read(flight, seq)
         if isinstance(item, Outcome):
             return item
@@ -112,9 +129,9 @@ def download(flight: ProcedureContext, task: Task) -> Generator[None, None, tupl
     return tuple(items)
 
 
-def count_items(flight: ProcedureContext, task: Task) -> Generator[None, None, int | None]:
+def count_items(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, None, int | None]:
     """Request how many items the vehicle holds, with home. Returns None without an answer."""
-    task.waits_for = "the vehicle to report how many items it holds"
+    run.waits_for = "the vehicle to report how many items it holds"
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_request_list_message(*_peer(flight)))
         message = yield from next_message(flight, "MISSION_COUNT", TRY_EVERY, lambda one: ours(flight, one))
@@ -123,23 +140,18 @@ def count_items(flight: ProcedureContext, task: Task) -> Generator[None, None, i
     return None
 
 
-def clear(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
+def clear(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
     """Clear the vehicle's mission. Returns the failure, None if it holds none but home."""
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_clear_all_message(*_peer(flight)))
-        task.waits_for = "the vehicle to clear its mission"
+        run.waits_for = "the vehicle to clear its mission"
         message = yield from next_message(flight, "MISSION_ACK", TRY_EVERY, lambda one: ours(flight, one))
         if message is not None and message.type != dialect.MAV_MISSION_ACCEPTED:
             return Outcome("refused", f"the vehicle refused to clear its mission: {_result(message)}")
-        held = yield from count_items(flight, task)
+        held = yield from count_items(flight, run)
         if held is not None and held <= 1:
             return None
     return Outcome("failed", "the vehicle still holds a mission, or does not report it")
-
-
-def break_off(flight: ProcedureContext) -> None:
-    """Cancel an upload at the vehicle, which would keep others waiting."""
-    flight.send(dialect.MAVLink_mission_ack_message(*_peer(flight), dialect.MAV_MISSION_OPERATION_CANCELLED))
 
 
 def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item | Outcome]:
@@ -157,20 +169,6 @@ def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item | Ou
                 case "MISSION_ACK" if message.type != dialect.MAV_MISSION_ACCEPTED:
                     return Outcome("failed", f"the vehicle did not send item {seq}: {_result(message)}")
     return Outcome("failed", f"the vehicle did not send item {seq} of its mission, asked {TRIES} times")
-
-
-def _broken(sent: int, count: int) -> str:
-    """Forget the known mission: ArduPilot stores items as they arrive."""
-    return (
-        f"the upload was broken off at item {sent - 1} of {count - 1}: "
-        "what mission the vehicle holds now is not known; upload again or clear it"
-    )
-
-
-def _packed(flight: ProcedureContext, seq: int, item: Item) -> dialect.MAVLink_message:
-    return dialect.MAVLink_mission_item_int_message(
-        *_peer(flight), seq, item.frame, item.command, 0, item.autocontinue, *item.parameters, item.x, item.y, item.z
-    )
 
 
 def _peer(flight: ProcedureContext) -> tuple[int, int]:
@@ -196,49 +194,53 @@ SET_CURRENT_TRIES = 4
 MOVES_HOME = "it moves home, from where the mission's limits are measured"
 
 
-def upload_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def upload_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`mission_upload`: every item within the limits, acknowledged, and as many counted back.
 
     With `home_first` the first item stands for home, as in ArduPilot's own numbering: the vehicle keeps its own.
     """
-    said = call.arguments["items"]
-    if call.arguments.get("home_first") is True and isinstance(said, list):
+    said = action.arguments["items"]
+    if action.arguments.get("home_first") is True and isinstance(said, list):
         said = said[1:]
     try:
-        items = read_items(said, AMSL if call.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
+        items = read_items(said, AMSL if action.frame == dialect.MAV_FRAME_GLOBAL_INT else RELATIVE)
     except ValueError as error:
         return Outcome("refused", str(error))
     if flown := _flown_now(flight):
         return Outcome("refused", flown)
     if broken := outside(flight, items):
         return Outcome("refused", broken, "limits")
-    with Speaking(flight, task) as busy:
+    with mission_protocol(flight, run) as busy:
         if busy:
             return Outcome("refused", busy)
-        failure = yield from upload(flight, task, (_home(flight), *items))
+        failure = yield from upload(flight, run, (_home(flight), *items))
         if failure is not None:
             return failure
         tell_items(flight)
     return SUCCEEDED
 
 
-def download_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def download_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`mission_download`: every item has arrived; they become readings of MISSION and MISSION_LIST."""
-    with Speaking(flight, task) as busy:
+    with mission_protocol(flight, run) as busy:
         if busy:
             return Outcome("refused", busy)
-        failure = yield from _learn(flight, task)
-        return failure or SUCCEEDED
+        held = yield from download(flight, run)
+        if isinstance(held, Outcome):
+            return held
+        flight.plan.items, flight.plan.broken = held, ""
+        tell_items(flight)
+    return SUCCEEDED
 
 
-def clear_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def clear_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`mission_clear`: the vehicle counts no items but home."""
     if flown := _flown_now(flight):
         return Outcome("refused", flown)
-    with Speaking(flight, task) as busy:
+    with mission_protocol(flight, run) as busy:
         if busy:
             return Outcome("refused", busy)
-        failure = yield from clear(flight, task)
+        failure = yield from clear(flight, run)
         if failure is not None:
             return failure
         flight.plan.items, flight.plan.broken = (_home(flight),), ""
@@ -246,21 +248,21 @@ def clear_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     return SUCCEEDED
 
 
-def set_current(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def set_current(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`mission_set_current`: MISSION_CURRENT shows the item."""
-    wanted = call.arguments["seq"]
+    wanted = action.arguments["seq"]
     if not isinstance(wanted, int):
         return Outcome("refused", f"an item is a whole number, got {wanted!r}")
     known = flight.plan.items
     if known is not None and not 0 < wanted < len(known):
         return Outcome("refused", f"no item {wanted}; the mission has {max(0, len(known) - 1)}")
-    failure = yield from go_to_item(flight, task, wanted)
+    failure = yield from go_to_item(flight, run, wanted)
     return failure or SUCCEEDED
 
 
-def go_to_item(flight: ProcedureContext, task: Task, wanted: int) -> Generator[None, None, Outcome | None]:
-    identity, poll = flight.commands.identity, Poll(flight, task, "MISSION_CURRENT")
-    task.waits_for = f"the vehicle to report that item {wanted} is its current one"
+def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Attempt:
+    identity, poll = flight.commands.identity, Poll(flight, run, "MISSION_CURRENT")
+    run.waits_for = f"the vehicle to report that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):
         flight.send(dialect.MAVLink_mission_set_current_message(identity.vehicle, identity.autopilot, wanted))
         until = flight.now + flight.wait(*TRY_EVERY)
@@ -276,15 +278,6 @@ def go_to_item(flight: ProcedureContext, task: Task, wanted: int) -> Generator[N
                 ):
                     return Outcome("refused", f"the vehicle refused item {wanted}: {RESULTS.get(message.type)}")
     return Outcome("failed", f"the vehicle did not go to item {wanted}; has its mission so many?")
-
-
-def _learn(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
-    held = yield from download(flight, task)
-    if isinstance(held, Outcome):
-        return held
-    flight.plan.items, flight.plan.broken = held, ""
-    tell_items(flight)
-    return None
 
 
 def _flown_now(flight: ProcedureContext) -> str:
@@ -340,22 +333,17 @@ def _home(flight: ProcedureContext) -> Item:
     return Item(dialect.MAV_CMD_NAV_WAYPOINT, AMSL, x=x, y=y, z=home.altitude)
 
 
-class Speaking:
-    """Reserve the mission protocol for one action, until its end; others are refused with its name."""
-
-    def __init__(self, flight: ProcedureContext, task: Task) -> None:
-        self._flight, self._task = flight, task
-        self._mine = False
-
-    def __enter__(self) -> str:
-        plan = self._flight.plan
-        if plan.busy:
-            return f"busy: {plan.busy} is exchanging the mission with the vehicle"
-        plan.busy, self._mine = self._task.name, True
-        return ""
-
-    def __exit__(self, *_: object) -> None:
-        if self._mine:
-            self._flight.plan.busy = ""
-        if self._task.leaves:
-            break_off(self._flight)
+@contextmanager
+def mission_protocol(flight: ProcedureContext, run: ProcedureRun) -> Iterator[str]:
+    """Reserve the mission protocol for one action, until its end; yields why not, empty if it is reserved."""
+    plan = flight.plan
+    if plan.busy:
+        yield f"busy: {plan.busy} is exchanging the mission with the vehicle"
+        return
+    plan.busy = run.name
+    try:
+        yield ""
+    finally:
+        plan.busy = ""
+        if run.leaves:  # an upload that is broken off would keep others waiting
+            flight.send(dialect.MAVLink_mission_ack_message(*_peer(flight), dialect.MAV_MISSION_OPERATION_CANCELLED))

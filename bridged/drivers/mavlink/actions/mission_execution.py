@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -13,17 +15,26 @@ from bridged.drivers.mavlink.actions.confirmation import (
     Poll,
     acknowledged,
     asked_message,
+    enter,
     from_home,
     metres,
     stands,
 )
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
-from bridged.drivers.mavlink.actions.flight import change_mode, mode_call
+from bridged.drivers.mavlink.actions.context import (
+    SUCCEEDED,
+    Attempt,
+    BoundAction,
+    Plan,
+    ProcedureContext,
+    ProcedureRun,
+    Steps,
+)
+from bridged.drivers.mavlink.actions.flight import mode_action
 from bridged.drivers.mavlink.actions.mission_actions import (
     TRY_EVERY,
-    Speaking,
     download,
     go_to_item,
+    mission_protocol,
     outside,
     same_items,
     tell_items,
@@ -43,25 +54,27 @@ COMPLETE = dialect.MISSION_STATE_COMPLETE
 START = Retry(times=5)
 
 
-def enter_mode(flight: ProcedureContext, task: Task, call: Call) -> Steps:
-    """`mode`: as `change_mode`; AUTO only on a mission that may be flown."""
-    if int(call.parameters[1]) == flight.vehicle.modes.auto:
-        failure = yield from may_fly(flight, task)
+def enter_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
+    """DO_SET_MODE: the mode shows, and still does at the next HEARTBEAT; AUTO only on a mission that may be flown."""
+    mode = int(action.parameters[1])
+    if mode == flight.vehicle.modes.auto:
+        failure = yield from may_fly(flight, run)
         if failure is not None:
             return failure
-    return (yield from change_mode(flight, task, call))
+    failure = yield from enter(flight, run, action, mode)
+    return failure or SUCCEEDED
 
 
-def may_fly(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
+def may_fly(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
     """Check a mission before the vehicle flies it: it must be complete, and within the limits if there are any."""
     if flight.plan.broken:
         return Outcome("refused", flight.plan.broken)
     if not flight.limited:
         return None
-    return (yield from _read_within_limits(flight, task))
+    return (yield from _read_within_limits(flight, run))
 
 
-def start_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def start_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`mission_start`: AUTO, then every item to the last; on the ground a mission begins with a takeoff.
 
     What the vehicle stores is read first, whoever has stored it: another station may have since we did.
@@ -71,7 +84,7 @@ def start_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
         return Outcome("refused", flight.plan.broken)
     if not vehicle.armed:
         return Outcome("refused", f"a mission is started armed; {flight.state_in_words()}")
-    failure = yield from _read_within_limits(flight, task)
+    failure = yield from _read_within_limits(flight, run)
     if failure is not None:
         return failure
     items = flight.plan.items or ()
@@ -79,36 +92,37 @@ def start_mission(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     if not last:
         nothing = "nothing in the vehicle's mission is flown" if len(items) > 1 else "the vehicle has no mission"
         return Outcome("refused", f"{nothing}; upload one")
-    with _Flying(flight, task):
-        told = yield from asked_message(flight, task, "MISSION_CURRENT", TRY_EVERY)
+    with _flying(flight.plan, run.name):
+        told = yield from asked_message(flight, run, "MISSION_CURRENT", TRY_EVERY)
         if told is not None and (told.mission_state == COMPLETE or told.seq > last):
-            failure = yield from go_to_item(flight, task, 1)
+            failure = yield from go_to_item(flight, run, 1)
             if failure is not None:
                 return failure
         grounded = not vehicle.aloft or modes.ground
         if vehicle.mode != modes.auto:  # whether it stays is seen all the way
             flight.expect_mode(modes.auto)
-            call = mode_call(modes.auto)
-            command = flight.submit(task, call.number, call.parameters, START)
-            refusal = yield from acknowledged(flight, task, command, lambda: vehicle.mode == modes.auto)
+            command = flight.submit(run, replace(mode_action(modes.auto), retry=START))
+            refusal = yield from acknowledged(flight, run, command, lambda: vehicle.mode == modes.auto)
             if refusal is not None:
                 return refusal
             flight.expect_mode(modes.auto)
         if grounded:
-            refusal = yield from _begin(flight, task)
+            command = flight.submit(run, BoundAction(dialect.MAV_CMD_MISSION_START, retry=START))
+            refusal = yield from acknowledged(flight, run, command, lambda: vehicle.aloft and not modes.ground)
             if refusal is not None:
                 return refusal
         stored = None if told is None else told.total
-        return (yield from _fly(flight, task, items, last, stored, grounded=grounded and not modes.ground))
-
-
-def _begin(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
-    command = flight.submit(task, dialect.MAV_CMD_MISSION_START, (0.0,) * 7, START)
-    return (yield from acknowledged(flight, task, command, lambda: flight.vehicle.aloft and not _ground(flight)))
+        return (yield from _fly(flight, run, items, last, stored, grounded=grounded and not modes.ground))
 
 
 def _fly(
-    flight: ProcedureContext, task: Task, items: tuple[Item, ...], last: int, stored: int | None, *, grounded: bool
+    flight: ProcedureContext,
+    run: ProcedureRun,
+    items: tuple[Item, ...],
+    last: int,
+    stored: int | None,
+    *,
+    grounded: bool,
 ) -> Steps:
     """Watch the mission until it is over; the vehicle's own messages tell how far it is.
 
@@ -118,7 +132,7 @@ def _fly(
     item proves nothing: it is over when the vehicle says so. `stored` is how many items MISSION_CURRENT told before.
     """
     vehicle, modes, asked = flight.vehicle, flight.vehicle.modes, flight.now
-    poll, patience = Poll(flight, task, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)
+    poll, patience = Poll(flight, run, "MISSION_CURRENT", PROGRESS_EVERY), flight.now + flight.wait(*BEGINS_WITHIN)
     jumps, complete = any(item.command == dialect.MAV_CMD_DO_JUMP for item in items), False
     reached, furthest, current, running, over_at, left_at = 0, 0, 1, False, math.inf, None
     fast_at = -math.inf
@@ -140,10 +154,10 @@ def _fly(
                 running = running or message.mission_state == dialect.MISSION_STATE_ACTIVE
         reached = last if complete else reached
         grounded = grounded and not vehicle.aloft
-        _progress(flight, task, items, current, last, reached)
+        _progress(flight, run, items, current, last, reached)
         if items[last].ends_on_ground:
             if not vehicle.armed and max(furthest, reached) >= last:
-                return (yield from _landed(flight, task, items[last], fast_at))
+                return (yield from _landed(flight, run, items[last], fast_at))
         elif (complete or (reached >= last and not jumps)) and vehicle.armed and not grounded:
             over_at = min(over_at, vehicle.heartbeats)
             stays = vehicle.mode == modes.auto != modes.after_mission
@@ -162,9 +176,9 @@ def _fly(
         yield
 
 
-def _landed(flight: ProcedureContext, task: Task, item: Item, fast_at: float) -> Steps:
+def _landed(flight: ProcedureContext, run: ProcedureRun, item: Item, fast_at: float) -> Steps:
     """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so."""
-    failure = yield from stands(flight, task, fast_at, " at the last item of the mission")
+    failure = yield from stands(flight, run, fast_at, " at the last item of the mission")
     if failure is not None:
         return failure
     away = from_home(flight)
@@ -174,15 +188,15 @@ def _landed(flight: ProcedureContext, task: Task, item: Item, fast_at: float) ->
 
 
 def _progress(
-    flight: ProcedureContext, task: Task, items: tuple[Item, ...], current: int, last: int, reached: int
+    flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...], current: int, last: int, reached: int
 ) -> None:
-    task.feedback = {"item": float(current), "items": float(last), "reached": float(reached)}
+    run.feedback = {"item": float(current), "items": float(last), "reached": float(reached)}
     where = flight.vehicle.position
     if where is not None:
-        task.feedback["altitude"] = round(where.altitude, 2)
+        run.feedback["altitude"] = round(where.altitude, 2)
         if current < len(items) and items[current].placed:
-            task.feedback["distance"] = round(where.distance(items[current].place), 2)
-    task.waits_for = f"the end of the mission; it is at item {current} of {last}"
+            run.feedback["distance"] = round(where.distance(items[current].place), 2)
+    run.waits_for = f"the end of the mission; it is at item {current} of {last}"
 
 
 def _broken_off(flight: ProcedureContext, reached: int, last: int, asked: float) -> Outcome:
@@ -197,12 +211,12 @@ def _broken_off(flight: ProcedureContext, reached: int, last: int, asked: float)
     )
 
 
-def _read_within_limits(flight: ProcedureContext, task: Task) -> Generator[None, None, Outcome | None]:
+def _read_within_limits(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
     """Read the stored mission; percepts follow. Returns why it cannot be flown, None if it can."""
-    with Speaking(flight, task) as busy:
+    with mission_protocol(flight, run) as busy:
         if busy:
             return Outcome("refused", busy)
-        held = yield from download(flight, task)
+        held = yield from download(flight, run)
     if isinstance(held, Outcome):
         return held
     if flight.plan.items is None or not same_items(held, flight.plan.items):
@@ -212,18 +226,11 @@ def _read_within_limits(flight: ProcedureContext, task: Task) -> Generator[None,
     return Outcome("refused", broken, "limits") if broken else None
 
 
-def _ground(flight: ProcedureContext) -> bool:
-    return flight.vehicle.modes.ground
-
-
-class _Flying:
-    """Reserve the mission for one action, so that it is not changed meanwhile."""
-
-    def __init__(self, flight: ProcedureContext, task: Task) -> None:
-        self._plan, self._task = flight.plan, task
-
-    def __enter__(self) -> None:
-        self._plan.flown_by = self._task.name
-
-    def __exit__(self, *_: object) -> None:
-        self._plan.flown_by = ""
+@contextmanager
+def _flying(plan: Plan, name: str) -> Iterator[None]:
+    """Reserve the mission for the action of a name, so that it is not changed meanwhile."""
+    plan.flown_by = name
+    try:
+        yield
+    finally:
+        plan.flown_by = ""

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.actions.confirmation import Fits, Poll, acknowledged
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, ProcedureContext, ProcedureRun, Steps
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
 from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters
@@ -27,40 +25,40 @@ SHOWS_WITHIN, FENCE_SHOWS_WITHIN = (5.0, 3.0), (2.0, 1.5)
 """Mission and wall seconds in which an output, or the fence, must show what was acknowledged."""
 
 
-def acknowledge(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def acknowledge(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """Any command: the vehicle acknowledged it with ACCEPTED. The weakest confirmation: it will try.
 
     MISSION_START needs a mission that may be flown; under limits home, from where they are measured, is not moved.
     """
-    if call.number == dialect.MAV_CMD_DO_SET_HOME and flight.limited:
+    if action.number == dialect.MAV_CMD_DO_SET_HOME and flight.limited:
         return Outcome("refused", MOVES_HOME)
-    if call.number == dialect.MAV_CMD_MISSION_START:
-        failure = yield from may_fly(flight, task)
+    if action.number == dialect.MAV_CMD_MISSION_START:
+        failure = yield from may_fly(flight, run)
         if failure is not None:
             return failure
         flight.expect_mode(flight.vehicle.modes.auto)
-    command = flight.submit_call(task, call)
-    refusal = yield from acknowledged(flight, task, command, lambda: False)
+    command = flight.submit(run, action, in_frame=True)
+    refusal = yield from acknowledged(flight, run, command, lambda: False)
     return refusal or SUCCEEDED
 
 
-def move_servo(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def move_servo(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """DO_SET_SERVO: SERVO_OUTPUT_RAW shows the PWM on that output."""
-    servo, wanted = int(call.parameters[0]), call.parameters[1]
+    servo, wanted = int(action.parameters[0]), action.parameters[1]
     if not 1 <= servo <= SERVOS:
         return Outcome("refused", f"a servo is one of 1 to {SERVOS}, got {servo}")
-    return (yield from _shown(flight, task, call, f"servo {servo} at {wanted:g}", lambda m: _near(m, servo, wanted)))
+    return (yield from _shown(flight, run, action, f"servo {servo} at {wanted:g}", lambda m: _near(m, servo, wanted)))
 
 
-def grip(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def grip(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """DO_GRIPPER: SERVO_OUTPUT_RAW shows on the gripper's own outputs the PWM that the vehicle's parameter names."""
-    parameter = GRIPPER_PWM.get(int(call.parameters[1]))
+    parameter = GRIPPER_PWM.get(int(action.parameters[1]))
     if parameter is None:
-        return Outcome("refused", f"a gripper releases (0) or grabs (1), got {call.parameters[1]:g}")
-    found = yield from read_parameter(flight, task, parameter)
+        return Outcome("refused", f"a gripper releases (0) or grabs (1), got {action.parameters[1]:g}")
+    found = yield from read_parameter(flight, run, parameter)
     if found is None:
         return Outcome("failed", f"the vehicle knows no parameter {parameter}; has it a gripper?")
-    functions = yield from read_parameters(flight, task, FUNCTIONS)
+    functions = yield from read_parameters(flight, run, FUNCTIONS)
     outputs = [output for output, name in enumerate(FUNCTIONS, 1) if functions.get(name) == GRIPPER]
     if not outputs:
         return Outcome(
@@ -69,42 +67,43 @@ def grip(flight: ProcedureContext, task: Task, call: Call) -> Steps:
     wanted, named = found[1], " and ".join(map(str, outputs))
     return (
         yield from _shown(
-            flight, task, call, f"output {named} at {wanted:g} ({parameter})",
+            flight, run, action, f"output {named} at {wanted:g} ({parameter})",
             lambda m: all(_near(m, output, wanted) for output in outputs),
         )
     )  # fmt: skip
 
 
-def fence(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """DO_FENCE_ENABLE: the fence bit of SYS_STATUS agrees, or FENCE_ENABLE read back does, acknowledged or not."""
-    wanted = call.parameters[0] >= 1.0
+    wanted = action.parameters[0] >= 1.0
     if not wanted and (guarded := guard(flight, FENCE_ENABLE, 0.0)):
         return Outcome("refused", guarded)
-    agrees = _Seen(flight, task, "SYS_STATUS", lambda m: _fenced(m) == wanted)
-    command = flight.submit_call(task, call)
-    refusal = yield from acknowledged(flight, task, command, agrees)
+    bit = dialect.MAV_SYS_STATUS_GEOFENCE
+    agrees = _Seen(flight, run, "SYS_STATUS", lambda m: bool(m.onboard_control_sensors_enabled & bit) == wanted)
+    command = flight.submit(run, action, in_frame=True)
+    refusal = yield from acknowledged(flight, run, command, agrees)
     if command.refused and refusal is not None:
         return refusal
-    task.waits_for, until = "SYS_STATUS to show the fence", flight.now + flight.wait(*FENCE_SHOWS_WITHIN)
+    run.waits_for, until = "SYS_STATUS to show the fence", flight.now + flight.wait(*FENCE_SHOWS_WITHIN)
     while refusal is None and flight.now <= until:
         if agrees():
             return SUCCEEDED
         yield
-    found = yield from read_parameter(flight, task, FENCE_ENABLE)
+    found = yield from read_parameter(flight, run, FENCE_ENABLE)
     if found is not None and (found[1] >= 1.0) == wanted:
         return SUCCEEDED
     said = "enabled" if wanted else "disabled"
     return refusal or Outcome("failed", f"{command.name} was acknowledged, but the fence is not {said}")
 
 
-def _shown(flight: ProcedureContext, task: Task, call: Call, what: str, fits: Fits) -> Generator[None, None, Outcome]:
+def _shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, what: str, fits: Fits) -> Steps:
     """Send the command; the output confirms it, also if the acknowledgement is lost."""
-    asked, shown = flight.now, _Seen(flight, task, "SERVO_OUTPUT_RAW", fits)
-    command = flight.submit_call(task, call)
-    refusal = yield from acknowledged(flight, task, command, shown)
+    asked, shown = flight.now, _Seen(flight, run, "SERVO_OUTPUT_RAW", fits)
+    command = flight.submit(run, action, in_frame=True)
+    refusal = yield from acknowledged(flight, run, command, shown)
     if refusal is not None:
         return refusal
-    task.waits_for, until = f"SERVO_OUTPUT_RAW to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
+    run.waits_for, until = f"SERVO_OUTPUT_RAW to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
     while flight.now <= until:
         if shown():
             return SUCCEEDED
@@ -116,9 +115,9 @@ def _shown(flight: ProcedureContext, task: Task, call: Call, what: str, fits: Fi
 class _Seen:
     """Requests a message repeatedly, and tells whether one that fits has arrived."""
 
-    def __init__(self, flight: ProcedureContext, task: Task, name: str, fits: Fits) -> None:
+    def __init__(self, flight: ProcedureContext, run: ProcedureRun, name: str, fits: Fits) -> None:
         self._flight, self._name, self._fits = flight, name, fits
-        self._poll = Poll(flight, task, name)
+        self._poll = Poll(flight, run, name)
         self._seen = False
 
     def __call__(self) -> bool:
@@ -126,10 +125,6 @@ class _Seen:
         message = self._flight.message
         self._seen = self._seen or (message is not None and message.get_type() == self._name and self._fits(message))
         return self._seen
-
-
-def _fenced(message: dialect.MAVLink_message) -> bool:
-    return bool(message.onboard_control_sensors_enabled & dialect.MAV_SYS_STATUS_GEOFENCE)
 
 
 def _near(message: dialect.MAVLink_message, servo: int, pwm: float) -> bool:

@@ -13,7 +13,15 @@ from collections.abc import Generator
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Reading
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, Call, ProcedureContext, Steps, Task
+from bridged.drivers.mavlink.actions.confirmation import next_message
+from bridged.drivers.mavlink.actions.context import (
+    SUCCEEDED,
+    Attempt,
+    BoundAction,
+    ProcedureContext,
+    ProcedureRun,
+    Steps,
+)
 
 READ_TRIES, SET_TRIES, PULL_TRIES = 6, 3, 3
 AT_ONCE = 50
@@ -42,24 +50,23 @@ def spellings(name: str) -> tuple[str, ...]:
     return (name,)
 
 
-def read_parameter(flight: ProcedureContext, task: Task, name: str) -> Generator[None, None, tuple[str, float] | None]:
+def read_parameter(
+    flight: ProcedureContext, run: ProcedureRun, name: str
+) -> Generator[None, None, tuple[str, float] | None]:
     """Request a parameter. Returns its name on the vehicle and its value, None if the vehicle has none."""
     names = spellings(name)
     for _ in range(READ_TRIES):
         for one in names:
             _request(flight, one)
-        task.waits_for = f"the value of {name}"
-        until = flight.now + flight.wait(*READ_EVERY)
-        while flight.now <= until:
-            yield
-            message = flight.message
-            if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
-                return message.param_id, message.param_value
+        run.waits_for = f"the value of {name}"
+        message = yield from next_message(flight, "PARAM_VALUE", READ_EVERY, lambda one: one.param_id in names)
+        if message is not None:
+            return message.param_id, message.param_value
     return None
 
 
 def read_parameters(
-    flight: ProcedureContext, task: Task, names: tuple[str, ...]
+    flight: ProcedureContext, run: ProcedureRun, names: tuple[str, ...]
 ) -> Generator[None, None, dict[str, float]]:
     """Request several parameters together. Returns those that arrived."""
     told: dict[str, float] = {}
@@ -69,7 +76,7 @@ def read_parameters(
                 _request(flight, name)
         until = flight.now + flight.wait(*READ_EVERY)
         while flight.now <= until and len(told) < len(names):
-            task.waits_for = f"the values of {names[0]} to {names[-1]}; {len(told)} of {len(names)} came"
+            run.waits_for = f"the values of {names[0]} to {names[-1]}; {len(told)} of {len(names)} came"
             yield
             message = flight.message
             if message is not None and message.get_type() == "PARAM_VALUE" and message.param_id in names:
@@ -79,17 +86,17 @@ def read_parameters(
     return told
 
 
-def get_parameter(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def get_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`param_get`: the vehicle sends the value, which becomes a reading of PARAM."""
-    name = str(call.arguments["name"])
-    found = yield from read_parameter(flight, task, name)
+    name = str(action.arguments["name"])
+    found = yield from read_parameter(flight, run, name)
     if found is None:
         return Outcome("failed", f"the vehicle knows no parameter {name}")
     flight.learn(name, found[1])
     return SUCCEEDED
 
 
-def pull_parameters(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def pull_parameters(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`param_pull`: the vehicle sends every parameter, each a reading of PARAM; lost ones are requested again."""
     told, count, tries = set[int](), 0, 0
     identity = flight.commands.identity
@@ -111,22 +118,22 @@ def pull_parameters(flight: ProcedureContext, task: Task, call: Call) -> Steps:
                 tries = 0
                 flight.tell(Reading("PARAM", {"name": message.param_id, "value": message.param_value}))
                 until = flight.now + flight.wait(*PULL_EVERY)
-            task.feedback = {"params": float(len(told)), "of": float(count)}
-            task.waits_for = f"the rest of {count} parameters; {len(told)} came"
+            run.feedback = {"params": float(len(told)), "of": float(count)}
+            run.waits_for = f"the rest of {count} parameters; {len(told)} came"
             if len(told) == count:
                 return SUCCEEDED
     came = f"{len(told)} of {count} parameters came" if count else "the vehicle does not send its parameters"
     return Outcome("failed", came)
 
 
-def set_parameter(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def set_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`param_set`: the vehicle reports the requested value."""
-    name, wanted = str(call.arguments["name"]), call.arguments["value"]
+    name, wanted = str(action.arguments["name"]), action.arguments["value"]
     if not isinstance(wanted, int | float):
         return Outcome("refused", f"a parameter's value is a number, got {wanted!r}")
     if guarded := guard(flight, name, wanted):
         return Outcome("refused", guarded)
-    failure = yield from write_parameter(flight, task, name, wanted)
+    failure = yield from write_parameter(flight, run, name, wanted)
     return failure or SUCCEEDED
 
 
@@ -140,9 +147,7 @@ def guard(flight: ProcedureContext, name: str, value: float) -> str:
     return ""
 
 
-def write_parameter(
-    flight: ProcedureContext, task: Task, name: str, wanted: float
-) -> Generator[None, None, Outcome | None]:
+def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, wanted: float) -> Attempt:
     """Set a parameter. Returns the failure, None if the vehicle has taken the value."""
     try:
         wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will tell it
@@ -150,7 +155,7 @@ def write_parameter(
         wanted = math.inf
     if not math.isfinite(wanted):
         return Outcome("refused", f"{name}: a parameter's value is a number of 32 bits, up to 3.4e38")
-    found = yield from read_parameter(flight, task, name)
+    found = yield from read_parameter(flight, run, name)
     if found is None:
         return Outcome("failed", f"the vehicle knows no parameter {name}")
     theirs, told = found[0], None
@@ -161,8 +166,8 @@ def write_parameter(
                 identity.vehicle, identity.autopilot, theirs.encode(), wanted, dialect.MAV_PARAM_TYPE_REAL32
             )
         )
-        task.waits_for = f"the vehicle to take {name} = {wanted:g}"
-        again = yield from read_parameter(flight, task, theirs)  # a late answer to the first question is older
+        run.waits_for = f"the vehicle to take {name} = {wanted:g}"
+        again = yield from read_parameter(flight, run, theirs)  # a late answer to the first question is older
         told = told if again is None else again[1]
         if told == wanted:
             break

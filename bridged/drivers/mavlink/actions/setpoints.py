@@ -26,11 +26,12 @@ from bridged.drivers.mavlink.actions.context import (
     POSITION_IGNORED,
     SUCCEEDED,
     VELOCITY_IGNORED,
-    Call,
+    Attempt,
+    BoundAction,
     LocalTarget,
     ProcedureContext,
+    ProcedureRun,
     Steps,
-    Task,
     Triple,
 )
 
@@ -47,39 +48,39 @@ RC_CHANNELS = 18
 LOCAL, BODY = dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_BODY_OFFSET_NED
 
 
-def send_local_place(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def send_local_place(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """SET_POSITION_TARGET_LOCAL_NED with a place: the vehicle's own target agrees."""
-    failure = yield from _place_taken(flight, task, call)
+    failure = yield from _place_taken(flight, run, action)
     return failure or SUCCEEDED
 
 
-def go_to_local(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def go_to_local(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """As `send_local_place`, then within the tolerance of the target and slow."""
-    failure = yield from _place_taken(flight, task, call)
+    failure = yield from _place_taken(flight, run, action)
     if failure is not None:
         return failure
     vehicle, seen = flight.vehicle, flight.vehicle.targets
-    shown = yield from asked_message(flight, task, "POSITION_TARGET_GLOBAL_INT", (5.0, 3.0))
+    shown = yield from asked_message(flight, run, "POSITION_TARGET_GLOBAL_INT", (5.0, 3.0))
     if shown is None or vehicle.target is None or vehicle.targets == seen:
         return Outcome("failed", "the vehicle does not report where on earth its target is")
     goal = replace(vehicle.target, altitude=vehicle.target.altitude - (flight.altitude_of_home() or 0.0))
-    return (yield from arrive(flight, task, goal, call.tolerance))
+    return (yield from arrive(flight, run, goal, action.tolerance))
 
 
-def send_velocity(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def send_velocity(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """SET_POSITION_TARGET_LOCAL_NED with a velocity: the vehicle's own target agrees.
 
     ArduPilot stops the vehicle after 3 s without a new one; that is the end of the motion, not of the action.
     """
-    target = _local(task, call)
+    target = _local(run, action)
     if (refusal := guided_aloft(flight, "velocities")) is not None:
         return refusal
     if target.velocity is None:
-        raise ValueError(f"{task.name}: a velocity without one")
+        raise ValueError(f"{run.name}: a velocity without one")
     velocity = _over_ground(flight, target)
     if velocity is None:
         return Outcome("refused", "the vehicle's heading is not known yet")
-    if call.limited and (broken := flight.leads_outside(velocity)):
+    if action.limited and (broken := flight.leads_outside(velocity)):
         return Outcome("refused", broken, "limits")
 
     def fits(message: dialect.MAVLink_message) -> bool:
@@ -91,50 +92,51 @@ def send_velocity(flight: ProcedureContext, task: Task, call: Call) -> Steps:
         level = math.hypot(*reported[:2]) - math.hypot(*velocity[:2])  # the heading moves on meanwhile
         return abs(level) <= SPEED_NEAR and abs(reported[2] - velocity[2]) <= SPEED_NEAR
 
-    if (yield from _sent_until_shown(flight, task, target, fits)):
+    if (yield from _sent_until_shown(flight, run, target, fits)):
         return SUCCEEDED
-    return Outcome("refused", f"the vehicle did not take the velocity in {TARGET_ATTEMPTS} tries; {_state(flight)}")
+    said = f"the vehicle did not take the velocity in {TARGET_ATTEMPTS} tries"
+    return Outcome("refused", f"{said}; {flight.state_in_words()}")
 
 
-def override_channels(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def override_channels(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """RC_CHANNELS_OVERRIDE: RC_CHANNELS shows the values; a released channel cannot be confirmed."""
 
     def fits(message: dialect.MAVLink_message) -> bool:
         return all(
             abs(getattr(message, f"chan{index}_raw") - value) <= RC_NEAR
-            for index, value in enumerate(call.channels, 1)
-            if _is_set(index, value)
+            for index, value in enumerate(action.channels, 1)
+            if value not in (RC_IGNORE, RC_RELEASE) and not (index > 8 and value == RC_RELEASE_HIGH)
         )
 
     for _ in range(RC_ATTEMPTS):
-        _send_channels(flight, call)
-        task.waits_for = "RC_CHANNELS to show the channels that were sent"
-        if (yield from asked_message(flight, task, "RC_CHANNELS", TARGET_WAIT, fits)) is not None:
+        _send_channels(flight, action)
+        run.waits_for = "RC_CHANNELS to show the channels that were sent"
+        if (yield from asked_message(flight, run, "RC_CHANNELS", TARGET_WAIT, fits)) is not None:
             return SUCCEEDED
     said = "RC_CHANNELS does not show them: ArduPilot takes overrides from its ground station only (MAV_GCS_SYSID)"
     return Outcome("failed", flight.with_texts(said, flight.now))
 
 
-def send_channels(flight: ProcedureContext, task: Task, call: Call) -> Steps:
+def send_channels(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """RC_CHANNELS_OVERRIDE, sent once to a vehicle that is heard: nothing shows that it was taken."""
-    _send_channels(flight, call)
+    _send_channels(flight, action)
     return SUCCEEDED
     yield  # a procedure is a generator, also one that waits for nothing
 
 
-def _place_taken(flight: ProcedureContext, task: Task, call: Call) -> Generator[None, None, Outcome | None]:
+def _place_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Attempt:
     """Send the place until the vehicle reports it as its own. Returns the refusal, None if it does."""
-    target = _local(task, call)
+    target = _local(run, action)
     if (refusal := guided_aloft(flight, "position targets")) is not None:
         return refusal
-    here = yield from asked_message(flight, task, "LOCAL_POSITION_NED", (5.0, 3.0))
+    here = yield from asked_message(flight, run, "LOCAL_POSITION_NED", (5.0, 3.0))
     if here is None or flight.vehicle.position is None or target.position is None:
         return Outcome("refused", "the vehicle does not report its local position")
     goal = _from_origin(flight, target, here)
     if goal is None:
         return Outcome("refused", "the vehicle's heading is not known yet")
     north, east, down = (there - now for there, now in zip(goal, (here.x, here.y, here.z), strict=True))
-    if call.limited and (broken := flight.outside_limits(flight.vehicle.position.moved(north, east, -down))):
+    if action.limited and (broken := flight.outside_limits(flight.vehicle.position.moved(north, east, -down))):
         return Outcome("refused", broken, "limits")
 
     def fits(message: dialect.MAVLink_message) -> bool:
@@ -142,19 +144,19 @@ def _place_taken(flight: ProcedureContext, task: Task, call: Call) -> Generator[
         return shown and math.dist((message.x, message.y, message.z), goal) <= TARGET_NEAR
 
     absolute = LocalTarget(LOCAL, goal, yaw=target.yaw, yaw_rate=target.yaw_rate)  # a repetition must not add up
-    if (yield from _sent_until_shown(flight, task, absolute, fits)):
+    if (yield from _sent_until_shown(flight, run, absolute, fits)):
         return None
     said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
-    return Outcome("refused", f"{said}; {_state(flight)}")
+    return Outcome("refused", f"{said}; {flight.state_in_words()}")
 
 
 def _sent_until_shown(
-    flight: ProcedureContext, task: Task, target: LocalTarget, fits: Fits
+    flight: ProcedureContext, run: ProcedureRun, target: LocalTarget, fits: Fits
 ) -> Generator[None, None, bool]:
     for _ in range(TARGET_ATTEMPTS):
         flight.send_local(target)
-        task.waits_for = "the vehicle to report the target as its own"
-        if (yield from asked_message(flight, task, "POSITION_TARGET_LOCAL_NED", TARGET_WAIT, fits)) is not None:
+        run.waits_for = "the vehicle to report the target as its own"
+        if (yield from asked_message(flight, run, "POSITION_TARGET_LOCAL_NED", TARGET_WAIT, fits)) is not None:
             return True
     return False
 
@@ -183,23 +185,15 @@ def _turned(heading: float | None, forward: float, right: float) -> tuple[float,
     return forward * cos - right * sin, forward * sin + right * cos
 
 
-def _is_set(channel: int, value: int) -> bool:
-    return value not in (RC_IGNORE, RC_RELEASE) and not (channel > 8 and value == RC_RELEASE_HIGH)
-
-
-def _send_channels(flight: ProcedureContext, call: Call) -> None:
+def _send_channels(flight: ProcedureContext, action: BoundAction) -> None:
     identity = flight.commands.identity
-    rest = [RC_IGNORE if index < 8 else RC_IGNORE_HIGH for index in range(len(call.channels), RC_CHANNELS)]
+    rest = [RC_IGNORE if index < 8 else RC_IGNORE_HIGH for index in range(len(action.channels), RC_CHANNELS)]
     flight.send(
-        dialect.MAVLink_rc_channels_override_message(identity.vehicle, identity.autopilot, *call.channels, *rest)
+        dialect.MAVLink_rc_channels_override_message(identity.vehicle, identity.autopilot, *action.channels, *rest)
     )
 
 
-def _local(task: Task, call: Call) -> LocalTarget:
-    if call.local is None:
-        raise ValueError(f"{task.name}: a call without a target")
-    return call.local
-
-
-def _state(flight: ProcedureContext) -> str:
-    return flight.state_in_words()
+def _local(run: ProcedureRun, action: BoundAction) -> LocalTarget:
+    if action.local is None:
+        raise ValueError(f"{run.name}: a call without a target")
+    return action.local

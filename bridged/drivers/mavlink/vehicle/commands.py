@@ -34,7 +34,7 @@ class Identity:
 
 
 @dataclass(eq=False)
-class Command:
+class MavlinkCommand:
     """One command and its result."""
 
     number: int
@@ -91,9 +91,9 @@ class Commands:
         """Acknowledgements so far that were for somebody else, or for nothing that is under way."""
         self._patience = max(1.0, speed)
         self._send = send
-        self._queues: dict[int, deque[Command]] = {}
+        self._queues: dict[int, deque[MavlinkCommand]] = {}
 
-    def submit(self, command: Command, now: float) -> Command:
+    def submit(self, command: MavlinkCommand, now: float) -> MavlinkCommand:
         """Send a command, now or after those of the same kind."""
         queue = self._queues.setdefault(command.number, deque())
         if len(queue) >= MAX_WAITING:
@@ -103,7 +103,7 @@ class Commands:
         self.tick(now)
         return command
 
-    def abandon(self, command: Command) -> None:
+    def abandon(self, command: MavlinkCommand) -> None:
         """Send it no more; a late acknowledgement does not count."""
         command.abandoned = True
 
@@ -139,7 +139,7 @@ class Commands:
             if not queue:
                 self._queues.pop(number, None)
 
-    def _advance(self, command: Command, now: float) -> bool:
+    def _advance(self, command: MavlinkCommand, now: float) -> bool:
         """Move one command on; True if it is over."""
         if command.over or now < command.next_at:
             return command.over
@@ -152,7 +152,7 @@ class Commands:
         command.next_at = now + float(command.retry.every) * self._patience
         return False
 
-    def _packed(self, command: Command) -> dialect.MAVLink_message:
+    def _packed(self, command: MavlinkCommand) -> dialect.MAVLink_message:
         to = (self.identity.vehicle, self.identity.autopilot)
         if command.frame is None:
             return dialect.MAVLink_command_long_message(

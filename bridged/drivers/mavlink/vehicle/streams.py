@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.mavlink.vehicle.commands import Command, Commands
+from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand
 from schemas.manifest.loader import Manifest, Retry
 from schemas.wire.records import Note
 
@@ -55,7 +55,7 @@ class _Stream:
     """Hz asked for last."""
     denied: bool = False
     received: int = 0
-    pending: Command | None = None
+    pending: MavlinkCommand | None = None
 
     def starved(self, window: float) -> bool:
         """Whether fewer than half of the messages came in the `window` seconds that end now."""
@@ -158,9 +158,9 @@ class Streams:
         stream.asked = rate
         stream.pending = self._submit(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, stream.number, round(1e6 / rate), now)
 
-    def _submit(self, command: int, number: int, interval: float, now: float) -> Command:
+    def _submit(self, command: int, number: int, interval: float, now: float) -> MavlinkCommand:
         parameters = (float(number), float(interval), 0.0, 0.0, 0.0, 0.0, 0.0)
-        return self._commands.submit(Command(command, parameters, ASK), now)
+        return self._commands.submit(MavlinkCommand(command, parameters, ASK), now)
 
     def _open_window(self, now: float) -> None:
         for stream in self._streams.values():

@@ -9,8 +9,8 @@ import pytest
 
 from bridged.bridge.percepts import PerceptPublisher
 from bridged.drivers.api import Outcome, Value
-from bridged.drivers.mavlink.action_binding import call_of, offer_of
-from bridged.drivers.mavlink.actions.context import Task
+from bridged.drivers.mavlink.action_binding import bind_action, procedure_of
+from bridged.drivers.mavlink.actions.context import ProcedureRun
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from bridged.drivers.mavlink.vehicle.state import Place
@@ -42,7 +42,7 @@ class Replay:
             clock=self.clock,
         )
         self.talk = VehicleSession(
-            MANIFEST, identity, lambda message: self.sent.update([message.get_type()]), self.percepts.take
+            MANIFEST, identity, lambda message: self.sent.update([message.get_type()]), self.percepts.take, self.clock
         )
         self.ended: dict[str, tuple[float, Outcome]] = {}
 
@@ -57,27 +57,28 @@ class Replay:
 
     def run(self, *actions: tuple[float, str, dict[str, Value]]) -> None:
         """Replay everything; begin each action at its time, and note when and how it ends."""
-        waiting, running = sorted(actions, key=lambda action: action[0]), list[Task]()
+        waiting, running = sorted(actions, key=lambda action: action[0]), list[ProcedureRun]()
         for packet in packets(self.name):
             while self.now + 0.1 < packet.at:
                 self.tick(self.now + 0.1)
             while waiting and waiting[0][0] <= packet.at:
                 _, name, arguments = waiting.pop(0)
                 entry = MANIFEST.actions[name]
-                task = Task(name, moves=entry.motion)
-                call = call_of(entry, arguments, self.talk.modes)
-                running.append(self.talk.perform(task, offer_of(entry, call.number), call))
+                action = bind_action(entry, arguments, self.talk.modes)
+                procedure = procedure_of(entry, action.number)
+                run = ProcedureRun(name, procedure=procedure, action=action, moves=entry.motion, by_agent=True)
+                running.append(self.talk.begin(run))
             self.clock.time = packet.at
-            self.talk.receive(packet.message, self.now)
+            self.talk.receive(packet.message)
             self.percepts.tick()
-            for task in [task for task in running if task.outcome is not None]:
-                running.remove(task)
-                assert task.outcome is not None
-                self.ended[task.name] = (self.now, task.outcome)
+            for run in [run for run in running if run.outcome is not None]:
+                running.remove(run)
+                assert run.outcome is not None
+                self.ended[run.name] = (self.now, run.outcome)
 
     def tick(self, now: float) -> None:
         self.clock.time = now
-        self.talk.tick(now)
+        self.talk.tick()
         self.percepts.tick()
 
 
@@ -86,7 +87,8 @@ def test_every_packet_of_the_recordings_is_decoded(name: str) -> None:
     replay, decoded = Replay(name), 0
     for packet in packets(name):
         assert packet.message.get_type() not in ("BAD_DATA", "UNKNOWN")
-        replay.talk.receive(packet.message, packet.at)
+        replay.clock.time = packet.at
+        replay.talk.receive(packet.message)
         decoded += 1
     assert decoded == packet_count(name) > 1000
     assert replay.talk.received > decoded / 4

@@ -478,7 +478,7 @@ def test_items_whose_limits_cannot_be_kept_are_refused_under_limits(tmp_path: Pa
     said = "it moves home, from where the mission's limits are measured"
     assert (final.state, final.reason) == ("refused", f"item 2 of the mission: {said}")
     [high] = read_items([TERRAIN], 3)
-    flight = sky.driver._vehicle_session.flight  # the manifest that ships has no items with frames
+    flight = sky.driver.flight  # the manifest that ships has no items with frames
     assert mission_actions.outside(flight, (high,)).startswith(
         "item 1 of the mission: an altitude above terrain cannot be"
     )

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Setup
 from bridged.drivers.mavlink.action_binding import leads_down, may_lead_down
-from bridged.drivers.mavlink.actions.context import Call
+from bridged.drivers.mavlink.actions.context import BoundAction
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from bridged.drivers.mavlink.transport.endpoint import Peer
 from bridged.drivers.mavlink.transport.framing import Encoder
@@ -134,7 +134,7 @@ def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_ve
         port = free_port()
         async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
             vehicle, forger, camera = Speaker(port), Speaker(port), Speaker(port, component=100)
-            state = ride.driver._vehicle_session.vehicle
+            state = ride.driver.vehicle
             vehicle.say(FLYING, place(5.0))
             await until(lambda: state.positions == 1, "the vehicle is where it says")
             camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
@@ -245,4 +245,4 @@ def test_a_return_that_does_not_land_is_a_way_down_too(manifest: str) -> None:
     entry = load_manifest(manifest).actions["return_to_launch"]
     assert entry.confirm == "at_home"
     assert may_lead_down(entry)
-    assert leads_down(entry, Call(), MODE_TABLES[manifest])
+    assert leads_down(entry, BoundAction(), MODE_TABLES[manifest])
