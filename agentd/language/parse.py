@@ -14,7 +14,7 @@ from typing import Any
 
 from agentd.language.parser.ast_builder import Builder
 from agentd.language.parser.build_terms import is_formula
-from agentd.language.parser.fact_runs import run_finder
+from agentd.language.parser.fact_runs import has_many_facts, run_finder
 from agentd.language.parser.lalr import Stopped, machine
 from agentd.language.parser.lexer import BROKEN, END_OF_TEXT, Broken, Lexicon, Tokens, lexicon, tokenize
 from agentd.language.parser.parse_tables import load
@@ -24,8 +24,6 @@ from agentd.language.syntax_tree.signatures import THIS_NS
 from agentd.language.syntax_tree.source import Source, read_source
 from schemas.files.findings import Finding
 
-LARGE = 20_000
-"""Characters of a program from which on its ground facts are recognised before they are parsed."""
 MOST_PROBLEMS = 20
 """More problems than this are seldom read; parsing stops there."""
 
@@ -90,7 +88,7 @@ def parse_trigger(text: str, file: str = "<trigger>") -> Trigger:
 
 
 def _program(source: Source) -> Program:
-    if len(source.text) < LARGE:
+    if not has_many_facts(source.text):
         return _whole(source, recognise_facts=False)
     try:
         return _whole(source, recognise_facts=True)

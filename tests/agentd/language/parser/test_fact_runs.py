@@ -15,7 +15,7 @@ from agentd.check.survey import survey
 from agentd.language import parse
 from agentd.language.compiler.compile import compile_program
 from agentd.language.parser import fact_runs
-from agentd.language.parser.fact_runs import GroundFact
+from agentd.language.parser.fact_runs import MANY, GroundFact
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import Belief, Directive, Position, Program
 from agentd.language.syntax_tree.source import Source
@@ -103,9 +103,9 @@ def _assert_alike(text: str) -> int:
 
 
 def _problems(text: str) -> Any:
-    """What the parser says of a text that is large enough."""
+    """What the parser says of a text with many facts."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parse, "LARGE", 0)
+        patch.setattr(parse, "has_many_facts", lambda text: True)
         with pytest.raises(SyntaxErrors) as caught:
             parse.parse_program(text, "a.asl")
     return caught.value.problems
@@ -207,3 +207,13 @@ def test_a_directive_among_large_facts_is_told_each_time(tmp_path: Path) -> None
     program = parse.parse_program(_large(1000) + 'include("a.asl").\ninclude("b.asl").\n', "a.asl")
     assert [one.line for one in check_program(program)] == [1001, 1002]
     assert len(survey(program.items, Includes("a.asl", None, [])).beliefs) == 3  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("between", ["\n", " ", "\n// a comment\n", "\n/* a comment */\n"])
+def test_facts_are_recognised_from_some_number_on_whatever_stands_between_them(between: str) -> None:
+    def recognised(count: int) -> int:
+        program = parse.parse_program(between.join(f"p({n})." for n in range(count)), "a.asl")
+        return sum(isinstance(item, GroundFact) for item in program.items)
+
+    assert recognised(MANY) == 0
+    assert recognised(MANY + 1) == MANY + 1
