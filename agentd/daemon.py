@@ -27,26 +27,28 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `agentd serve`."""
     parser.add_argument("mission", help="mission file")
     parser.add_argument("agents", nargs="*", metavar="AGENT", help="agents to run (default: all of the board)")
-    parser.add_argument("--board", help="board whose agents to run")
+    parser.add_argument("--board", help="board whose agents to run (default: all boards of the mission)")
     add_router_argument(parser)
-    parser.add_argument("--speed", type=float, help="mission seconds per wall second (simulation only)")
+    parser.add_argument(
+        "--speed", type=float, help="mission seconds per wall second, in simulation only (default: that of the mission)"
+    )
     parser.add_argument(
         "--state",
         metavar="DIR",
-        help="folder of checkpoints and of files of .save_agent, below FLEET/AGENT (default: the user's state folder)",
+        help="folder whose FLEET/AGENT has checkpoints and files of .save_agent (default: the user's state folder)",
     )
     parser.add_argument(
         "--fresh",
         action="store_true",
-        help="delete the checkpoints of these agents: they start with their initial goals",
+        help="delete the checkpoints of these agents, so that they start with their initial goals",
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the minds' random numbers")
+    parser.add_argument("--seed", type=int, default=0, help="integer that random numbers start from (default 0)")
     parser.add_argument(
         "--decisions",
         type=int,
         default=DECISIONS,
         metavar="N",
-        help=f"decisions that each agent keeps for observers (default {DECISIONS}; 0: none)",
+        help=f"number of last decisions that each agent keeps for observers (default {DECISIONS}; 0: none)",
     )
 
 

@@ -145,20 +145,26 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `agentd check`."""
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.description = _DESCRIPTION
-    parser.add_argument("files", nargs="+", metavar="FILE", help="program to check, or a project file (.mas2j)")
-    parser.add_argument("--manifest", help="manifest of the robot: a shipped one's name, or a file")
-    parser.add_argument("--json", action="store_true", help="findings as a JSON array on stdout")
+    parser.add_argument("files", nargs="+", metavar="FILE", help="program, or project file of Jason (.mas2j)")
+    parser.add_argument(
+        "--manifest",
+        help="manifest of the robot, by its name or file, such as arducopter (default: all actions and percepts are "
+        "taken as known)",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="write the findings to stdout as a JSON array (default: to stderr as text)"
+    )
     add_path_argument(parser)
 
 
 _DESCRIPTION = """\
-Look for mistakes in programs, and start nothing. Several files are taken for the agents of one team: what they send to
-one another is known. Exit code 0: no errors (there may be warnings); 1: errors; 2: something could not be read.
-docs/reference/errors.md lists what is looked for, and the fields of --json."""
+Look for mistakes in programs and start nothing. Several files are the agents of one team, and what they send to one
+another is known. Exit code: 0 without errors (there may be warnings), 1 with errors, 2 if something cannot be read.
+docs/reference/errors.md lists the kinds of findings and the fields of --json."""
 
 
 def run(args: Namespace) -> int:
-    """Check programs; the exit code as in the description."""
+    """Check programs. Returns the exit code of the command's description."""
     try:
         robot = _robot(args.manifest)
         paths = TestPaths.of(read_folders(args.include_path))

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from agentd.environment import Environment
 
 _DESCRIPTION = """\
-Run agents in this process, without any bus. Exit code: that of .stopMAS; 0 when nothing was left to do, whether or not
-the agents have reached their goals (see --fail-on-error); 1 when the --timeout was over, or the output cannot be
-written; 2 when a program or argument cannot be used; 128 + N when signal N ended it (SIGINT 130, SIGTERM 143), after
-the environment was stopped."""
+Run agents in this process, without a bus. Exit code: that of .stopMAS; 0 if nothing is left to do, whether or not the
+agents have achieved their goals (see --fail-on-error); 1 if --timeout is over or the output cannot be written; 2 if a
+program or an argument cannot be used; 128 + N after signal N (SIGINT: 130, SIGTERM: 143), which first stops the
+environment."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,27 +32,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "agents",
         nargs="+",
         metavar="[NAME=]FILE.asl | FILE.mas2j",
-        help="an agent (its name is the file's if none is given), or a project file of Jason",
+        help="program of an agent, which is named after its file if no NAME is given; or one project file of Jason",
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.description = _DESCRIPTION
-    parser.add_argument("--exit-when-idle", action="store_true", help="end when no agent has anything left to do")
+    parser.add_argument(
+        "--exit-when-idle",
+        action="store_true",
+        help="end when no agent has anything left to do (default: go on until --timeout, .stopMAS or a signal)",
+    )
     parser.add_argument(
         "--fail-on-error",
         action="store_true",
-        help="end with exit code 1 instead of 0 when an intention has ended by a failure that no plan handled, or "
-        "still waited when --exit-when-idle ended the run",
+        help="end with exit code 1 instead of 0 if an intention failed without a plan that handles the failure, or was "
+        "still waiting when --exit-when-idle ended the run",
     )
-    parser.add_argument("--timeout", type=seconds, metavar="S", help="end with exit code 1 after so many seconds")
-    parser.add_argument("--seed", type=int, default=0, help="start of the random numbers (default 0)")
+    parser.add_argument(
+        "--timeout",
+        type=seconds,
+        metavar="S",
+        help="end with exit code 1 after S seconds (more than 0, at most 1e9; default: no limit)",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="integer that random numbers start from (default 0)")
     parser.add_argument(
         "--allow-folder",
         type=Path,
         action="append",
         default=[],
         metavar="FOLDER",
-        help="also let .include, .create_agent and .save_agent name files in this folder; without it they are in the "
-        "working folder, the programs' or those of --include-path, links resolved (repeatable)",
+        help="let .include, .create_agent and .save_agent use files in FOLDER too, not only in the working folder, "
+        "the programs' folders and those of --include-path; links are resolved first (repeatable)",
     )
     add_why_arguments(parser)
     add_environment_arguments(parser)
@@ -61,9 +70,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_environment_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments for an environment in Python."""
-    parser.add_argument("--env", metavar="MODULE:CLASS", help="what the agents live in: a class of agentd.Environment")
     parser.add_argument(
-        "--env-arg", action="append", default=[], metavar="TEXT", help="an argument of its init (repeatable)"
+        "--env",
+        metavar="MODULE:CLASS",
+        help="environment of the agents: a subclass of agentd.Environment in a module or file, such as world.py:World "
+        "(default: none, and actions fail)",
+    )
+    parser.add_argument(
+        "--env-arg",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="argument for the init method of the environment (repeatable)",
     )
 
 
@@ -89,8 +107,8 @@ def add_path_argument(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[NAME=]FOLDER",
-        help="also look in this folder for the files that programs name; with a name, it is the folder that $NAME "
-        "stands for in them, such as --map '$jasonJar=jason' (repeatable)",
+        help="also look in FOLDER for files that programs name; with NAME, replace $NAME in the paths of these files "
+        "by FOLDER, as in --map '$jasonJar=jason' (repeatable)",
     )
 
 

@@ -1,4 +1,4 @@
-"""``agentd run --why``: tells each decision of the agents as it is made, in words, on standard error."""
+"""``agentd run --why``: write each decision of the agents to standard error when it is made."""
 
 from __future__ import annotations
 
@@ -11,53 +11,53 @@ from schemas.humanize import escape_lines
 from schemas.wire.mind_records import CauseView, DecisionView, FailureView, PlanView, RejectedView
 
 IN_FULL = 3
-"""So often decisions that were made for the same reasons are told; further ones are counted."""
+"""Decisions with the same reasons that are written; further ones are counted."""
 
 MOST_SUMMED_UP = 20
-"""So many kinds of decisions that were only counted are named at the end."""
+"""Kinds of counted decisions that are named at the end."""
 
 View = DecisionView | FailureView
 
 
 def add_why_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments that ask for decisions to be told."""
+    """Declare the arguments for output about decisions."""
     parser.add_argument(
         "--why",
         action="store_true",
-        help="tell on standard error which plan was chosen for each event, which were rejected and why, and what "
-        "failed; decisions made for the same reasons are told three times, then counted",
+        help="write to standard error which plan was chosen for each event, which plans were rejected and why, and "
+        "what failed; decisions with the same reasons are written three times, then counted",
     )
     parser.add_argument(
         "--why-about",
         action="append",
         default=[],
         metavar="NAME",
-        help="as --why, but every decision about goals and beliefs of this name, and no others (repeatable)",
+        help="as --why, for all decisions about goals and beliefs of this name and for no others (repeatable)",
     )
     parser.add_argument(
         "--decisions",
         type=int,
         default=0,
         metavar="N",
-        help="remember the last N decisions of each agent as 'agentd serve' does, to see what that costs (default 0)",
+        help="keep the last N decisions of each agent as 'agentd serve' does, to measure what that costs (default 0)",
     )
 
 
 def narrator_of(args: argparse.Namespace) -> DecisionPrinter | None:
-    """The narrator that the arguments ask for, if they do."""
+    """Return the printer that the arguments ask for; None without `--why` and `--why-about`."""
     return DecisionPrinter(args.why_about) if args.why or args.why_about else None
 
 
 class DecisionPrinter:
-    """Tells decisions to ``write``, one line each call; ``about`` are the names that are asked for (none: all)."""
+    """Passes decisions to ``write`` line by line. ``about`` are names of goals and beliefs; empty: all."""
 
     def __init__(self, about: Iterable[str] = (), write: Callable[[str], object] | None = None) -> None:
         self._about = frozenset(about)
         self._write = write or (lambda line: print(escape_lines(line), file=sys.stderr))
-        self._told: Counter[tuple[str, ...]] = Counter()
+        self._seen: Counter[tuple[str, ...]] = Counter()
 
     def listener(self, agent: str) -> Callable[[View], None]:
-        """What a mind of this name is to be made with as ``on_decision``."""
+        """Return the ``on_decision`` of a mind with this name."""
 
         def tell(view: View) -> None:
             for line in self._lines(agent, view):
@@ -71,12 +71,12 @@ class DecisionPrinter:
         if self._about:
             return decision_lines(view) if view.name.partition("/")[0] in self._about else []
         shape = _shape(agent, view)
-        self._told[shape] += 1
-        return decision_lines(view) if self._told[shape] <= IN_FULL else []
+        self._seen[shape] += 1
+        return decision_lines(view) if self._seen[shape] <= IN_FULL else []
 
     def finish(self) -> None:
-        """Tell how many decisions were only counted."""
-        left = [(shape, count - IN_FULL) for shape, count in self._told.most_common() if count > IN_FULL]
+        """Write the numbers of the decisions that were only counted."""
+        left = [(shape, count - IN_FULL) for shape, count in self._seen.most_common() if count > IN_FULL]
         for (agent, event, chosen, *_), count in left[:MOST_SUMMED_UP]:
             self._write(f"[{agent}] why: {count} more times {event}: {chosen}, for the same reasons")
         if len(left) > MOST_SUMMED_UP:
@@ -85,14 +85,14 @@ class DecisionPrinter:
 
 
 def _shape(agent: str, view: DecisionView) -> tuple[str, ...]:
-    """What decisions made for the same reasons share."""
+    """Return what decisions with the same reasons have in common."""
     rejected = [f"{r.plan.position} {r.why} {r.literal}" for r in view.rejected]
     chosen = f"the plan at {view.chosen.position}" if view.chosen is not None else "no plan"
     return (agent, f"{view.kind}{view.name}", chosen, *rejected)
 
 
 def _functor(trigger: str) -> str:
-    """The name in the text of an event: ``go`` of ``+!go(1)[source(bob)]``."""
+    """Return the name in the text of an event: ``go`` of ``+!go(1)[source(bob)]``."""
     return trigger.lstrip("+-^!?~").partition("(")[0].partition("[")[0]
 
 
@@ -154,7 +154,7 @@ def _with(bindings: dict[str, str]) -> str:
 
 
 def failure_lines(view: FailureView) -> list[str]:
-    """A failure in words."""
+    """Return a failure as text."""
     where = f"{view.position}: " if view.position else ""
     reason = f": {view.reason}" if view.reason else ""
     lines = [f"{where}{view.formula} fails, {view.error}{reason}"]

@@ -20,33 +20,42 @@ from agentd.testing.results import Outcome, Unread, Verdict
 from agentd.testing.runner import Settings, run_case
 from schemas.humanize import count
 
-DESCRIPTION = """Run the plans marked as tests, @name[test] +!goal <- ..., each in a fresh agent and on virtual time.
-They say what they expect by !assert_equals(Expected, Actual[, Tolerance]), !assert_true(Formula),
-!assert_false(Formula), !assert_contains(List, Member) and others: see docs/guides/writing-programs.md.
-Exit code: 0 if all have passed, 1 if not, 2 if there is nothing to run or something cannot be read."""
+DESCRIPTION = """Run the plans marked as tests, @name[test] +!goal <- ..., each in a new agent and on virtual time:
+waiting takes no real time. A test checks results by !assert_equals(Expected, Actual[, Tolerance]),
+!assert_true(Formula), !assert_false(Formula), !assert_contains(List, Member) and others:
+see docs/guides/writing-programs.md. Exit code: 0 if all tests pass, 1 if not, 2 if there is no test or something cannot
+be read."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `agentd test`."""
     parser.description = DESCRIPTION
-    parser.add_argument("places", nargs="+", metavar="FILE|FOLDER", help="a program, or a folder with programs")
-    parser.add_argument("--filter", metavar="TEXT", help="only tests whose name contains this, or fits this pattern")
-    parser.add_argument("--junit", metavar="FILE.xml", help="also write the results as JUnit XML")
+    parser.add_argument(
+        "places", nargs="+", metavar="FILE|FOLDER", help="program, or folder with programs (subfolders included)"
+    )
+    parser.add_argument(
+        "--filter",
+        metavar="TEXT",
+        help="run only tests whose name contains TEXT or matches it as a pattern, such as 'greets_*' (default: all)",
+    )
+    parser.add_argument("--junit", metavar="FILE.xml", help="also write the results to this file, as JUnit XML")
     parser.add_argument(
         "--timeout",
         type=seconds,
         metavar="S",
-        help="a test fails after so many seconds, real ones or of its own time, in which waiting costs nothing "
-        "(default: 30 real ones, an hour of its own)",
+        help="end each test after S seconds of real time or of its virtual time (more than 0, at most 1e9; default: "
+        "30 s of real time, 3600 s of virtual time)",
     )
-    parser.add_argument("--seed", type=int, default=0, help="start of the random numbers of each test (default 0)")
-    parser.add_argument("-v", "--verbose", action="store_true", help="show the output of tests that have passed too")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="integer that random numbers of each test start from (default 0)"
+    )
+    parser.add_argument("-v", "--verbose", action="store_true", help="also show the output of tests that pass")
     add_environment_arguments(parser)
     add_path_argument(parser)
 
 
 def run(args: Namespace) -> int:
-    """Find the tests, run them, tell what came of them."""
+    """Find the tests, run them and report the results. Returns the exit code of the command's description."""
     allow_deep_calls()
     begun = time.monotonic()
     try:
