@@ -134,7 +134,7 @@ def _unknown(call: Call, known: Iterable[str]) -> Finding:
     kind, what = (Kind.UNKNOWN_INTERNAL_ACTION, "internal action") if dotted else (Kind.UNKNOWN_FUNCTION, "function")
     if not dotted:
         what += " or internal action"
-    becomes = "stays a term without a value" if call.as_term and not dotted else "fails where it is reached"
+    becomes = "stays a term without a value" if call.as_term and not dotted else "fails the plan that reaches it"
     text = f"there is no {what} {action.name}/{len(action.args)}: it {becomes}{near(action.name, known)}"
     return finding(kind, action.position, text)
 

@@ -39,12 +39,13 @@ def beliefs_never_added(survey: Survey, percepts: Arities | None, elsewhere: Els
             continue
         hint = _hint(test, by_name, percepts)
         if known or (hint and _base(test.name) not in map(_base, by_name)):
-            text = f"nothing adds the belief {test.name}/{test.arity}"
+            belief, consequence = f"{test.name}/{test.arity}", _consequence(test, tested_as_goal)
             if percepts is not None:
-                text += ", and no percept has its name: unless an agent or a mission sends it, "
+                text = f"no percept has its name: {consequence} unless an agent or the mission adds it"
+                text = f"nothing adds the belief {belief} and {text}{hint}"
             else:
-                text += ": unless it is a percept or sent by an agent, "
-            text = f"{text}{_consequence(test, tested_as_goal)}{hint}"
+                text = f"{consequence} unless it is a percept or an agent sends it"
+                text = f"nothing adds the belief {belief}: {text}{hint}"
             yield warning(Kind.BELIEF_NEVER_ADDED, test.position, text)
 
 
@@ -58,8 +59,8 @@ def events_never_perceived(survey: Survey, percepts: Arities, elsewhere: Elsewhe
         place = placed.plan.trigger.position
         if arities is None:
             if not (survey.open_beliefs or elsewhere.open_beliefs):
-                text = f"nothing adds the belief {placed.name}/{placed.arity}, and no percept has its name: "
-                text += f"unless an agent or a mission sends it, this plan never runs{near(placed.name, percepts)}"
+                text = f"nothing adds the belief {placed.name}/{placed.arity} and no percept has its name: "
+                text += f"this plan never runs unless an agent or the mission adds it{near(placed.name, percepts)}"
                 yield warning(Kind.UNKNOWN_PERCEPT, place, text)
         elif not takes(arities, placed.arity):
             text = f"the percept {placed.name} has {arguments(arities)}, not {placed.arity}: this plan never runs"
@@ -125,7 +126,7 @@ def shadowed_plans(survey: Survey) -> Iterator[Finding]:
             if taker is not None:
                 line = taker.plan.position.line
                 name = f"{placed.event}{placed.name}/{placed.arity}"
-                text = f"this plan is never used: the plan of line {line} takes every {name} before it"
+                text = f"this plan is never used: the plan in line {line} takes every {name} before it"
                 yield warning(Kind.PLAN_SHADOWED, placed.plan.position, text)
             elif placed.name is not None and _takes_all(placed.plan):
                 takers[event] = placed
@@ -203,5 +204,5 @@ def duplicate_labels(survey: Survey) -> Iterator[Finding]:
             before = first.setdefault((f"{label.namespace}::{label.functor}", len(label.args)), placed.plan)
             same_file = before.position.file == placed.plan.position.file
             if before is not placed.plan and same_file and before.position != placed.plan.position:
-                text = f"the plan of line {before.position.line} has the label {label.functor} too"
+                text = f"the plan in line {before.position.line} has the label {label.functor} too"
                 yield warning(Kind.DUPLICATE_LABEL, label.position, text)

@@ -142,7 +142,7 @@ def _unbound_in(scope: _Node) -> Iterator[Finding]:
         ]
         if lost and count[name] > 1 and not name.startswith("_"):
             first = min(lost, key=lambda use: (use.position.line, use.position.column))
-            why = "nothing gives it one before" if sources else "it is only compared or computed with"
+            why = "nothing before this place gives it one" if sources else "it is only compared or computed with"
             text = f"the variable {name} has no value here: {why}"
             yield warning(Kind.UNBOUND_VARIABLE, first.position, text)
 
