@@ -12,15 +12,7 @@ from typing import Any, ClassVar
 from pygments.lexer import Lexer
 from pygments.token import Comment, Error, Keyword, Name, Number, Punctuation, String, Text, string_to_tokentype
 
-from agentd.editor.token_classes import (
-    BLANK,
-    DIRECTIVES,
-    Class,
-    class_of_sign,
-    class_of_type,
-    class_of_word,
-    library_names,
-)
+from agentd.editor.token_classes import BLANK, DIRECTIVES, OF_SIGN, OF_TYPE, OF_WORD, Class, library_names
 from agentd.jason_project.project_parser import TOKEN
 from agentd.language.parser.lexer import BROKEN, Lexicon, lexicon
 from agentd.language.parser.parse_tables import load
@@ -106,9 +98,9 @@ def classed(text: str) -> Iterator[tuple[int, Any, str]]:
 def _class(kind: str, piece: str, before: str, after: str, library: frozenset[str], words: Lexicon) -> Class:
     match kind:
         case "OP":
-            return class_of_sign(piece)
+            return OF_SIGN[piece]
         case "NAME" if piece in words.keywords:
-            return class_of_word(piece)
+            return OF_WORD[piece]
         case "NAME" if before == "@":
             return Class.LABEL
         case "NAME" if before == "{" and piece in DIRECTIVES:
@@ -117,4 +109,4 @@ def _class(kind: str, piece: str, before: str, after: str, library: frozenset[st
             return Class.CALL
         case "INTERNAL" if piece in library:
             return Class.BUILTIN
-    return class_of_type(kind)
+    return OF_TYPE[kind]

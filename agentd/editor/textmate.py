@@ -13,14 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
-from agentd.editor.token_classes import (
-    DIRECTIVES,
-    Class,
-    class_of_sign,
-    class_of_type,
-    class_of_word,
-    library_names,
-)
+from agentd.editor.token_classes import DIRECTIVES, OF_SIGN, OF_TYPE, OF_WORD, Class, library_names
 from agentd.language.parser.parse_tables import Tables, load
 
 LANGUAGE: Final = "asl"
@@ -45,13 +38,10 @@ def grammar(tables: Tables | None = None) -> dict[str, Any]:
             _match(_one_line(tables.patterns["STRING"]), Class.STRING),
             *_in_context(tables.patterns["NAME"]),
             *_names(tables),
-            *(
-                _match(_one_line(tables.patterns[kind]), class_of_type(kind))
-                for kind in ("VARIABLE", "NUMBER", "QUOTED")
-            ),
-            _match(tables.patterns["RELATION"], class_of_type("RELATION")),
+            *(_match(_one_line(tables.patterns[kind]), OF_TYPE[kind]) for kind in ("VARIABLE", "NUMBER", "QUOTED")),
+            _match(tables.patterns["RELATION"], OF_TYPE["RELATION"]),
             *_signs(tables),
-            _match(tables.patterns["_END"], class_of_type("_END")),
+            _match(tables.patterns["_END"], OF_TYPE["_END"]),
             {"match": r"[^ \t\r\n]", "name": f"invalid.illegal.{LANGUAGE}"},
         ],
     }
@@ -93,7 +83,7 @@ def _in_context(name: str) -> list[dict[str, Any]]:
 def _names(tables: Tables) -> list[dict[str, Any]]:
     """Internal actions, reserved words, and names with and without arguments, in this order as in the lexer."""
     library = "|".join(re.escape(name) for name in sorted(library_names(), key=len, reverse=True))
-    by_class = groupby(sorted(tables.keywords, key=lambda word: class_of_word(word).name), class_of_word)
+    by_class = groupby(sorted(tables.keywords, key=lambda word: OF_WORD[word].name), OF_WORD.__getitem__)
     words = [(of, "|".join(sorted(group, key=len, reverse=True))) for of, group in by_class]
     name = tables.patterns["NAME"]
     return [
@@ -107,8 +97,8 @@ def _names(tables: Tables) -> list[dict[str, Any]]:
 
 def _signs(tables: Tables) -> list[dict[str, Any]]:
     """The signs, longer ones first, since of several rules that match the first counts."""
-    signs = sorted(tables.fixed, key=lambda sign: (-len(sign), class_of_sign(sign).name, sign))
-    by_kind = groupby(signs, lambda sign: (len(sign), class_of_sign(sign)))
+    signs = sorted(tables.fixed, key=lambda sign: (-len(sign), OF_SIGN[sign].name, sign))
+    by_kind = groupby(signs, lambda sign: (len(sign), OF_SIGN[sign]))
     return [_match("|".join(re.escape(sign) for sign in group), of) for (_, of), group in by_kind]
 
 

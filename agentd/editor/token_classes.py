@@ -45,7 +45,7 @@ class Class(Enum):
     PUNCTUATION = Look("Punctuation", "punctuation")
 
 
-_OF_TYPE: Final = {
+OF_TYPE: Final = {
     "COMMENT": Class.COMMENT,
     "STRING": Class.STRING,
     "QUOTED": Class.QUOTED,
@@ -56,7 +56,7 @@ _OF_TYPE: Final = {
     "RELATION": Class.OPERATOR,
     "_END": Class.PUNCTUATION,
 }
-_OF_WORD: Final = {
+OF_WORD: Final = {
     "true": Class.TRUTH,
     "false": Class.TRUTH,
     "div": Class.WORD,
@@ -68,7 +68,7 @@ _OF_WORD: Final = {
     "while": Class.CONTROL,
     "for": Class.CONTROL,
 }
-_OF_SIGN: Final = {
+OF_SIGN: Final = {
     **dict.fromkeys(("!", "!!", "?", "^"), Class.GOAL),
     **dict.fromkeys(("+", "-", "++", "--", "-+", "+<", "+>"), Class.CHANGE),
     **dict.fromkeys(("<-", ":-", "<:", ":", "|||", "|&|"), Class.ARROW),
@@ -82,25 +82,10 @@ BLOCKS: Final = ("namespace", *sorted(PATTERNS))
 BLANK: Final = "BLANK"
 
 
-def class_of_type(kind: str) -> Class:
-    """The class of a token of the grammar with a pattern. Raises KeyError for one that is not in the table."""
-    return _OF_TYPE[kind]
-
-
-def class_of_word(word: str) -> Class:
-    """The class of a reserved word."""
-    return _OF_WORD[word]
-
-
-def class_of_sign(sign: str) -> Class:
-    """The class of a sign."""
-    return _OF_SIGN[sign]
-
-
 def unclassed(tables: Tables) -> list[str]:
     """The tokens of a grammar that have no class here, and what is here but is no token."""
     kinds = set(tables.patterns) - {BLANK}
-    pairs = ((kinds, set(_OF_TYPE)), (set(tables.keywords), set(_OF_WORD)), (set(tables.fixed), set(_OF_SIGN)))
+    pairs = ((kinds, set(OF_TYPE)), (set(tables.keywords), set(OF_WORD)), (set(tables.fixed), set(OF_SIGN)))
     return sorted(name for its, mine in pairs for name in its ^ mine)
 
 
