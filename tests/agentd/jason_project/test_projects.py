@@ -8,38 +8,25 @@ from pathlib import Path
 
 import pytest
 
-from agentd.__main__ import main
 from agentd.jason_project.project_parser import Project, parse_project
 from agentd.language.syntax_tree.errors import SyntaxErrors
+from tests.agentd.conftest import Command, Ran
+from tests.agentd.mistakes import mistakes
 
 
 def _parse(text: str) -> Project:
     return parse_project(text, "team.mas2j")
 
 
-class Ran:
-    """What a run said."""
-
-    def __init__(self, code: int, out: str, err: str) -> None:
-        self.code, self.lines, self.err = code, out.splitlines(), err
-
-
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """Write files, run the first of them (from another folder than its own)."""
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    monkeypatch.chdir(elsewhere)
+def run(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Write files, run the first of them from another folder than its own."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
 
     def run(files: dict[str, str], *arguments: str) -> Ran:
-        for name, text in files.items():
-            file = tmp_path / "home" / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text)
-        capsys.readouterr()
-        code = main(["run", f"../home/{next(iter(files))}", "--exit-when-idle", *arguments])
-        told = capsys.readouterr()
-        return Ran(code, told.out, told.err)
+        written = {f"home/{name}": text for name, text in files.items()}
+        return command(written, "run", f"../{next(iter(written))}", "--exit-when-idle", *arguments)
 
     return run
 
@@ -105,50 +92,15 @@ def test_sections_may_stand_in_any_order() -> None:
     assert [entry.name for entry in project.agents] == ["bob"]
 
 
-BAD = [
-    ("", 1, 1, "a project begins with: MAS name { ... }; found the end of the file"),
-    ("agents: bob;", 1, 1, "a project begins with: MAS name { ... }; found 'agents'"),
-    ("MAS { agents: bob; }", 1, 5, "the name of the project is missing; found '{'"),
-    ("MAS x agents: bob;", 1, 7, "expected '{' after the name of the project; found 'agents'"),
-    ("MAS x {\n}", 2, 1, "a project needs agents: bob; ann;"),
-    ("MAS x {\n  agents: bob;\n", 2, 15, "the project is never closed by '}'"),
-    ("MAS x { agents: bob; } y", 1, 24, "nothing follows the closing '}' of a project; found 'y'"),
-    ("MAS x { agent: bob; }", 1, 9, "'agent' begins no section; did you mean agents?"),
-    ("MAS x { agents bob; }", 1, 9, "a ':' is missing after agents"),
-    ("MAS x { agents: }", 1, 17, "an agent is missing after agents: found '}'"),
-    ("MAS x { agents: bob\n}", 1, 20, "a ';' is missing after the agent bob"),
-    ("MAS x { agents: bob bob.asl\n  aslSourcePath: a; }", 1, 28, "a ';' is missing after the agent bob"),
-    ("MAS x { agents: 3; }", 1, 17, "the name of an agent is missing; found '3'"),
-    ("MAS x { agents: b-b; }", 1, 17, "'b-b' is not a name for an agent: use letters, digits and _"),
-    ("MAS x { agents: bob #; }", 1, 22, "# must be followed by a number of agents, 1 to 10000; found ';'"),
-    ("MAS x { agents: bob #0; }", 1, 22, "# must be followed by a number of agents, 1 to 10000; found '0'"),
-    ("MAS x { agents: bob [beliefs]; }", 1, 29, "expected '=' after the name of an option; found ']'"),
-    ("MAS x { agents: bob [beliefs=]; }", 1, 30, "the value of the option beliefs is missing; found ']'"),
-    ("MAS x { agents: bob [a=1 b=2]; }", 1, 26, "expected ',' or ']' after an option; found 'b'"),
-    (
-        "MAS x { agents: bob bob.asl agentArch my.A; }",
-        1,
-        29,
-        "'agentArch' is not allowed in the entry of the agent bob; did you mean agentArchClass?",
-    ),
-    ("MAS x { agents: bob agentClass; }", 1, 31, "an agent class is missing; found ';'"),
-    ("MAS x { environment: E(1, agents: bob; }", 1, 33, "the arguments of E are never closed by ')'"),
-    ('MAS x { aslSourcePath: "a" agents: bob; }', 1, 27, "a ';' is missing after each path"),
-    ('MAS x { agents: bob "b.asl; }', 1, 21, "this text has no closing quote on its line"),
-    ("MAS x { /* agents: bob; }", 1, 9, "this comment is never closed by */"),
-    ("MAS x { agents: bob; ? }", 1, 22, "'?' is not allowed in a project file"),
-    ("MAS x { agents: a; agents: b; }", 1, 20, "there is already a section agents"),
-    ("MAS x { agents: a; directives: d my.D; }", 1, 34, "expected '=' after the name of a directive; found 'my.D'"),
-]
+BAD = mistakes("projects.txt")
 
 
-@pytest.mark.parametrize(("text", "line", "column", "message"), BAD)
-def test_a_bad_project_file_is_told_with_its_place(text: str, line: int, column: int, message: str) -> None:
+@pytest.mark.parametrize(("text", "place", "message"), BAD)
+def test_a_bad_project_file_is_told_with_its_place(text: str, place: str, message: str) -> None:
     with pytest.raises(SyntaxErrors) as told:
         _parse(text)
-    first = told.value.findings[0]
-    assert (first.file, first.line, first.column, first.message) == ("team.mas2j", line, column, message)
-    assert len(told.value.findings) == 1
+    (finding,) = told.value.findings
+    assert (finding.file, f"{finding.line}:{finding.column}", finding.message) == ("team.mas2j", place, message)
 
 
 def test_the_errors_of_several_agents_are_told_at_once() -> None:
@@ -157,13 +109,11 @@ def test_the_errors_of_several_agents_are_told_at_once() -> None:
     assert [finding.column for finding in told.value.findings] == [20, 30, 45]
 
 
-def test_the_source_path_may_begin_with_a_name_that_is_mapped(run, tmp_path: Path) -> None:
-    (tmp_path / "elsewhere" / "jar" / "inc").mkdir(parents=True)
-    (tmp_path / "elsewhere" / "jar" / "inc" / "bob.asl").write_text(HELLO)
-    project = 'MAS t { agents: bob; aslSourcePath: "$jasonJar/inc"; }'
-    told = run({"team.mas2j": project}, "--map", "$jasonJar=jar")
+def test_the_source_path_may_begin_with_a_name_that_is_mapped(run) -> None:
+    project = {"team.mas2j": 'MAS t { agents: bob; aslSourcePath: "$jasonJar/inc"; }'}
+    told = run({**project, "../elsewhere/jar/inc/bob.asl": HELLO}, "--map", "$jasonJar=jar")
     assert (told.code, told.lines, told.err) == (0, ["[bob] hi"], "")
-    told = run({"team.mas2j": project})
+    told = run(project)
     assert told.code == 2
     assert "cannot read bob.asl" in told.err
     assert "warning: aslSourcePath: nothing says which folder $jasonJar is; give --map '$jasonJar=FOLDER'" in told.err
@@ -327,8 +277,8 @@ def test_a_project_that_cannot_be_run_is_told_and_ends_with_two(run, project: st
     assert told in ran.err
 
 
-def test_a_project_file_that_is_not_there_or_not_alone_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "team.mas2j", "bob.asl"]) == 2
-    assert capsys.readouterr().err == "a project file is run alone: it names its agents\n"
-    assert main(["run", "gone.mas2j"]) == 2
-    assert capsys.readouterr().err == "gone.mas2j: error: cannot read the project: No such file or directory\n"
+def test_a_project_file_that_is_not_there_or_not_alone_is_told(command: Command) -> None:
+    alone = "a project file is run alone: it names its agents\n"
+    assert command({}, "run", "team.mas2j", "bob.asl") == Ran(2, "", alone)
+    gone = "gone.mas2j: error: cannot read the project: No such file or directory\n"
+    assert command({}, "run", "gone.mas2j") == Ran(2, "", gone)

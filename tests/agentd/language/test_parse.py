@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 
@@ -52,6 +53,7 @@ from agentd.language.syntax_tree.nodes import (
 )
 from agentd.language.syntax_tree.printer import source_text
 from tests.agentd.minds import run
+from tests.agentd.mistakes import SYNTAX
 
 CORPUS = Path(__file__).parents[2] / "conformance"
 PROGRAMS = sorted(path for path in CORPUS.rglob("*.asl") if not path.with_suffix(".err").exists())
@@ -84,6 +86,17 @@ def test_a_program_of_the_corpus_parses_with_no_warning_but_for_d1_and_prints_as
     program = parse_file(path)
     assert bool(program.warnings) == ("// D1:" in path.read_text(encoding="utf-8")), program.warnings
     assert parse_program(source_text(program), str(path)).items == program.items
+
+
+VALID = [json.loads(line) for line in (SYNTAX / "valid.txt").read_text(encoding="utf-8").splitlines()]
+"""Programs that Jason takes, each with some rarely used notation."""
+
+
+@pytest.mark.parametrize("text", VALID, ids=[text[:40] for text in VALID])
+def test_valid_syntax_is_read_without_a_word_and_prints_as_itself(text: str) -> None:
+    program = parse_program(text, "a.asl")
+    assert program.warnings == ()
+    assert parse_program(source_text(program), "a.asl").items == program.items
 
 
 TERMS: list[tuple[str, Term]] = [

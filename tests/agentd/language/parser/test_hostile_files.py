@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,7 +11,8 @@ from agentd.language.parse import parse_file
 from argosy.recording.mcap_records import BadRecording, McapFile
 from schemas.files.findings import Findings
 from schemas.files.text_files import read_bounded, read_text
-from tests.agentd.teams import Stage
+from tests.agentd.conftest import agentd
+from tests.agentd.teams import Stage, played
 
 REFUSED = r"no regular file \(a pipe, socket or device\): name a file"
 
@@ -34,12 +33,6 @@ def test_a_pipe_or_a_device_is_refused_and_not_waited_for(tmp_path: Path) -> Non
         read_bounded(tmp_path / "large.asl", 100)
 
 
-def agentd_run(*arguments: object, cwd: Path) -> str:
-    command = [sys.executable, "-m", "agentd", "run", *map(str, arguments), "--exit-when-idle", "--timeout", "30"]
-    ended = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=60)
-    return ended.stdout + ended.stderr
-
-
 def test_a_program_names_files_of_its_project_alone_unless_a_folder_is_allowed(tmp_path: Path) -> None:
     project, other = tmp_path / "project", tmp_path / "other"
     for folder in (project, other):
@@ -53,14 +46,15 @@ def test_a_program_names_files_of_its_project_alone_unless_a_folder_is_allowed(t
         '+!c <- .include("link.asl"); .print("c in"). +!d <- .save_agent("out/new.asl"); .print("d in").\n'
         '+!e <- .save_agent("new.asl"); .print("e in"). -!X[error_msg(M)] <- .print("refused ", X, " ", M).\n'
     )
-    said = agentd_run("bob.asl", cwd=project)
+    ran = agentd("run", "bob.asl", "--exit-when-idle", cwd=project)
+    said = ran.stdout + ran.stderr
     assert "a in" in said, said
     assert "e in" in said
     assert not {"b in", "c in", "d in"} & set(said.replace("[bob] ", "").splitlines()), said
     assert said.count("allow it with --allow-folder FOLDER") == 3
     assert not (other / "new.asl").exists()
-    said = agentd_run("bob.asl", "--allow-folder", other, cwd=project)
-    assert {f"{name} in" for name in "abcde"} <= set(said.replace("[bob] ", "").splitlines()), said
+    ran = agentd("run", "bob.asl", "--exit-when-idle", "--allow-folder", other, cwd=project)
+    assert {f"[bob] {name} in" for name in "abcde"} <= set(ran.stdout.splitlines()), ran.stderr
 
 
 @pytest.mark.parametrize(("start", "what"), [('"0123456789"', "characters"), ("[1,2,3,4,5,6,7,8,9,0]", "members")])
@@ -80,6 +74,9 @@ def test_a_formula_that_fails_names_a_long_list_by_its_length() -> None:
         !d([0]). +!d(T) : .length(T) < 20000 <- .concat(T, T, U); !d(U). +!d(T) <- .nth(99999, T, _).
         -!d(_)[code(C)] <- .print(C); .stopMAS.
     """
-    stage = Stage({"bob": program})
-    stage.run()
-    assert '"[...] (32768 members)"' in stage.lines[0]
+    assert '"[...] (32768 members)"' in played({"bob": program})[0]
+
+
+def test_a_name_that_no_file_can_have_fails_the_plan_that_saves_it(tmp_path: Path) -> None:
+    program = f'!s. +!s <- .save_agent("{tmp_path}/a\0b"). -!s[error_msg(M)] <- .print(M).'
+    assert played({"bob": program}) == [f"[bob] cannot write {tmp_path}/a\\x00b: embedded null byte"]

@@ -10,10 +10,12 @@ from agentd.language.errors.error_context import ErrorContext
 from agentd.language.errors.explain import Row, rows
 from agentd.language.parse import MOST_PROBLEMS, parse_file, parse_program, parse_term
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from tests.agentd.mistakes import MISTAKES
+from tests.agentd.mistakes import mistakes
 
 CORPUS = Path(__file__).parents[3] / "conformance" / "syntax_errors"
 REFUSED = sorted(CORPUS.glob("*.asl"))
+MISTAKES = mistakes("mistakes.txt")
+"""Mistakes that beginners make, and users of other languages."""
 
 
 def errors_of(text: str) -> SyntaxErrors:
