@@ -1,0 +1,4 @@
+!start.
++!start <- !check(1).
++!check(X) <-
+   .print("checking"); X > 3.

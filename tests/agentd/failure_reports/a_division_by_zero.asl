@@ -1,0 +1,2 @@
+!start.
++!start <- X = 10 div 0; .print(X).

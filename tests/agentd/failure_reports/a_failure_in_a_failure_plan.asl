@@ -1,0 +1,4 @@
+!start.
++!start <- !fly.
++!fly <- .fail.
+-!fly <- .send(bbo, tell, failed).

@@ -1,0 +1,2 @@
+!start.
++!start <- .fail(reason(wind), error_msg("too windy to fly")).

@@ -1,0 +1,5 @@
+!start.
++!start <- !fly.
++!fly <- ?height(H).
+-!fly[reason(R)] <- .print(R).
+-!fly : battery(B) <- .print(B).

@@ -1,0 +1,3 @@
+!start.
++!start <- !goto(1,2).
++!goto(X).

@@ -1,0 +1,3 @@
+!start.
++!start <- !gto(3).
++!goto(X).

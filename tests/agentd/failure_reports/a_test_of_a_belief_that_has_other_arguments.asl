@@ -1,0 +1,3 @@
+position(1,2). position(3,4).
+!start.
++!start <- ?position(7,Y).

@@ -1,0 +1,3 @@
+battery(80).
+!start.
++!start <- ?batery(B).

@@ -1,0 +1,3 @@
+position(1,2).
+!start.
++!start <- ?position(P).

@@ -1,0 +1,2 @@
+!start.
++!start <- takeoff(5).

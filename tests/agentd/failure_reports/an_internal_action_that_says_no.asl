@@ -1,0 +1,2 @@
+!start.
++!start <- .member(3, [1,2]).

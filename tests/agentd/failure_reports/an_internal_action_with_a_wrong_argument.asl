@@ -1,0 +1,2 @@
+!start.
++!start <- .nth(9, [a,b], X).
