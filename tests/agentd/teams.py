@@ -15,7 +15,7 @@ class Stage:
     def __init__(self, agents: dict[str, str], **arguments: Any) -> None:
         programs = [(name, compile_program(parse_program(text, f"{name}.asl"))) for name, text in agents.items()]
         self.lines: list[str] = []
-        self.clock = VirtualClock()
+        self.clock = arguments.pop("clock", None) or VirtualClock()
         self.team = Team(programs, out=self._write, clock=self.clock, **arguments)
 
     def _write(self, text: str) -> None:
@@ -24,3 +24,10 @@ class Stage:
     def run(self, timeout: float = 3600.0) -> int:
         """Run until nothing can happen any more, or the team stops."""
         return self.team.run(timeout, True)
+
+
+def played(agents: dict[str, str], **arguments: Any) -> list[str]:
+    """The lines that a team prints until nothing can happen any more, or it stops."""
+    stage = Stage(agents, **arguments)
+    stage.run()
+    return stage.lines

@@ -18,7 +18,7 @@ from agentd.runtime.mind_runner import BATCH, SLICE, Ran, reason
 from commd.common.clock import Clock
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import mind_of
-from tests.support.buses import Connect, on_a_bus, until
+from tests.support.buses import Connect, bus_test, until
 from tests.support.processes import running
 from tests.support.promises import kept
 
@@ -182,8 +182,9 @@ def test_heavy_reasoning_lets_the_event_loop_turn_five_times_a_second(costs: lis
     assert mind.cycle == cycles
 
 
-def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_together(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_together(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shares: dict[str, int] = {}
 
@@ -193,17 +194,12 @@ def test_agents_of_one_process_that_are_all_busy_have_the_time_of_a_slice_togeth
 
     monkeypatch.setattr(agent_host, "reason", noted)
 
-    async def body(connect: Connect) -> None:
-        bus = await connect("a")
-        agents = [await host_on(bus, name, "!g. +!g <- !!g.", tmp_path) for name in ("a", "b", "c")]
-        idle = await host_on(bus, "idle", "!g. +!g.", tmp_path)
-        await until(
-            lambda: [shares.get(name) for name in "abc"] == [3, 3, 3], "three share a slice, and not the idle one"
-        )
-        for one in agents[1:]:
-            await one.end()
-        await until(lambda: shares["a"] == 1, "who is alone has all of it")
-        await agents[0].end()
-        await idle.end()
-
-    on_a_bus(endpoint, body)
+    bus = await connect("a")
+    agents = [await host_on(bus, name, "!g. +!g <- !!g.", tmp_path) for name in ("a", "b", "c")]
+    idle = await host_on(bus, "idle", "!g. +!g.", tmp_path)
+    await until(lambda: [shares.get(name) for name in "abc"] == [3, 3, 3], "three share a slice, and not the idle one")
+    for one in agents[1:]:
+        await one.end()
+    await until(lambda: shares["a"] == 1, "who is alone has all of it")
+    await agents[0].end()
+    await idle.end()

@@ -10,7 +10,7 @@ import pytest
 
 from agentd import Environment
 from agentd.mind.data import registry
-from tests.agentd.teams import Stage
+from tests.agentd.teams import Stage, played
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "extending.md"
 
@@ -38,7 +38,7 @@ def test_the_embedded_mind_prints_what_its_page_shows(capsys: pytest.CaptureFixt
 
 def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
     room: type[Environment] = _run("Environments")["Room"]
-    stage = Stage(
+    assert played(
         {
             "bob": """
             !s.
@@ -49,9 +49,7 @@ def test_the_room_of_the_page_on_environments_is_one_to_live_in() -> None:
             """
         },
         environment=room(),
-    )
-    stage.run()
-    assert stage.lines == [
+    ) == [
         "[bob] the environment has no action pull/1",
         "[bob] the handle came off",
         "[bob] hall after 2",

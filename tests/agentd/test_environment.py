@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -14,8 +12,9 @@ from agentd import ActionFailed, Deferred, Environment, literal
 from agentd.environment import PerceptBoard
 from agentd.extensions.user_code import UserCodeError, load_class
 from agentd.standalone.environment_host import EnvironmentHost
-from agentd.standalone.standalone_team import Team, WallClock
-from tests.agentd.teams import Stage
+from agentd.standalone.standalone_team import WallClock
+from tests.agentd.conftest import agentd
+from tests.agentd.teams import Stage, played
 
 
 class Lamp(Environment):
@@ -78,21 +77,17 @@ def test_a_percept_that_comes_and_goes_between_two_looks_raises_no_event() -> No
             self.remove_percept("spark")
             return True
 
-    stage = Stage(
+    assert played(
         {"bob": "+lamp(X) <- .print(X). -lamp(X) <- .print(gone, X). +spark <- .print(spark). !s. +!s <- flick."},
         environment=Flicker(),
-    )
-    stage.run()
-    assert stage.lines == ["[bob] off"]
+    ) == ["[bob] off"]
 
 
 def test_a_percept_that_the_agent_also_believes_itself_stays_when_it_is_gone() -> None:
-    stage = Stage(
+    assert played(
         {"bob": "!s. +!s <- .wait(10); +lamp(off); switch(on); .wait(10); ?lamp(off)[source(S)]; .print(S)."},
         environment=Lamp(),
-    )
-    stage.run()
-    assert stage.lines == ["[bob] self"]
+    ) == ["[bob] self"]
 
 
 def test_percepts_of_one_agent_are_not_those_of_another() -> None:
@@ -106,9 +101,8 @@ def test_percepts_of_one_agent_are_not_those_of_another() -> None:
             return True
 
     program = "+i_am(X) <- .print(i_am, X). +there_is(X) <- .print(there_is, X). -i_am(X) <- .print(lost, X)."
-    stage = Stage({"ann": program + "!s. +!s <- .wait(50); forget_me.", "bob": program}, environment=Two())
-    stage.run()
-    assert sorted(stage.lines) == [
+    team = {"ann": program + "!s. +!s <- .wait(50); forget_me.", "bob": program}
+    assert sorted(played(team, environment=Two())) == [
         "[ann] i_amann",
         "[ann] lostann",
         "[ann] there_isann",
@@ -121,11 +115,9 @@ def test_percepts_of_one_agent_are_not_those_of_another() -> None:
 
 def test_an_agent_that_is_created_later_perceives_what_holds(tmp_path: Path) -> None:
     (tmp_path / "late.asl").write_text("+lamp(X) <- .print(X).")
-    stage = Stage(
+    assert played(
         {"bob": f'!s. +!s <- .wait(10); switch(dim); .create_agent(late, "{tmp_path}/late.asl").'}, environment=Lamp()
-    )
-    stage.run()
-    assert stage.lines == ["[late] dim"]
+    ) == ["[late] dim"]
 
 
 def test_a_clone_keeps_the_percepts_of_all_and_loses_those_of_its_original_alone() -> None:
@@ -138,9 +130,7 @@ def test_a_clone_keeps_the_percepts_of_all_and_loses_those_of_its_original_alone
         !s. +!s <- .wait(10); .clone("twin").
         +lamp(X) <- .my_name(N); .print(lamp). -only_bob <- .print(lost); ?lamp(X); .print(X).
     """
-    stage = Stage({"bob": program}, environment=Own())
-    stage.run()
-    assert stage.lines == ["[bob] lamp", "[twin] lost", "[twin] off"]
+    assert played({"bob": program}, environment=Own()) == ["[bob] lamp", "[twin] lost", "[twin] off"]
 
 
 @pytest.mark.parametrize(
@@ -154,28 +144,25 @@ def test_a_clone_keeps_the_percepts_of_all_and_loses_those_of_its_original_alone
     ],
 )
 def test_an_action_that_fails_tells_why(action: str, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
-    stage = Stage({"bob": f'!s. +!s <- {action}. -!s[error(E), reason(R)] <- .print(E, ": ", R).'}, environment=Lamp())
-    stage.run()
-    assert stage.lines == [f"[bob] action_failed: {reason}"]
+    assert played(
+        {"bob": f'!s. +!s <- {action}. -!s[error(E), reason(R)] <- .print(E, ": ", R).'}, environment=Lamp()
+    ) == [f"[bob] action_failed: {reason}"]
 
 
 def test_an_error_in_the_users_code_fails_the_action_and_names_its_place(capsys: pytest.CaptureFixture[str]) -> None:
-    stage = Stage({"bob": "!s. +!s <- break. -!s[error(E)] <- .print(E)."}, environment=Lamp())
-    stage.run()
+    program = "!s. +!s <- break. -!s[error(E)] <- .print(E)."
+    assert played({"bob": program}, environment=Lamp()) == ["[bob] action_failed"]
     told = capsys.readouterr().err
-    assert stage.lines == ["[bob] action_failed"]
     assert "execute went wrong in break/0: ZeroDivisionError: division by zero (" in told
     assert f"{__file__}:" in told
     assert "Traceback" not in told
 
 
 def test_a_deferred_action_suspends_its_intention_alone_and_ends_at_its_time() -> None:
-    stage = Stage(
+    assert played(
         {"bob": "!a. !b. +!a <- .nano_time(T); warm_up; .nano_time(U); .print((U-T)/1000000000). +!b <- .print(b)."},
         environment=Lamp(),
-    )
-    stage.run()
-    assert stage.lines == ["[bob] b", "[bob] 30"]
+    ) == ["[bob] b", "[bob] 30"]
 
 
 def test_an_intention_that_is_dropped_cancels_its_action() -> None:
@@ -214,7 +201,7 @@ def test_actions_that_share_an_outcome_end_together_and_it_is_cancelled_when_all
     assert (stage.run(), stage.lines, kept[0].cancelled) == (0, [], True)
 
 
-def test_another_thread_settles_an_action_and_changes_percepts(tmp_path: Path) -> None:
+def test_another_thread_settles_an_action_and_changes_percepts() -> None:
     class Threaded(Environment):
         def execute(self, agent: str, action: Any) -> Deferred:
             later = Deferred()
@@ -226,13 +213,9 @@ def test_another_thread_settles_an_action_and_changes_percepts(tmp_path: Path) -
             threading.Thread(target=work).start()
             return later
 
-    lines: list[str] = []
-    from agentd.language.compiler.compile import compile_program
-    from agentd.language.parse import parse_program
-
-    program = compile_program(parse_program("!s. +!s <- work; ?worked; .print(done); .stopMAS(0, 7).", "bob.asl"))
-    assert Team([("bob", program)], out=lines.append, environment=Threaded()).run(60.0, False) == 7
-    assert lines == ["[bob] done\n"]
+    program = "!s. +!s <- work; ?worked; .print(done); .stopMAS(0, 7)."
+    stage = Stage({"bob": program}, clock=WallClock(), environment=Threaded())
+    assert (stage.run(60.0), stage.lines) == (7, ["[bob] done"])
 
 
 def test_another_thread_asks_for_a_call_while_the_team_sleeps() -> None:
@@ -283,11 +266,9 @@ def test_perceive_brings_the_percepts_up_to_date_before_the_next_formula() -> No
             self.reads += 1
             self.replace_percept(literal("reading", self.reads))
 
-    stage = Stage(
+    assert played(
         {"bob": "!s. +!s <- .perceive; ?reading(A); .perceive; ?reading(B); .print(A, B)."}, environment=Pulled()
-    )
-    stage.run()
-    assert stage.lines == ["[bob] 12"]
+    ) == ["[bob] 12"]
 
 
 def test_the_environment_is_told_its_arguments_and_the_end() -> None:
@@ -326,11 +307,6 @@ class Other: pass
 """
 
 
-def _agentd(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from agentd.__main__ import main; raise SystemExit(main())", "run", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=folder)
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "world.py").write_text(MODULE)
@@ -340,7 +316,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", ["world:Counter", "world.py:Counter"])
 def test_the_command_finds_the_class_from_the_working_directory(folder: Path, name: str) -> None:
-    done = _agentd(folder, "--env", name, "--env-arg", "2", "agent.asl")
+    done = agentd("run", "--env", name, "--env-arg", "2", "agent.asl", cwd=folder)
     assert (done.returncode, done.stdout, done.stderr) == (0, "[agent] five\n", "")
 
 
@@ -359,7 +335,7 @@ def test_the_command_finds_the_class_from_the_working_directory(folder: Path, na
 )
 def test_a_class_that_cannot_be_used_is_told_without_a_traceback(folder: Path, name: str, told: str) -> None:
     (folder / "typo.py").write_text("class X(:\n  pass\n")
-    done = _agentd(folder, "--env", name, "agent.asl")
+    done = agentd("run", "--env", name, "agent.asl", cwd=folder)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.startswith(f"--env {name}: error: {told}")

@@ -12,7 +12,7 @@ import pytest
 
 from agentd.mind.data.inputs import Mail
 from tests.agentd.minds import World, mind_of, term
-from tests.agentd.teams import Stage
+from tests.agentd.teams import Stage, played
 from tests.agentd.test_daemon import mission
 from tests.support.processes import running
 
@@ -98,9 +98,9 @@ def test_a_wait_of_an_atomic_plan_ends_by_what_is_told() -> None:
 
 
 def test_an_answer_reaches_the_atomic_plan_that_asked() -> None:
-    stage = Stage({"bob": "!go. @a[atomic] +!go <- .send(amy, askOne, fact(_), F); .print(F).", "amy": "fact(7)."})
-    stage.run()
-    assert stage.lines == ["[bob] fact(7)[source(amy)]"]
+    assert played({"bob": "!go. @a[atomic] +!go <- .send(amy, askOne, fact(_), F); .print(F).", "amy": "fact(7)."}) == [
+        "[bob] fact(7)[source(amy)]"
+    ]
 
 
 def test_what_is_no_single_literal_has_its_effect_after_the_atomic_plan_in_the_order_of_arrival() -> None:

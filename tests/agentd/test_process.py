@@ -11,6 +11,7 @@ from time import process_time, sleep
 import pytest
 
 from agentd.process import loading_notice
+from tests.agentd.conftest import Command, Ran, agentd
 
 AGENTD = [sys.executable, "-m", "agentd"]
 FULL = Path("/dev/full")
@@ -83,14 +84,7 @@ def test_a_closed_standard_output_is_told(folder: Path, command: str) -> None:
 
 @pytest.mark.parametrize("value", ["inf", "nan", "-1", "0", "1e300", "soon"])
 def test_a_timeout_that_is_none_is_refused(folder: Path, value: str) -> None:
-    done = subprocess.run(
-        [*AGENTD, "run", f"--timeout={value}", "fast.asl"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = agentd("run", f"--timeout={value}", "fast.asl", cwd=folder)
     assert done.returncode == 2
     assert f"argument --timeout: `{value}`" in done.stderr
     assert "Traceback" not in done.stderr
@@ -100,22 +94,16 @@ def test_a_wait_beyond_all_bounds_is_only_a_long_wait(folder: Path) -> None:
     (folder / "long.asl").write_text(
         '!s. !e. +!s <- .wait("+never", 1e300). +!e <- .wait(200); .print("here"); .stopMAS.'
     )
-    done = subprocess.run(
-        [*AGENTD, "run", "long.asl"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
-    )
+    done = agentd("run", "long.asl", cwd=folder)
     assert (done.stdout, done.stderr, done.returncode) == ("[long] here\n", "", 0)
 
 
 def test_an_environment_that_would_end_the_process_is_told_with_its_place(folder: Path) -> None:
-    def run(environment: str) -> subprocess.CompletedProcess[str]:
-        command = [*AGENTD, "run", "--env", f"motors:{environment}", "acts.asl"]
-        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
-
-    done = run("Quitter")
+    done = agentd("run", "--env", "motors:Quitter", "acts.asl", cwd=folder)
     assert "execute went wrong in act/0: SystemExit: 7 (" in done.stdout
     assert "motors.py:14, in execute)" in done.stderr
     assert done.returncode == 0
-    done = run("Hasty")
+    done = agentd("run", "--env", "motors:Hasty", "acts.asl", cwd=folder)
     assert "the environment's init failed: SystemExit: 7 (" in done.stderr
     assert done.returncode == 2
 
@@ -131,8 +119,7 @@ def quit_(mind, trail):
 """
     (folder / "motors.py").write_text(source + action)
     (folder / "quits.asl").write_text("!s. +!s <- mine.quit.")
-    command = [*AGENTD, "run", "--env", "motors:Motors", "quits.asl"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    done = agentd("run", "--env", "motors:Motors", "quits.asl", cwd=folder)
     assert done.stdout == "motors on\nmotors off\n"
     assert "SystemExit: 7 (" in done.stderr
     assert "in quit_)" in done.stderr
@@ -156,12 +143,8 @@ def test_tests_that_are_broken_off_leave_their_report(tmp_path: Path) -> None:
         assert "ERROR   t.asl:2 b: the run was interrupted while this test ran" in out
 
 
-def test_an_agent_without_a_name_is_refused(folder: Path) -> None:
-    done = subprocess.run(
-        [*AGENTD, "run", "=x.asl"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 2
-    assert done.stderr == "=x.asl: the agent has no name; NAME=FILE.asl is expected\n"
+def test_an_agent_without_a_name_is_refused(command: Command) -> None:
+    assert command({}, "run", "=x.asl") == Ran(2, "", "=x.asl: the agent has no name; NAME=FILE.asl is expected\n")
 
 
 def test_loading_that_takes_long_is_noted_once_on_stderr(capsys: pytest.CaptureFixture[str]) -> None:

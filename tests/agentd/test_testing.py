@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 import time
+from itertools import takewhile
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from agentd.__main__ import main
+from tests.agentd.conftest import Command, Ran, agentd
 
 REPOSITORY = Path(__file__).parents[2]
 
 
-class Told:
+class Told(Ran):
     """What the command said."""
 
-    def __init__(self, code: int, out: str, err: str) -> None:
-        self.code, self.out, self.err = code, out, err
-        self.lines = [line for line in out.splitlines() if re.match(r"(ok|FAIL|ERROR|TIMEOUT) +\S+:\d+ ", line)]
-        self.summary = out.strip().splitlines()[-1] if out.strip() else ""
+    @property
+    def lines(self) -> list[str]:
+        """The lines of the tests."""
+        return [line for line in self.out.splitlines() if re.match(r"(ok|FAIL|ERROR|TIMEOUT) +\S+:\d+ ", line)]
+
+    @property
+    def summary(self) -> str:
+        return self.out.strip().splitlines()[-1] if self.out.strip() else ""
 
     def verdict(self, name: str) -> str:
         (line,) = [line for line in self.lines if line.split()[2].rstrip(":") == name]
@@ -32,28 +35,18 @@ class Told:
         """The indented lines about a test that did not pass."""
         lines = self.out.splitlines()
         (head,) = [n for n, line in enumerate(lines) if re.fullmatch(rf"[A-Z]+ \S+:\d+: {re.escape(name)}", line)]
-        found = []
-        for line in lines[head + 1 :]:
-            if not line.startswith("    "):
-                break
-            found.append(line.strip())
-        return found
+        return [line.strip() for line in takewhile(lambda line: line.startswith("    "), lines[head + 1 :])]
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    monkeypatch.chdir(tmp_path)
+def run(command: Command):
+    """Run the tests of a program, beside other files."""
 
-    def run(program: str | None, *arguments: str, name: str = "some_test.asl") -> Told:
+    def run(program: str | None, *arguments: str, name: str = "some_test.asl", **files: str) -> Told:
         if program is not None:
-            file = tmp_path / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(program)
-            arguments = (name, *arguments)
-        capsys.readouterr()
-        code = main(["test", *arguments])
-        told = capsys.readouterr()
-        return Told(code, told.out, told.err)
+            files, arguments = {name: program, **files}, (name, *arguments)
+        ran = command(files, "test", *arguments)
+        return Told(ran.code, ran.out, ran.err)
 
     return run
 
@@ -309,8 +302,7 @@ def test_the_limit_of_a_test_holds_for_its_environment(run, tmp_path: Path, name
 def test_an_environment_that_nothing_ends_ends_the_command(tmp_path: Path) -> None:
     (tmp_path / "hangs.py").write_text(HANGS)
     (tmp_path / "t.asl").write_text("@t[test] +!t <- act; !force_pass.")
-    command = [sys.executable, "-m", "agentd", "test", "t.asl", "--timeout", "0.3", "--env", "hangs.py:Never"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    done = agentd("test", "t.asl", "--timeout", "0.3", "--env", "hangs.py:Never", cwd=tmp_path)
     assert done.returncode == 2
     assert re.fullmatch(r"agentd test: error: code \(.*hangs\.py:\d+\) ignores the end of its time; .*\n", done.stderr)
 
@@ -430,18 +422,15 @@ def test_an_included_file_that_is_not_found_is_told_with_the_option_that_names_i
     assert run(None, "t/t.asl", "--include-path", "lib").code == 0
 
 
-def test_a_folder_is_searched_for_files_with_test_plans_and_each_plan_is_run_once(run, tmp_path: Path) -> None:
-    for name, text in {
+def test_a_folder_is_searched_for_files_with_test_plans_and_each_plan_is_run_once(run) -> None:
+    files = {
         "a/one.asl": "@t[test] +!t <- !force_pass.",
         "b/deep/two.asl": '{ include("../../a/one.asl") } @u[test] +!u <- !force_pass.',
         "b/agent.asl": "!work. +!work <- .fail.",
         "b/broken.asl": "+!work <- ; .",
         "b/notes.txt": "@t[test] +!t <- .fail.",
-    }.items():
-        file = tmp_path / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
-    told = run(None, ".")
+    }
+    told = run(None, ".", **files)
     assert told.lines == ["ok      a/one.asl:1 t", "ok      b/deep/two.asl:1 u"]
     assert told.code == 0
 
@@ -585,8 +574,7 @@ def _valid(root: ElementTree.Element) -> None:
 
 def test_the_tests_of_the_first_mission_pass_with_a_vehicle_that_pretends() -> None:
     folder = "missions/single_uav"
-    command = [sys.executable, "-m", "agentd", "test", "--env", f"{folder}/vehicle.py:Vehicle", folder]
-    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=False)
+    done = agentd("test", "--env", f"{folder}/vehicle.py:Vehicle", folder, cwd=REPOSITORY)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.count("ok ") == 9
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import re
-from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
 
-from agentd.check.command import add_arguments, check_program, run
+from agentd.check.command import check_program
 from agentd.check.external_knowledge import Arities
 from agentd.language.compiler.compile import DirectiveError
-from agentd.language.parse import parse_file, parse_program
+from agentd.language.parse import parse_program
 from agentd.mind.data.registry import missing_action
 from agentd.runtime.program_paths import SourcePaths
 from schemas.files.findings import Finding
 from schemas.files.shipped_files import shipped
+from tests.agentd.check.conftest import Check
 
 ACTIONS: Arities = {"set_mode": 1, "takeoff": {1}, "land": 0, "goto": {2, 3}}
 PERCEPTS: Arities = {"state": {3}, "altitude": 1}
@@ -100,71 +99,54 @@ def test_what_is_fine_is_not_told(text: str) -> None:
     assert findings_of(text) == []
 
 
-def test_without_a_manifest_actions_and_percepts_are_taken_as_known() -> None:
-    program = parse_program("+!g : altitude(A) & A > 1 <- fly(A).", "a.asl")
-    assert check_program(program, internal=INTERNAL, functions=FUNCTIONS) == []
-
-
-def test_without_a_manifest_a_belief_that_looks_misspelt_is_told() -> None:
-    program = parse_program("waypoint(1). +!g : waypont(A) <- fly(A).", "a.asl")
-    (finding,) = check_program(program, internal=INTERNAL, functions=FUNCTIONS)
+def test_without_a_manifest_actions_and_percepts_are_taken_as_known_and_misspelt_beliefs_are_told() -> None:
+    assert check_program(parse_program("+!g : altitude(A) & A > 1 <- fly(A).", "a.asl")) == []
+    (finding,) = check_program(parse_program("waypoint(1). +!g : waypont(A) <- fly(A).", "a.asl"))
     assert finding.message.endswith("did you mean waypoint?")
 
 
 def test_beliefs_of_the_mission_count_as_added() -> None:
     program = parse_program("+!g : rescuers(_) <- land.", "a.asl")
-    findings = check_program(
-        program, ACTIONS, PERCEPTS, beliefs=[("rescuers", 1)], internal=INTERNAL, functions=FUNCTIONS
-    )
-    assert findings == []
+    assert check_program(program, ACTIONS, PERCEPTS, beliefs=[("rescuers", 1)]) == []
 
 
 def test_all_findings_come_in_one_run_in_the_order_of_the_file() -> None:
     text = """!go.
 +!g : state(_,_,_,_)
    <- take_off(5);
-      .pint("x");
+      .pnt("x");
       !h(X).
 """
     assert [str(finding) for finding in findings_of(text)] == [
         "a.asl:1:2: error: there is no plan for the goal !go/0",
         "a.asl:2:7: warning: the percept state has 3 arguments, not 4: state(_,_,_,_) is always false",
         "a.asl:3:7: error: there is no action take_off/1; did you mean takeoff?",
-        "a.asl:4:7: error: there is no internal action .pint/1: it fails where it is reached; did you mean .print?",
+        "a.asl:4:7: error: there is no internal action .pnt/1: it fails the plan that reaches it; did you mean .print?",
         "a.asl:5:8: error: there is no plan for the goal !h/1",
         "a.asl:5:10: warning: the variable X occurs only once; is it misspelt? if not, write _ or _X",
     ]
 
 
-def test_included_files_are_checked_with_the_program(tmp_path: Path) -> None:
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "common.asl").write_text('{ include("more.asl") }\n+!help <- tke_off(1).\n')
-    (tmp_path / "parts" / "more.asl").write_text('+!more <- land.\n{ include("common.asl") }\n')
-    main = tmp_path / "main.asl"
-    main.write_text(
-        '{ include("parts/common.asl") } { include("parts/common.asl", n) }\n!help. !more. !n::more. !lost.\n'
-    )
-    findings = check_program(parse_file(main), ACTIONS, PERCEPTS, internal=INTERNAL, functions=FUNCTIONS)
-    assert [(Path(f.file).name, f.line, f.message.split(";")[0]) for f in findings] == [
-        ("main.asl", 2, "there is no plan for the goal !lost/0"),
-        ("common.asl", 2, "there is no action tke_off/1"),
-        ("more.asl", 2, 'cannot include "common.asl": files include one another without end'),
+def test_included_files_are_checked_with_the_program(check: Check) -> None:
+    main = '{ include("parts/common.asl") } { include("parts/common.asl", n) }\n'
+    main += "!help. !n::help. !more. !n::more. !lost.\n"
+    common = '{ include("more.asl") }\n+!help <- .prnt(1).\n'
+    more = '+!more <- .print(1).\n{ include("common.asl") }\n'
+    told = check({"main.asl": main, "parts/common.asl": common, "parts/more.asl": more})
+    assert [line.split(";")[0] for line in told.err.splitlines()] == [
+        "main.asl:2:36: error: there is no plan for the goal !lost/0",
+        "parts/common.asl:2:11: error: there is no internal action .prnt/1: it fails the plan that reaches it",
+        'parts/more.asl:2:1: error: cannot include "common.asl": files include one another without end',
     ]
 
 
-@pytest.mark.parametrize("way", ["itself", "another"])
-def test_files_that_include_one_another_without_end_are_told_as_by_the_run(
-    way: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    again = "main.asl" if way == "itself" else "more.asl"
-    (tmp_path / "main.asl").write_text(f'{{ include("{again}") }}\n!s. +!s.\n')
-    (tmp_path / "more.asl").write_text('{ include("main.asl") }\n')
-    assert check(str(tmp_path / "main.asl")) == 1
-    told = capsys.readouterr().err
+@pytest.mark.parametrize("way", ["main.asl", "more.asl"])
+def test_files_that_include_one_another_without_end_are_told_as_by_the_run(way: str, check: Check) -> None:
+    told = check({"main.asl": f'{{ include("{way}") }}\n!s. +!s.\n', "more.asl": '{ include("main.asl") }\n'})
+    assert told.err == f'{way}:1:1: error: cannot include "main.asl": files include one another without end\n'
+    assert told.code == 1
     with pytest.raises(DirectiveError, match="files include one another without end"):
-        SourcePaths().compiled(str(tmp_path / "main.asl"))
-    file = tmp_path / ("main.asl" if way == "itself" else "more.asl")
-    assert told == f'{file}:1:1: error: cannot include "main.asl": files include one another without end\n'
+        SourcePaths().compiled("main.asl")
 
 
 RUNS_ON_JASON = {
@@ -186,25 +168,18 @@ RUNS_ON_JASON = {
 
 
 @pytest.mark.parametrize("program", RUNS_ON_JASON)
-def test_a_program_that_runs_on_jason_has_no_findings(
-    program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "more.asl").write_text("@p +!g(X) : X > 1 <- .print(X). @q +!g(X) <- .print(X). v(1).")
-    (tmp_path / "both.asl").write_text('{ include("more.asl") } +!h <- !g(1).')
-    main = tmp_path / "main.asl"
-    main.write_text(RUNS_ON_JASON[program])
-    assert check(str(main)) == 0
-    assert capsys.readouterr().err == ""
+def test_a_program_that_runs_on_jason_has_no_findings(program: str, check: Check) -> None:
+    more = "@p +!g(X) : X > 1 <- .print(X). @q +!g(X) <- .print(X). v(1)."
+    both = '{ include("more.asl") } +!h <- !g(1).'
+    told = check({"main.asl": RUNS_ON_JASON[program], "more.asl": more, "both.asl": both})
+    assert (told.code, told.err) == (0, "")
 
 
 @pytest.mark.parametrize("way", [".send(bob, askHow, {+!fold(_)})", '.send(self, tellHow, "+!fold(_).")'])
-def test_a_goal_whose_plan_may_be_learnt_is_no_error(
-    way: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    main = tmp_path / "main.asl"
-    main.write_text(f"!s. +!s <- {way}; .wait(100); !fold(1).")
-    assert check(str(main)) == 0
-    assert "!fold/1; it fails unless a plan for it is added in time" in capsys.readouterr().err
+def test_a_goal_whose_plan_may_be_learnt_is_no_error(way: str, check: Check) -> None:
+    told = check(f"!s. +!s <- {way}; .wait(100); !fold(1).")
+    assert told.code == 0
+    assert "!fold/1; it fails unless a plan for it is added in time" in told.err
 
 
 def test_a_name_that_exists_with_other_arguments_is_not_taken_for_misspelt() -> None:
@@ -217,18 +192,16 @@ def test_a_name_that_exists_with_other_arguments_is_not_taken_for_misspelt() -> 
     assert missing_action(".wait", 0) == "there is no internal action .wait/0"
 
 
-def test_an_include_of_a_missing_or_wrong_file_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "wrong.asl").write_text("+!g <- a b.\n")
-    main = tmp_path / "main.asl"
-    main.write_text('{ include("missing.asl") }\n{ include("wrong.asl") }\n{ include }\n{ include("\0") }\n')
-    findings = check_program(parse_file(main), internal=INTERNAL, functions=FUNCTIONS)
-    assert [(Path(f.file).name, f.line) for f in findings] == [
-        ("main.asl", 1),
-        ("main.asl", 3),
-        ("main.asl", 4),
-        ("wrong.asl", 1),
+def test_an_include_of_a_missing_or_wrong_file_is_an_error(check: Check) -> None:
+    main = '{ include("missing.asl") }\n{ include("wrong.asl") }\n{ include }\n{ include("\0") }\n'
+    told = check({"main.asl": main, "wrong.asl": "+!g <- a b.\n"})
+    assert [line.partition(": error: ")[0] for line in told.err.splitlines() if ": error: " in line] == [
+        "main.asl:1:1",
+        "main.asl:3:1",
+        "main.asl:4:1",
+        "wrong.asl:1:10",
     ]
-    assert findings[0].message.startswith('cannot include "missing.asl": No such file')
+    assert told.err.startswith('main.asl:1:1: error: cannot include "missing.asl": No such file')
 
 
 def test_the_depth_of_a_program_is_no_problem() -> None:
@@ -256,75 +229,52 @@ n(1)."""
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
-def check(*args: str) -> int:
-    parser = ArgumentParser()
-    add_arguments(parser)
-    return run(parser.parse_args(args))
+def test_the_command_ends_with_0_when_there_are_only_warnings(check: Check) -> None:
+    told = check("!go.\n+!go : X > 1.\n")
+    assert (told.code, told.out) == (0, "")
+    assert told.err.startswith("a.asl:2:8: warning: the variable X")
 
 
-def test_the_command_ends_with_0_when_there_are_only_warnings(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "a.asl"
-    path.write_text("!go.\n+!go : X > 1.\n")
-    assert check(str(path)) == 0
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith(f"{path}:2:8: warning: the variable X")
+def test_the_command_ends_with_2_when_a_file_cannot_be_read_and_tells_the_errors_of_the_others(check: Check) -> None:
+    Path("c.asl").write_bytes(b"\xff")
+    told = check({"a.asl": "!go.\n", "b.asl": "+!g <- a b.\n"}, "a.asl", "b.asl", "c.asl", "d.asl")
+    assert told.code == 2
+    assert "a.asl:1:2: error: there is no plan for the goal !go/0\n" in told.err
+    assert "b.asl:1:10: error: a ; is missing before 'b'\n    +!g <- a b.\n             ^\n" in told.err
+    assert "c.asl:1: error: byte 0 of the file (0xff) is not UTF-8" in told.err
+    assert "d.asl: error: cannot be read: No such file or directory" in told.err
 
 
-def test_the_command_ends_with_2_when_a_file_cannot_be_read_and_tells_the_errors_of_the_others(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "a.asl").write_text("!go.\n")
-    (tmp_path / "b.asl").write_text("+!g <- a b.\n")
-    (tmp_path / "c.asl").write_bytes(b"\xff")
-    files = [str(tmp_path / name) for name in ("a.asl", "b.asl", "c.asl", "d.asl")]
-    assert check(*files) == 2
-    err = capsys.readouterr().err
-    assert f"{files[0]}:1:2: error: there is no plan for the goal !go/0\n" in err
-    assert f"{files[1]}:1:10: error: a ; is missing before 'b'\n    +!g <- a b.\n             ^\n" in err
-    assert f"{files[2]}:1: error: byte 0 of the file (0xff) is not UTF-8" in err
-    assert f"{files[3]}: error: cannot be read: No such file or directory" in err
-
-
-def test_what_the_checked_files_send_to_one_another_is_known(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "a.asl").write_text("!go. +!go <- .send(b, tell, color(red)); .send(b, achieve, paint(1)).\n")
-    (tmp_path / "b.asl").write_text(
-        "!begin. +!begin <- .print(b). +!paint(_) : color(_) <- .print(yes). +!print(_) : colour(_) <- .print(no).\n"
-    )
-    assert check(str(tmp_path / "a.asl"), str(tmp_path / "b.asl")) == 0
-    assert [line.split("warning: ")[1] for line in capsys.readouterr().err.splitlines()] == [
+def test_what_the_checked_files_send_to_one_another_is_known(check: Check) -> None:
+    a = "!go. +!go <- .send(b, tell, color(red)); .send(b, achieve, paint(1)).\n"
+    b = "!begin. +!begin <- .print(b). +!paint(_) : color(_) <- .print(yes). +!print(_) : colour(_) <- .print(no).\n"
+    told = check({"a.asl": a, "b.asl": b}, "a.asl", "b.asl")
+    assert [line.split("warning: ")[1] for line in told.err.splitlines()] == [
         "this plan is never used unless others send its event: nothing sets the goal !print/1; did you mean paint?",
-        "nothing adds the belief colour/1: unless it is a percept or sent by an agent, colour(_) is always false; "
+        "nothing adds the belief colour/1: colour(_) is always false unless it is a percept or an agent sends it; "
         "did you mean color?",
     ]
+    assert told.code == 0
 
 
-def test_a_project_is_checked_with_its_agents(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "src").mkdir()
-    (tmp_path / "src" / "ann.asl").write_text("+!begin(X) : size(Y) & X > Y <- .prnt(X).\n")
-    (tmp_path / "src" / "bob.asl").write_text("+!g <- a b.\n")
-    project = tmp_path / "team.mas2j"
-    project.write_text('MAS t { agents: ann [beliefs="size(1)", goals="begin(2)"]; bob; eve; aslSourcePath: "src"; }\n')
-    assert check(str(project)) == 1
-    told = capsys.readouterr().err
-    assert f"{project}:1:65: error: cannot read eve.asl, the program of the agent eve" in told
-    assert "ann.asl:1:33: error: there is no internal action .prnt/1" in told
-    assert "bob.asl:1:10: error: a ; is missing before 'b'" in told
-    assert "size" not in told
-    assert "begin" not in told
+def test_a_project_is_checked_with_its_agents(check: Check) -> None:
+    project = 'MAS t { agents: ann [beliefs="size(1)", goals="begin(2)"]; bob; eve; aslSourcePath: "src"; }\n'
+    ann = "+!begin(X) : size(Y) & X > Y <- .prnt(X).\n"
+    told = check({"team.mas2j": project, "src/ann.asl": ann, "src/bob.asl": "+!g <- a b.\n"})
+    assert told.code == 1
+    assert "team.mas2j:1:65: error: cannot read eve.asl, the program of the agent eve" in told.err
+    assert "ann.asl:1:33: error: there is no internal action .prnt/1" in told.err
+    assert "bob.asl:1:10: error: a ; is missing before 'b'" in told.err
+    assert "size" not in told.err
+    assert "begin" not in told.err
 
 
-def test_the_command_prints_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "a.asl"
-    path.write_text("!go.\n")
-    assert check("--json", str(path)) == 1
-    assert json.loads(capsys.readouterr().out) == [
+def test_the_command_prints_json(check: Check) -> None:
+    told = check("!go.\n", "--json")
+    assert told.code == 1
+    assert told.findings == [
         {
-            "file": str(path),
+            "file": "a.asl",
             "line": 1,
             "column": 2,
             "severity": "error",
@@ -334,65 +284,56 @@ def test_the_command_prints_json(tmp_path: Path, capsys: pytest.CaptureFixture[s
     ]
 
 
-def test_the_command_checks_against_a_shipped_manifest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "a.asl"
-    path.write_text("+!g : state(_,_,_,_) & bridge(up) <- take_off(5).\n")
-    assert check("--manifest", "arducopter", str(path)) == 1
-    err = capsys.readouterr().err
-    assert "the percept state has 3 arguments, not 4" in err
-    assert "did you mean takeoff?" in err
-    assert "bridge" not in err
-    assert check("--manifest", "no_such_robot", str(path)) == 2
-    assert "no_such_robot" in capsys.readouterr().err
+def test_the_command_checks_against_a_shipped_manifest(check: Check) -> None:
+    program = "+!g : state(_,_,_,_) & bridge(up) <- take_off(5).\n"
+    told = check(program, "--manifest", "arducopter")
+    assert told.code == 1
+    assert "the percept state has 3 arguments, not 4" in told.err
+    assert "did you mean takeoff?" in told.err
+    assert "bridge" not in told.err
+    told = check(program, "--manifest", "no_such_robot")
+    assert told.code == 2
+    assert "no_such_robot" in told.err
 
 
-def test_arguments_that_go_as_texts_may_be_variables_and_only_numbers_have_ranges(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_arguments_that_go_as_texts_may_be_variables_and_only_numbers_have_ranges(check: Check) -> None:
     manifest = shipped("manifests", "arducopter.toml")
     assert manifest is not None
-    typed, text = manifest.read_text(), tmp_path / "text.toml"
-    text.write_text(typed.replace('driver = "mavlink"', 'driver = "mavlink"\nvalues = "text"', 1))
-    program = tmp_path / "p.asl"
-    program.write_text('!g.\n+!g <- arm_motors(True); takeoff("5"); takeoff(500); .print(Alone).\n')
-    assert check(str(program), "--manifest", str(text)) == 1
-    told = capsys.readouterr().err
-    assert "True" not in told
-    assert '"5"' not in told
-    assert "takeoff takes altitude: float 1..120 m, not 500" in told
-    assert "the variable Alone occurs only once" in told
-    assert check(str(program), "--manifest", "arducopter") == 1
-    told = capsys.readouterr().err
-    assert "the variable True occurs only once" in told
-    assert 'takeoff takes altitude: float 1..120 m, not "5"' in told
+    text = manifest.read_text().replace('driver = "mavlink"', 'driver = "mavlink"\nvalues = "text"', 1)
+    program = '!g.\n+!g <- arm_motors(True); takeoff("5"); takeoff(500); .print(Alone).\n'
+    told = check({"a.asl": program, "text.toml": text}, "--manifest", "text.toml")
+    assert told.code == 1
+    assert "True" not in told.err
+    assert '"5"' not in told.err
+    assert "takeoff takes altitude: float 1..120 m, not 500" in told.err
+    assert "the variable Alone occurs only once" in told.err
+    told = check(program, "--manifest", "arducopter")
+    assert told.code == 1
+    assert "the variable True occurs only once" in told.err
+    assert 'takeoff takes altitude: float 1..120 m, not "5"' in told.err
 
 
-def test_a_list_may_be_the_argument_of_an_action_that_takes_lists_and_of_no_other(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    program = tmp_path / "p.asl"
-    program.write_text('!g.\n+!g <- upload_mission([["takeoff", 0, 0, 10], [-27.6, -48.5, 20], ["rtl"]]).\n')
-    assert check(str(program), "--manifest", "arducopter") == 0
-    program.write_text("!g.\n+!g <- takeoff([5]).\n")
-    assert check(str(program), "--manifest", "arducopter") == 1
-    assert "takeoff takes altitude: float 1..120 m, not [5]" in capsys.readouterr().err
+def test_a_list_may_be_the_argument_of_an_action_that_takes_lists_and_of_no_other(check: Check) -> None:
+    upload = '!g.\n+!g <- upload_mission([["takeoff", 0, 0, 10], [-27.6, -48.5, 20], ["rtl"]]).\n'
+    assert check(upload, "--manifest", "arducopter").code == 0
+    told = check("!g.\n+!g <- takeoff([5]).\n", "--manifest", "arducopter")
+    assert told.code == 1
+    assert "takeoff takes altitude: float 1..120 m, not [5]" in told.err
 
 
-def test_arguments_with_a_default_may_be_left_out_and_are_checked_where_they_stand(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    manifest, program = tmp_path / "pen.toml", tmp_path / "a.asl"
-    manifest.write_text("""
+PEN = """
 [robot]
 driver = "zenoh"
 [actions.pen]
 service = "pen"
 params = [{name = "r", type = "int"}, {name = "g", type = "int"}, {name = "width", max = 9, default = 3}]
-""")
-    program.write_text("+!g <- pen(1, 2); pen(1, 2, 5).\n+!h <- pen(1, 2, 10); pen(x).\n")
-    assert check("--manifest", str(manifest), str(program)) == 1
-    told = [line.partition(": error: ")[2] for line in capsys.readouterr().err.splitlines()]
-    assert told == [
+"""
+
+
+def test_arguments_with_a_default_may_be_left_out_and_are_checked_where_they_stand(check: Check) -> None:
+    program = "+!g <- pen(1, 2); pen(1, 2, 5).\n+!h <- pen(1, 2, 10); pen(x).\n"
+    told = check({"a.asl": program, "pen.toml": PEN}, "--manifest", "pen.toml")
+    assert [line.partition(": error: ")[2] for line in told.err.splitlines()] == [
         "the action pen takes width: float ..9 = 3, not 10",
         "the action pen takes 2 or 3 arguments, not 1",
     ]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from agentd.check.finding_kinds import Kind
-from tests.agentd.check.test_check import check
+from tests.agentd.check.conftest import Check
 
 PAGE = (Path(__file__).parents[3] / "docs/reference/errors.md").read_text(encoding="utf-8")
 SHOWN = re.findall(r"^\*\*(.*?)\*\*.*?^```asl\n(.*?)^```\n\n```text\n(.*?)^```\n", PAGE, re.MULTILINE | re.DOTALL)
@@ -19,13 +19,9 @@ def test_five_messages_are_shown() -> None:
 
 
 @pytest.mark.parametrize(("program", "output"), [shown[1:] for shown in SHOWN], ids=[shown[0] for shown in SHOWN])
-def test_a_program_of_the_page_gets_the_messages_below_it(
-    program: str, output: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("hello.asl").write_text(program, encoding="utf-8")
-    assert check("hello.asl") == 1
-    assert capsys.readouterr().err == output
+def test_a_program_of_the_page_gets_the_messages_below_it(program: str, output: str, check: Check) -> None:
+    told = check({"hello.asl": program})
+    assert (told.code, told.err) == (1, output)
 
 
 def test_the_page_lists_the_kinds_of_findings() -> None:

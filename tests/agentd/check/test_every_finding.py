@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
 import pytest
 
 from agentd.check.finding_kinds import Kind
-from tests.agentd.check.test_check import check
+from tests.agentd.check.conftest import Check
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "tests" / "data" / "check"
+PROGRAM = "tests/data/check/every_finding.asl"
 KINDS = {kind.label for kind in Kind}
 ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax", "project", "known-when-run"}
 """What is told only without a manifest, what hides other findings and so stands in a file of its own, and projects."""
 
 
 @pytest.fixture(autouse=True)
-def _here(monkeypatch: pytest.MonkeyPatch) -> None:
+def _here(check: Check, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-
-
-def kinds_found(capsys: pytest.CaptureFixture[str], *args: str) -> set[tuple[str, int, str]]:
-    """File, line and kind of each finding."""
-    check("--json", *args)
-    return {(Path(one["file"]).name, one["line"], one["kind"]) for one in json.loads(capsys.readouterr().out)}
 
 
 def kinds_promised(name: str) -> set[tuple[str, int, str]]:
@@ -38,38 +32,28 @@ def kinds_promised(name: str) -> set[tuple[str, int, str]]:
     return promised
 
 
-def test_the_program_has_the_findings_that_its_comments_promise_and_no_others(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    name = "every_finding.asl"
-    told = kinds_found(capsys, "--manifest", "arducopter", f"tests/data/check/{name}")
-    assert told == kinds_promised(name)
-
-
-def test_every_kind_of_finding_has_its_line(capsys: pytest.CaptureFixture[str]) -> None:
-    program = "tests/data/check/every_finding.asl"
-    told = kinds_found(capsys, "--manifest", "arducopter", program)
+def test_the_program_has_the_findings_that_its_comments_promise_and_every_kind_is_among_them(check: Check) -> None:
+    told = check({}, "--json", "--manifest", "arducopter", PROGRAM).kinds
+    assert told == kinds_promised("every_finding.asl")
     assert {kind for _, _, kind in told} == KINDS - ONLY_ELSEWHERE
-    others = (program, "tests/data/check/incomplete.asl", "tests/data/check/team.mas2j")
-    told = set[tuple[str, int, str]]().union(*(kinds_found(capsys, other) for other in others))
-    assert {kind for _, _, kind in told} >= ONLY_ELSEWHERE
+    others = (PROGRAM, "tests/data/check/incomplete.asl", "tests/data/check/team.mas2j")
+    assert {kind for other in others for _, _, kind in check({}, "--json", other).kinds} >= ONLY_ELSEWHERE
 
 
-def test_what_hides_other_findings_is_told_where_it_stands(capsys: pytest.CaptureFixture[str]) -> None:
-    told = kinds_found(capsys, "tests/data/check/incomplete.asl")
-    assert told == {
+def test_what_hides_other_findings_is_told_where_it_stands(check: Check) -> None:
+    assert check({}, "--json", "tests/data/check/incomplete.asl").kinds == {
         ("incomplete.asl", 2, "file"),
         ("no_program.asl", 2, "syntax"),
         ("incomplete.asl", 4, "known-when-run"),
     }
 
 
-def test_the_findings_read_as_written_down(capsys: pytest.CaptureFixture[str]) -> None:
-    assert check("--manifest", "arducopter", "tests/data/check/every_finding.asl") == 1
-    assert capsys.readouterr().err == (FOLDER / "every_finding.out").read_text(encoding="utf-8")
+def test_the_findings_read_as_written_down(check: Check) -> None:
+    told = check({}, "--manifest", "arducopter", PROGRAM)
+    assert (told.code, told.err) == (1, (FOLDER / "every_finding.out").read_text(encoding="utf-8"))
 
 
-def test_the_agents_of_a_project_are_checked_as_one_team(capsys: pytest.CaptureFixture[str]) -> None:
-    assert kinds_found(capsys, "tests/data/check/team.mas2j") == {("team.mas2j", 3, "project")}
-    alone = kinds_found(capsys, "tests/data/check/bob.asl")
+def test_the_agents_of_a_project_are_checked_as_one_team(check: Check) -> None:
+    assert check({}, "--json", "tests/data/check/team.mas2j").kinds == {("team.mas2j", 3, "project")}
+    alone = check({}, "--json", "tests/data/check/bob.asl").kinds
     assert alone == set(), "an agent without goals of its own waits for those of others"

@@ -50,12 +50,6 @@ def test_a_file_that_is_not_there_is_told_where_it_is_included(tmp_path: Path) -
     assert 'main.asl:2:1: error: cannot include "nowhere.asl"' in str(refused.value)
 
 
-def test_files_that_include_one_another_without_end_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.asl").write_text('{ include("a.asl") }')
-    with pytest.raises(DirectiveError, match="include one another without end"):
-        compile_program(parse_file(tmp_path / "a.asl"), parse_file)
-
-
 @pytest.mark.parametrize("declared", ["", "{ namespace(priv, local) } "])
 def test_a_local_namespace_is_another_one_in_each_file(declared: str, tmp_path: Path) -> None:
     kind = "" if declared else ", local"

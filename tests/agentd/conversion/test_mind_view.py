@@ -19,7 +19,7 @@ from schemas.wire import keys
 from schemas.wire.mind_records import BeliefView, MindView, WaitView
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import World, mind_of, term
-from tests.support.buses import Connect, on_a_bus, served, until
+from tests.support.buses import Connect, bus_test, served, until
 
 
 def shown(world: World, look: Look | None = None) -> list[BeliefView]:
@@ -50,22 +50,20 @@ def test_a_belief_is_shown_with_its_sources_and_since_when() -> None:
     ], "a source that joins later does not make a belief younger"
 
 
-def test_nobody_knows_since_when_a_belief_of_a_former_life_is(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bus = await connect()
-        first = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
-        await until(lambda: any("seen" in belief for belief in first.host.view().beliefs), "it believes")
-        await first.end()
-        again = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
-        again.tell(Mail("ana", "tell", term("news(1)")))
-        await until(lambda: len(again.host.view().believed) == 2, "it believes again")
-        old, new = again.host.view().believed
-        assert (old.text, old.since) == ("seen(1)[source(self)]", None)
-        assert new.since is not None
-        assert new.since <= again.host.view().time
-        await again.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_nobody_knows_since_when_a_belief_of_a_former_life_is(connect: Connect, tmp_path: Path) -> None:
+    bus = await connect()
+    first = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
+    await until(lambda: any("seen" in belief for belief in first.host.view().beliefs), "it believes")
+    await first.end()
+    again = await host_on(bus, "bob", "!go. +!go <- +seen(1).", tmp_path)
+    again.tell(Mail("ana", "tell", term("news(1)")))
+    await until(lambda: len(again.host.view().believed) == 2, "it believes again")
+    old, new = again.host.view().believed
+    assert (old.text, old.since) == ("seen(1)[source(self)]", None)
+    assert new.since is not None
+    assert new.since <= again.host.view().time
+    await again.end()
 
 
 def test_a_mind_that_is_not_kept_tells_the_age_of_what_came_between_two_looks() -> None:
@@ -246,47 +244,43 @@ async def ask(bus: Bus, selector: str) -> tuple[MindView | None, str]:
         return None, str(failed)
 
 
-def test_an_observer_says_in_the_selector_what_it_wants_to_see(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        agents, observer = await connect("board1"), await connect("eyes")
-        bob = await host_on(agents, "bob", "a(1). b(2). !go. +!go <- .print(there).", tmp_path)
-        key = keys.mind("test", "bob")
-        await served(observer, key)
-        await until(lambda: bob.prints == ["there"], "it has run")
-        view, _ = await ask(observer, f"{key}?plans=true;about=a")
+@bus_test
+async def test_an_observer_says_in_the_selector_what_it_wants_to_see(connect: Connect, tmp_path: Path) -> None:
+    agents, observer = await connect("board1"), await connect("eyes")
+    bob = await host_on(agents, "bob", "a(1). b(2). !go. +!go <- .print(there).", tmp_path)
+    key = keys.mind("test", "bob")
+    await served(observer, key)
+    await until(lambda: bob.prints == ["there"], "it has run")
+    view, _ = await ask(observer, f"{key}?plans=true;about=a")
+    assert view is not None
+    assert list(view.beliefs) == ["a(1)[source(self)]"]
+    assert (view.plans, view.plan_count, view.program, view.state) == ((), 1, "bob.asl", "waiting")
+    view, _ = await ask(observer, f"{key}?plans=true")
+    assert view is not None
+    assert [plan.trigger for plan in view.plans] == ["+!go"]
+    assert [decision.event for decision in view.decisions] == ["+!go"]
+    assert await ask(observer, f"{key}?last=many") == (None, "last=many: expected a number from 0 to 200")
+    again, _ = await ask(observer, f"{key}?plans=true")
+    assert again is not None
+    await bob.end()
+
+
+@bus_test
+async def test_whoever_asks_all_the_time_is_shown_the_same_look_again(connect: Connect, tmp_path: Path) -> None:
+    agents, observer = await connect("board1"), await connect("eyes")
+    bob = await host_on(agents, "bob", "a(1).", tmp_path)
+    key = keys.mind("test", "bob")
+    await served(observer, key)
+    numbers = []
+    began = time.monotonic()
+    for _ in range(100):
+        view, _ = await ask(observer, key)
         assert view is not None
-        assert list(view.beliefs) == ["a(1)[source(self)]"]
-        assert (view.plans, view.plan_count, view.program, view.state) == ((), 1, "bob.asl", "waiting")
-        view, _ = await ask(observer, f"{key}?plans=true")
-        assert view is not None
-        assert [plan.trigger for plan in view.plans] == ["+!go"]
-        assert [decision.event for decision in view.decisions] == ["+!go"]
-        assert await ask(observer, f"{key}?last=many") == (None, "last=many: expected a number from 0 to 200")
-        again, _ = await ask(observer, f"{key}?plans=true")
-        assert again is not None
-        await bob.end()
-
-    on_a_bus(endpoint, body)
-
-
-def test_whoever_asks_all_the_time_is_shown_the_same_look_again(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        agents, observer = await connect("board1"), await connect("eyes")
-        bob = await host_on(agents, "bob", "a(1).", tmp_path)
-        key = keys.mind("test", "bob")
-        await served(observer, key)
-        numbers = []
-        began = time.monotonic()
-        for _ in range(100):
-            view, _ = await ask(observer, key)
-            assert view is not None
-            numbers.append(view.header.seq)
-        looks = len(set(numbers))
-        assert looks <= (time.monotonic() - began) / 0.2 + 2
-        assert looks < 100
-        await bob.end()
-
-    on_a_bus(endpoint, body)
+        numbers.append(view.header.seq)
+    looks = len(set(numbers))
+    assert looks <= (time.monotonic() - began) / 0.2 + 2
+    assert looks < 100
+    await bob.end()
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
-from agentd.__main__ import main
+from tests.agentd.conftest import Command, agentd
 
 COMPASS = Path(__file__).parents[3] / "examples" / "compass"
 
@@ -24,12 +23,6 @@ def _install(site: Path, name: str, version: str, entries: dict[str, str]) -> No
     (info / "entry_points.txt").write_text(f"[argosy.internal_actions]\n{lines}")
 
 
-def _agentd(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(site)}
-    command = [sys.executable, "-m", "agentd", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
-
-
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
     folder = tmp_path / "site"
@@ -38,19 +31,31 @@ def site(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def program(tmp_path: Path):
-    def write(text: str) -> str:
+def with_site(site: Path):
+    """Run a command in a process that finds what is in the site."""
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        return agentd(*arguments, env={**os.environ, "PYTHONPATH": str(site)})
+
+    return run
+
+
+@pytest.fixture
+def ran(mylib: Path, with_site, tmp_path: Path):
+    """Run a program beside the packages."""
+
+    def run(text: str) -> subprocess.CompletedProcess[str]:
         (tmp_path / "bob.asl").write_text(text)
-        return str(tmp_path / "bob.asl")
+        return with_site("run", "--exit-when-idle", tmp_path / "bob.asl")
 
-    return write
+    return run
 
 
-def test_the_example_package_is_found_by_its_entry_point_and_its_program_runs(site: Path) -> None:
+def test_the_example_package_is_found_by_its_entry_point_and_its_program_runs(site: Path, with_site) -> None:
     project = tomllib.loads((COMPASS / "pyproject.toml").read_text())["project"]
     (site / "compass_for_agents.py").write_text((COMPASS / "compass_for_agents.py").read_text())
     _install(site, project["name"], project["version"], project["entry-points"]["argosy.internal_actions"])
-    done = _agentd(site, "run", str(COMPASS / "walker.asl"), "--exit-when-idle")
+    done = with_site("run", COMPASS / "walker.asl", "--exit-when-idle")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "[walker] going north, 32 degrees off\n[walker] [north,east]\n"
 
@@ -84,42 +89,30 @@ def mylib(site: Path) -> Path:
     return site
 
 
-def test_actions_and_functions_serve_in_bodies_contexts_rules_facts_and_registered_functions(
-    mylib: Path, program
-) -> None:
-    done = _agentd(
-        mylib,
-        "run",
-        "--exit-when-idle",
-        program(
-            """
-            size(mylib.twice(3)).
-            even(X) :- .member(X, [1,2,3,4]) & mylib.is_even(X).
-            !s.
-            +!s : mylib.is_even(2) & not mylib.is_even(3) & size(S)
-              <- .print(S); .findall(X, even(X), L); .print(L); .print(mylib.twice(4) + 1);
-                 if (mylib.is_even(4)) { mylib.is_even(3) }.
-            -!s[error(E)] <- .print(E).
-            """
-        ),
+def test_actions_and_functions_serve_in_bodies_contexts_rules_facts_and_registered_functions(ran) -> None:
+    done = ran(
+        """
+        size(mylib.twice(3)).
+        even(X) :- .member(X, [1,2,3,4]) & mylib.is_even(X).
+        !s.
+        +!s : mylib.is_even(2) & not mylib.is_even(3) & size(S)
+          <- .print(S); .findall(X, even(X), L); .print(L); .print(mylib.twice(4) + 1);
+             if (mylib.is_even(4)) { mylib.is_even(3) }.
+        -!s[error(E)] <- .print(E).
+        """
     )
     assert (done.stderr, done.returncode) == ("", 0)
     assert done.stdout.splitlines() == ["[bob] 6", "[bob] [2,4]", "[bob] 9", "[bob] ia_failed"]
 
 
-def test_what_a_package_does_not_provide_or_not_with_so_many_arguments_fails(mylib: Path, program) -> None:
-    done = _agentd(
-        mylib,
-        "run",
-        "--exit-when-idle",
-        program(
-            """
-            !a. !b. !c.
-            +!a <- mylib.nosuch(1).      -!a[error(E)] <- .print(a, E).
-            +!b <- mylib.is_even(1, 2).  -!b[error(E), error_msg(M)] <- .print(b, E, M).
-            +!c <- other.thing(1).       -!c[error(E)] <- .print(c, E).
-            """
-        ),
+def test_what_a_package_does_not_provide_or_not_with_so_many_arguments_fails(ran) -> None:
+    done = ran(
+        """
+        !a. !b. !c.
+        +!a <- mylib.nosuch(1).      -!a[error(E)] <- .print(a, E).
+        +!b <- mylib.is_even(1, 2).  -!b[error(E), error_msg(M)] <- .print(b, E, M).
+        +!c <- other.thing(1).       -!c[error(E)] <- .print(c, E).
+        """
     )
     assert sorted(done.stdout.splitlines()) == [
         "[bob] aaction_failed",
@@ -128,18 +121,13 @@ def test_what_a_package_does_not_provide_or_not_with_so_many_arguments_fails(myl
     ]
 
 
-def test_an_error_in_a_package_is_told_with_its_action_file_and_line(mylib: Path, program) -> None:
-    done = _agentd(
-        mylib,
-        "run",
-        "--exit-when-idle",
-        program(
-            """
-            !a. !b.
-            +!a <- mylib.broken(1).  -!a[error_msg(M)] <- .print(M).
-            +!b : mylib.broken(1) <- true.
-            """
-        ),
+def test_an_error_in_a_package_is_told_with_its_action_file_and_line(ran, mylib: Path) -> None:
+    done = ran(
+        """
+        !a. !b.
+        +!a <- mylib.broken(1).  -!a[error_msg(M)] <- .print(M).
+        +!b : mylib.broken(1) <- true.
+        """
     )
     where = f"({mylib}/my_module.py:10, in broken)"
     text = f"PluginError: mylib.broken: AttributeError: 'float' object has no attribute 'nonsense' {where}"
@@ -154,21 +142,14 @@ def test_an_error_in_a_package_is_told_with_its_action_file_and_line(mylib: Path
         ("hurt", "ZeroDivisionError: division by zero"),
     ],
 )
-def test_a_package_that_cannot_be_imported_is_named_where_it_is_used(
-    mylib: Path, program, name: str, reason: str
-) -> None:
-    done = _agentd(
-        mylib,
-        "run",
-        "--exit-when-idle",
-        program(
-            f"""
-            !a. !b. !c.
-            +!a <- {name}.act(1).     -!a[error_msg(M)] <- .print(M).
-            +!b : {name}.know(1) <- true.
-            +!c <- X = {name}.f(1).   -!c[error_msg(M)] <- .print(M).
-            """
-        ),
+def test_a_package_that_cannot_be_imported_is_named_where_it_is_used(ran, name: str, reason: str) -> None:
+    done = ran(
+        f"""
+        !a. !b. !c.
+        +!a <- {name}.act(1).     -!a[error_msg(M)] <- .print(M).
+        +!b : {name}.know(1) <- true.
+        +!c <- X = {name}.f(1).   -!c[error_msg(M)] <- .print(M).
+        """
     )
     told = f"the plug-in {name} of my-package 2.3 cannot be loaded: {reason}"
     assert done.stdout.count(told) == 2
@@ -176,8 +157,11 @@ def test_a_package_that_cannot_be_imported_is_named_where_it_is_used(
     assert "Traceback" not in done.stderr
 
 
-def test_a_check_of_a_program_knows_the_packages_that_are_installed(mylib: Path, program) -> None:
-    done = _agentd(mylib, "check", program("!s.\n+!s <- mylib.is_even(2);\n mylib.is_evn(2);\n hurt.act(1)."))
+@pytest.mark.usefixtures("mylib")
+def test_a_check_of_a_program_knows_the_packages_that_are_installed(with_site, tmp_path: Path) -> None:
+    program = tmp_path / "bob.asl"
+    program.write_text("!s.\n+!s <- mylib.is_even(2);\n mylib.is_evn(2);\n hurt.act(1).")
+    done = with_site("check", program)
     first, second = [line.partition("bob.asl:")[2] for line in done.stderr.splitlines() if "bob.asl" in line]
     assert first.startswith("3:2: error: there is no function or internal action mylib.is_evn/1")
     assert first.endswith("did you mean mylib.is_even?")
@@ -187,16 +171,17 @@ def test_a_check_of_a_program_knows_the_packages_that_are_installed(mylib: Path,
     assert done.returncode == 1
 
 
-def test_a_package_cannot_replace_the_standard_library(mylib: Path, program) -> None:
-    done = _agentd(mylib, "run", "--exit-when-idle", program("!s. +!s <- mylib.is_even(2); .print(heard)."))
+def test_a_package_cannot_replace_the_standard_library(ran) -> None:
+    done = ran("!s. +!s <- mylib.is_even(2); .print(heard).")
     assert done.stdout == "[bob] heard\n"
 
 
 def test_programs_that_use_no_names_of_packages_do_not_look_for_any(
-    mylib: Path, program, monkeypatch: pytest.MonkeyPatch
+    command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def looked(**_: object) -> None:
         raise AssertionError("entry points were looked for")
 
     monkeypatch.setattr("importlib.metadata.entry_points", looked)
-    assert main(["run", "--exit-when-idle", program("!s. +!s : .my_name(N) <- X = math.abs(-1); .print(X).")]) == 0
+    program = "!s. +!s : .my_name(N) <- X = math.abs(-1); .print(X)."
+    assert command({"bob.asl": program}, "run", "--exit-when-idle", "bob.asl").lines == ["[bob] 1"]

@@ -16,7 +16,7 @@ from commd.client.send_mail import LARGEST, Unsendable
 from commd.mail.message import adds_up
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
-from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+from tests.support.buses import FLEET, Connect, bus_test, served, until
 
 
 class Desk:
@@ -66,218 +66,194 @@ async def a_desk(connect: Connect) -> Desk:
     return desk
 
 
-def test_messages_leave_numbered_in_batches_and_in_order_per_receiver(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        desk = await a_desk(connect)
-        outbox, _ = an_outbox(await connect("a"))
-        for number in range(1200):
-            send(outbox, number, "b" if number % 3 else "c")
-        keep(outbox)
-        await until(lambda: outbox.counters["sent"] == 1200, "all are handed over")
-        assert desk.told("b") == [number for number in range(1200) if number % 3]
-        assert desk.told("c") == list(range(0, 1200, 3))
-        assert [one.header.seq for one in desk.taken if one.receiver == "c"] == list(range(1, 401))
-        assert len(desk.batches) < 10
-        assert len(outbox) == 0
-        assert sorted(outbox.take_gone()) == list(range(1, 1201))
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_messages_leave_numbered_in_batches_and_in_order_per_receiver(connect: Connect) -> None:
+    desk = await a_desk(connect)
+    outbox, _ = an_outbox(await connect("a"))
+    for number in range(1200):
+        send(outbox, number, "b" if number % 3 else "c")
+    keep(outbox)
+    await until(lambda: outbox.counters["sent"] == 1200, "all are handed over")
+    assert desk.told("b") == [number for number in range(1200) if number % 3]
+    assert desk.told("c") == list(range(0, 1200, 3))
+    assert [one.header.seq for one in desk.taken if one.receiver == "c"] == list(range(1, 401))
+    assert len(desk.batches) < 10
+    assert len(outbox) == 0
+    assert sorted(outbox.take_gone()) == list(range(1, 1201))
 
 
-def test_nothing_leaves_before_it_is_on_disk(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        desk = await a_desk(connect)
-        bus = await connect("a")
-        outbox, _ = an_outbox(bus)
-        await served(bus, keys.outbox(FLEET, "a"))
-        send(outbox, 1)
-        held = outbox.take_unsaved()
-        send(outbox, 2)
-        keep(outbox)
-        await until(lambda: desk.told("b") == [2], "what is kept leaves")
-        outbox.saved(held)
-        await until(lambda: desk.told("b") == [2, 1], "the other one leaves when it is kept")
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_nothing_leaves_before_it_is_on_disk(connect: Connect) -> None:
+    desk = await a_desk(connect)
+    bus = await connect("a")
+    outbox, _ = an_outbox(bus)
+    await served(bus, keys.outbox(FLEET, "a"))
+    send(outbox, 1)
+    held = outbox.take_unsaved()
+    send(outbox, 2)
+    keep(outbox)
+    await until(lambda: desk.told("b") == [2], "what is kept leaves")
+    outbox.saved(held)
+    await until(lambda: desk.told("b") == [2, 1], "the other one leaves when it is kept")
 
 
-def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_at_once_when_it_comes(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        outbox, _ = an_outbox(await connect("a"))
-        send(outbox, 1)
-        keep(outbox)
-        send(outbox, 2)
-        keep(outbox)
-        await until(lambda: outbox.counters["not_answered"] > 0, "nobody answers")
-        desk = await a_desk(connect)
-        outbox.retry_now()
-        await until(lambda: desk.told("b") == [1, 2], "both leave, in order")
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_at_once_when_it_comes(connect: Connect) -> None:
+    outbox, _ = an_outbox(await connect("a"))
+    send(outbox, 1)
+    keep(outbox)
+    send(outbox, 2)
+    keep(outbox)
+    await until(lambda: outbox.counters["not_answered"] > 0, "nobody answers")
+    desk = await a_desk(connect)
+    outbox.retry_now()
+    await until(lambda: desk.told("b") == [1, 2], "both leave, in order")
 
 
-def test_a_receipt_that_does_not_add_up_counts_as_none_and_the_batch_is_sent_again(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        desk = await a_desk(connect)
-        outbox, _ = an_outbox(await connect("a"))
-        wrong = [Receipt(), Receipt(taken=3), Receipt(taken=1, later={7: Refusal(code="full")}), None]
-        desk.answer = lambda messages: wrong.pop() if wrong else Receipt(taken=len(messages))
-        send(outbox, 1)
-        send(outbox, 2)
-        keep(outbox)
-        await until(lambda: outbox.counters["sent"] == 2, "it is sent again until the receipt is right")
-        assert outbox.counters["not_answered"] == 4
-        assert desk.told("b") == [1, 2]
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_receipt_that_does_not_add_up_counts_as_none_and_the_batch_is_sent_again(connect: Connect) -> None:
+    desk = await a_desk(connect)
+    outbox, _ = an_outbox(await connect("a"))
+    wrong = [Receipt(), Receipt(taken=3), Receipt(taken=1, later={7: Refusal(code="full")}), None]
+    desk.answer = lambda messages: wrong.pop() if wrong else Receipt(taken=len(messages))
+    send(outbox, 1)
+    send(outbox, 2)
+    keep(outbox)
+    await until(lambda: outbox.counters["sent"] == 2, "it is sent again until the receipt is right")
+    assert outbox.counters["not_answered"] == 4
+    assert desk.told("b") == [1, 2]
 
 
-def test_a_full_mailbox_holds_up_its_own_pair_only(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        desk = await a_desk(connect)
-        outbox, _ = an_outbox(await connect("a"))
-        full = True
+@bus_test
+async def test_a_full_mailbox_holds_up_its_own_pair_only(connect: Connect) -> None:
+    desk = await a_desk(connect)
+    outbox, _ = an_outbox(await connect("a"))
+    full = True
 
-        def answer(messages: tuple[Message, ...]) -> Receipt:
-            later = {
-                place: Refusal(code="mailbox_full")
-                for place, one in enumerate(messages)
-                if full and one.receiver == "b"
-            }
-            return Receipt(taken=len(messages) - len(later), later=later)
+    def answer(messages: tuple[Message, ...]) -> Receipt:
+        later = {
+            place: Refusal(code="mailbox_full") for place, one in enumerate(messages) if full and one.receiver == "b"
+        }
+        return Receipt(taken=len(messages) - len(later), later=later)
 
-        desk.answer = answer
-        for number in range(10):
-            send(outbox, number, "b" if number % 2 else "c")
-        keep(outbox)
-        await until(lambda: len(desk.told("c")) == 5, "the others get theirs")
-        send(outbox, 10, "c")
-        keep(outbox)
-        await until(lambda: len(desk.told("c")) == 6, "also later ones")
-        assert desk.told("b") == []
-        full = False
-        await until(lambda: desk.told("b") == [1, 3, 5, 7, 9], "the mailbox has room again, in order")
-
-    on_a_bus(endpoint, body)
+    desk.answer = answer
+    for number in range(10):
+        send(outbox, number, "b" if number % 2 else "c")
+    keep(outbox)
+    await until(lambda: len(desk.told("c")) == 5, "the others get theirs")
+    send(outbox, 10, "c")
+    keep(outbox)
+    await until(lambda: len(desk.told("c")) == 6, "also later ones")
+    assert desk.told("b") == []
+    full = False
+    await until(lambda: desk.told("b") == [1, 3, 5, 7, 9], "the mailbox has room again, in order")
 
 
-def test_a_receiver_with_much_mail_does_not_keep_the_others_from_theirs(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        desk = await a_desk(connect)
-        outbox, _ = an_outbox(await connect("a"))
-        for number in range(3000):
-            send(outbox, number)
-        send(outbox, 0, "c")
-        keep(outbox)
-        await until(lambda: outbox.counters["sent"] == 3001, "all are handed over")
-        assert [one.receiver for one in desk.taken].index("c") <= 500
-        assert desk.told("b") == list(range(3000))
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_receiver_with_much_mail_does_not_keep_the_others_from_theirs(connect: Connect) -> None:
+    desk = await a_desk(connect)
+    outbox, _ = an_outbox(await connect("a"))
+    for number in range(3000):
+        send(outbox, number)
+    send(outbox, 0, "c")
+    keep(outbox)
+    await until(lambda: outbox.counters["sent"] == 3001, "all are handed over")
+    assert [one.receiver for one in desk.taken].index("c") <= 500
+    assert desk.told("b") == list(range(3000))
 
 
-def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_mail(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_mail(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.outbox.RETRY_MOST", 0.1)
 
     def breaks(message: Message, why: str) -> None:
         raise KeyError(why)
 
-    async def body(connect: Connect) -> None:
-        desk = await a_desk(connect)
-        outbox = Outbox(await connect("a"), "a", breaks)
-        desk.answer = lambda messages: (
-            Receipt(refused={0: Refusal(code="no")}, taken=len(messages) - 1)
-            if messages[0].header.seq == 1
-            else Receipt(taken=len(messages))
-        )
-        for number in range(3):
-            send(outbox, number)
-        keep(outbox)
-        await until(lambda: desk.told("b") == [1, 2] and not len(outbox), "the others leave")
-        assert outbox.counters["defects"] == 1
-
-    on_a_bus(endpoint, body)
+    desk = await a_desk(connect)
+    outbox = Outbox(await connect("a"), "a", breaks)
+    desk.answer = lambda messages: (
+        Receipt(refused={0: Refusal(code="no")}, taken=len(messages) - 1)
+        if messages[0].header.seq == 1
+        else Receipt(taken=len(messages))
+    )
+    for number in range(3):
+        send(outbox, number)
+    keep(outbox)
+    await until(lambda: desk.told("b") == [1, 2] and not len(outbox), "the others leave")
+    assert outbox.counters["defects"] == 1
 
 
-def test_what_commd_refuses_for_good_is_told_with_its_content(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        desk = await a_desk(connect)
-        outbox, refused = an_outbox(await connect("a"))
-        desk.answer = lambda messages: Receipt(taken=len(messages) - 1, refused={1: Refusal(code="receiver_not_found")})
-        for number in range(3):
-            send(outbox, number)
-        keep(outbox)
-        await until(lambda: len(refused) == 1, "the agent hears of it")
-        assert (refused[0][0].content, refused[0][1]) == (1, Refusal(code="receiver_not_found"))
-        assert desk.told("b") == [0, 2]
-        assert len(outbox) == 0
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_what_commd_refuses_for_good_is_told_with_its_content(connect: Connect) -> None:
+    desk = await a_desk(connect)
+    outbox, refused = an_outbox(await connect("a"))
+    desk.answer = lambda messages: Receipt(taken=len(messages) - 1, refused={1: Refusal(code="receiver_not_found")})
+    for number in range(3):
+        send(outbox, number)
+    keep(outbox)
+    await until(lambda: len(refused) == 1, "the agent hears of it")
+    assert (refused[0][0].content, refused[0][1]) == (1, Refusal(code="receiver_not_found"))
+    assert desk.told("b") == [0, 2]
+    assert len(outbox) == 0
 
 
-def test_a_message_that_is_too_large_or_cannot_be_written_is_not_taken(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        outbox, _ = an_outbox(await connect("a"))
-        outbox.post(["b"], "tell", "x" * (LARGEST - 1000), "mid1", "")
-        for content, error in (("x" * LARGEST, "message_too_large"), ("\ud800", "not_sendable")):
-            with pytest.raises(Unsendable) as raised:
-                outbox.post(["b"], "tell", content, "mid2", "")
-            assert raised.value.reason.code == error
-        assert len(outbox) == 1
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_message_that_is_too_large_or_cannot_be_written_is_not_taken(connect: Connect) -> None:
+    outbox, _ = an_outbox(await connect("a"))
+    outbox.post(["b"], "tell", "x" * (LARGEST - 1000), "mid1", "")
+    for content, error in (("x" * LARGEST, "message_too_large"), ("\ud800", "not_sendable")):
+        with pytest.raises(Unsendable) as raised:
+            outbox.post(["b"], "tell", content, "mid2", "")
+        assert raised.value.reason.code == error
+    assert len(outbox) == 1
 
 
-def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or_not_at_all(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or_not_at_all(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.outbox.MOST_FOR_ONE", 10)
     monkeypatch.setattr("agentd.mail.outbox.MOST_BYTES", 5000)
 
-    async def body(connect: Connect) -> None:
-        outbox, _ = an_outbox(await connect("a"))
-        for number in range(10):
-            send(outbox, number)
-        with pytest.raises(Unsendable, match="10 messages to 'b' wait to leave already"):
-            send(outbox, 10, "c", "b")
-        assert outbox.numbers["c"] == 0
-        with pytest.raises(Unsendable, match="at most 0 MB may") as raised:
-            outbox.post(["c"], "tell", "x" * 4000, "mid1", "")
-        assert raised.value.reason.code == "mailbox_full"
-        desk = await a_desk(connect)
-        keep(outbox)
-        outbox.retry_now()
-        await until(lambda: len(desk.told("b")) == 10, "they leave")
-        await until(lambda: len(outbox) == 0, "there is room again")
-        send(outbox, 11)
-
-    on_a_bus(endpoint, body)
+    outbox, _ = an_outbox(await connect("a"))
+    for number in range(10):
+        send(outbox, number)
+    with pytest.raises(Unsendable, match="10 messages to 'b' wait to leave already"):
+        send(outbox, 10, "c", "b")
+    assert outbox.numbers["c"] == 0
+    with pytest.raises(Unsendable, match="at most 0 MB may") as raised:
+        outbox.post(["c"], "tell", "x" * 4000, "mid1", "")
+    assert raised.value.reason.code == "mailbox_full"
+    desk = await a_desk(connect)
+    keep(outbox)
+    outbox.retry_now()
+    await until(lambda: len(desk.told("b")) == 10, "they leave")
+    await until(lambda: len(outbox) == 0, "there is room again")
+    send(outbox, 11)
 
 
-def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_anew(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bus = await connect("a")
-        first, _ = an_outbox(bus)
-        for number in range(3):
-            send(first, number)
-        rows = first.take_unsaved()
-        await first.drain(0)
-        second, _ = an_outbox(bus)
-        second.restore(rows[1:])
-        send(second, 3)
-        keep(second)
-        desk = await a_desk(connect)
-        second.retry_now()
-        await until(lambda: desk.told("b") == [1, 2, 3], "the rest leaves in order")
-        assert [one.header.seq for one in desk.taken] == [2, 3, 1]
-        assert [one.header.boot for one in desk.taken] == [first.numbering, first.numbering, second.numbering]
-        gone: list[int] = []
-        await until(lambda: gone.extend(second.take_gone()) or len(gone) == 3, "the receipts are read")
-        assert sorted(gone) == [2, 3, 4]
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_anew(connect: Connect) -> None:
+    bus = await connect("a")
+    first, _ = an_outbox(bus)
+    for number in range(3):
+        send(first, number)
+    rows = first.take_unsaved()
+    await first.drain(0)
+    second, _ = an_outbox(bus)
+    second.restore(rows[1:])
+    send(second, 3)
+    keep(second)
+    desk = await a_desk(connect)
+    second.retry_now()
+    await until(lambda: desk.told("b") == [1, 2, 3], "the rest leaves in order")
+    assert [one.header.seq for one in desk.taken] == [2, 3, 1]
+    assert [one.header.boot for one in desk.taken] == [first.numbering, first.numbering, second.numbering]
+    gone: list[int] = []
+    await until(lambda: gone.extend(second.take_gone()) or len(gone) == 3, "the receipts are read")
+    assert sorted(gone) == [2, 3, 4]
 
 
 @pytest.mark.parametrize(
@@ -341,130 +317,114 @@ def numbered(seq: int, content: object = None, sender: str = "a", numbering: str
     )
 
 
-def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        reader = await a_reader(connect)
-        answer = asyncio.create_task(reader.hand_over(numbered(1), numbered(2)))
-        await until(lambda: reader.fed == [1, 2], "the mind gets both")
-        reader.inbox.absorb(1)
-        held = reader.inbox.take_absorbed()
-        reader.inbox.absorb(0)
-        await asyncio.sleep(0.1)
-        assert not answer.done()
-        reader.inbox.saved(held)
-        await asyncio.sleep(0.1)
-        assert not answer.done()
-        reader.absorb()
-        assert (await answer) == Receipt(taken=2)
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_message_is_acknowledged_only_when_what_came_of_it_is_kept(connect: Connect) -> None:
+    reader = await a_reader(connect)
+    answer = asyncio.create_task(reader.hand_over(numbered(1), numbered(2)))
+    await until(lambda: reader.fed == [1, 2], "the mind gets both")
+    reader.inbox.absorb(1)
+    held = reader.inbox.take_absorbed()
+    reader.inbox.absorb(0)
+    await asyncio.sleep(0.1)
+    assert not answer.done()
+    reader.inbox.saved(held)
+    await asyncio.sleep(0.1)
+    assert not answer.done()
+    reader.absorb()
+    assert (await answer) == Receipt(taken=2)
 
 
-def test_what_is_not_absorbed_in_time_is_to_be_sent_again_and_is_not_fed_twice(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_what_is_not_absorbed_in_time_is_to_be_sent_again_and_is_not_fed_twice(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.mail_client.PATIENCE", 0.2)
 
-    async def body(connect: Connect) -> None:
-        reader = await a_reader(connect)
-        told = await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c"))
-        assert (told.taken, sorted(told.later)) == (0, [0, 1, 2])
-        reader.absorb(left=2)
-        told = await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c"))
-        assert (told.taken, sorted(told.later)) == (1, [1, 2])
-        reader.absorb()
-        assert await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c")) == Receipt(taken=3)
-        assert reader.fed == [1, 2, 1]
-
-    on_a_bus(endpoint, body)
+    reader = await a_reader(connect)
+    told = await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c"))
+    assert (told.taken, sorted(told.later)) == (0, [0, 1, 2])
+    reader.absorb(left=2)
+    told = await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c"))
+    assert (told.taken, sorted(told.later)) == (1, [1, 2])
+    reader.absorb()
+    assert await reader.hand_over(numbered(1), numbered(2), numbered(1, sender="c")) == Receipt(taken=3)
+    assert reader.fed == [1, 2, 1]
 
 
-def test_a_new_life_takes_no_message_again_that_the_last_one_kept(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        reader = await a_reader(connect)
-        reader.inbox.restore({Numbered("a", "n"): 7})
-        assert await reader.hand_over(numbered(6), numbered(7)) == Receipt(taken=2)
-        assert reader.fed == []
-        answer = asyncio.create_task(reader.hand_over(numbered(8), numbered(1, numbering="other")))
-        await until(lambda: reader.fed == [8, 1], "new numbers and new numberings are new messages")
-        reader.absorb()
-        assert await answer == Receipt(taken=2)
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_new_life_takes_no_message_again_that_the_last_one_kept(connect: Connect) -> None:
+    reader = await a_reader(connect)
+    reader.inbox.restore({Numbered("a", "n"): 7})
+    assert await reader.hand_over(numbered(6), numbered(7)) == Receipt(taken=2)
+    assert reader.fed == []
+    answer = asyncio.create_task(reader.hand_over(numbered(8), numbered(1, numbering="other")))
+    await until(lambda: reader.fed == [8, 1], "new numbers and new numberings are new messages")
+    reader.absorb()
+    assert await answer == Receipt(taken=2)
 
 
-def test_numbers_that_did_not_come_are_told(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        reader = await a_reader(connect)
-        reader.inbox.restore({Numbered("a", "n"): 7})
-        answer = asyncio.create_task(reader.hand_over(numbered(8), numbered(12), numbered(13, "bad"), numbered(14)))
-        await until(lambda: reader.fed == [8, 12, 14], "what came is taken")
-        reader.absorb()
-        await answer
-        assert reader.missing == [("a", 3)]
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_numbers_that_did_not_come_are_told(connect: Connect) -> None:
+    reader = await a_reader(connect)
+    reader.inbox.restore({Numbered("a", "n"): 7})
+    answer = asyncio.create_task(reader.hand_over(numbered(8), numbered(12), numbered(13, "bad"), numbered(14)))
+    await until(lambda: reader.fed == [8, 12, 14], "what came is taken")
+    reader.absorb()
+    await answer
+    assert reader.missing == [("a", 3)]
 
 
-def test_what_cannot_be_taken_now_or_ever_is_said_message_by_message(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        reader = await a_reader(connect)
-        reader.full = True
-        late = Message(
-            header=Header(seq=9, boot="n"), id="m", sender="d", performative="tell", receiver="b", content=1, ttl=0
-        )
-        told = await reader.hand_over(numbered(1), numbered(2, "bad"), numbered(3), late)
-        assert {place: why.code for place, why in told.refused.items()} == {1: "unreadable", 3: "expired"}
-        assert {place: why.code for place, why in told.later.items()} == {0: "mailbox_full", 2: "mailbox_full"}
-        assert reader.fed == []
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_what_cannot_be_taken_now_or_ever_is_said_message_by_message(connect: Connect) -> None:
+    reader = await a_reader(connect)
+    reader.full = True
+    late = Message(
+        header=Header(seq=9, boot="n"), id="m", sender="d", performative="tell", receiver="b", content=1, ttl=0
+    )
+    told = await reader.hand_over(numbered(1), numbered(2, "bad"), numbered(3), late)
+    assert {place: why.code for place, why in told.refused.items()} == {1: "unreadable", 3: "expired"}
+    assert {place: why.code for place, why in told.later.items()} == {0: "mailbox_full", 2: "mailbox_full"}
+    assert reader.fed == []
 
 
-def test_a_message_behind_one_that_is_too_late_waits_so_that_the_refusal_is_heard_though_its_answer_is_lost(
-    endpoint: str,
+@bus_test
+async def test_a_message_behind_one_that_is_too_late_waits_so_that_the_refusal_is_heard_though_its_answer_is_lost(
+    connect: Connect,
 ) -> None:
-    async def body(connect: Connect) -> None:
-        reader = await a_reader(connect)
-        batch = (replace(numbered(1), ttl=0.0), numbered(2))
-        for _ in range(2):  # the first answer is lost
-            told = await reader.hand_over(*batch)
-            assert (told.taken, told.refused, list(told.later)) == (0, {0: Refusal(code="expired")}, [1])
-        answer = asyncio.create_task(reader.hand_over(numbered(2)))
-        await until(lambda: reader.fed == [2], "commd knows, and goes on behind it")
+    reader = await a_reader(connect)
+    batch = (replace(numbered(1), ttl=0.0), numbered(2))
+    for _ in range(2):  # the first answer is lost
+        told = await reader.hand_over(*batch)
+        assert (told.taken, told.refused, list(told.later)) == (0, {0: Refusal(code="expired")}, [1])
+    answer = asyncio.create_task(reader.hand_over(numbered(2)))
+    await until(lambda: reader.fed == [2], "commd knows, and goes on behind it")
+    reader.absorb()
+    assert await answer == Receipt(taken=1)
+
+
+@bus_test
+async def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes_again(connect: Connect) -> None:
+    reader = await a_reader(connect)
+    batch = [numbered(1, content=life, numbering=f"n{life}") for life in range(500)]
+    for _ in range(2):  # the first answer is lost
+        answer = asyncio.create_task(reader.hand_over(*batch))
+        await until(lambda: len(reader.fed) == 500, "it is fed")
         reader.absorb()
-        assert await answer == Receipt(taken=1)
-
-    on_a_bus(endpoint, body)
-
-
-def test_a_batch_in_which_each_message_is_of_another_life_is_known_when_it_comes_again(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        reader = await a_reader(connect)
-        batch = [numbered(1, content=life, numbering=f"n{life}") for life in range(500)]
-        for _ in range(2):  # the first answer is lost
-            answer = asyncio.create_task(reader.hand_over(*batch))
-            await until(lambda: len(reader.fed) == 500, "it is fed")
-            reader.absorb()
-            assert await answer == Receipt(taken=500)
-        assert reader.fed == list(range(500))
-
-    on_a_bus(endpoint, body)
+        assert await answer == Receipt(taken=500)
+    assert reader.fed == list(range(500))
 
 
-def test_the_last_numberings_of_a_sender_are_remembered(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_the_last_numberings_of_a_sender_are_remembered(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("commd.client.receive_once.NUMBERINGS", 8)
 
-    async def body(connect: Connect) -> None:
-        reader = await a_reader(connect)
-        for number in range(12):
-            answer = asyncio.create_task(reader.hand_over(numbered(1, numbering=f"n{number}")))
-            await until(lambda n=number: len(reader.fed) == n + 1, "it is new")  # type: ignore[misc]
-            reader.absorb()
-            assert await answer == Receipt(taken=1)
-        assert await reader.hand_over(*(numbered(1, numbering=f"n{number}") for number in range(4, 12))) == Receipt(
-            taken=8
-        )
-        assert len(reader.fed) == 12
-
-    on_a_bus(endpoint, body)
+    reader = await a_reader(connect)
+    for number in range(12):
+        answer = asyncio.create_task(reader.hand_over(numbered(1, numbering=f"n{number}")))
+        await until(lambda n=number: len(reader.fed) == n + 1, "it is new")  # type: ignore[misc]
+        reader.absorb()
+        assert await answer == Receipt(taken=1)
+    assert await reader.hand_over(*(numbered(1, numbering=f"n{number}") for number in range(4, 12))) == Receipt(taken=8)
+    assert len(reader.fed) == 12

@@ -99,12 +99,6 @@ def test_an_annotated_atom_as_argument_is_found_by_the_plain_atom() -> None:
     assert not world.mind.query(parse_formula("f(a[z])"))
 
 
-def test_sources_are_kept_apart_and_the_last_one_takes_the_belief_with_it() -> None:
-    world = run("!g. +!g <- +b(1)[source(tom)]; +b(1); -b(1); .print(left); -b(1)[source(tom)].")
-    assert world.prints == ["left"]
-    assert not world.mind.query(parse_formula("b(1)"))
-
-
 def test_the_text_of_a_belief_shows_its_annotations_in_order() -> None:
     world = run("b(1)[zeta, alpha, 3].")
     assert [b.text for b in world.mind.belief_views()] == ["b(1)[3,alpha,source(self),zeta]"]

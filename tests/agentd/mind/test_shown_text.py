@@ -11,15 +11,16 @@ from agentd.runtime.agent_host import AgentHost
 from commd.process.log_handler import LineFormatter
 from schemas.files.findings import Finding
 from schemas.humanize import escape_line, escape_lines
-from tests.agentd.teams import Stage
+from tests.agentd.teams import played
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\r\u009b31m\u202eERROR\nERROR bridged orders robot=uav1 lost"
 
 
 def test_what_a_program_prints_sends_no_terminal_a_command() -> None:
-    stage = Stage({"bob": '!s. +!s <- .print("a\x1b[2Jb\u202ec", "\\nsecond\tline").'})
-    stage.run()
-    assert "".join(stage.lines) == "[bob] a\\x1b[2Jb\\u202ec\nsecond\tline"
+    assert (
+        "".join(played({"bob": '!s. +!s <- .print("a\x1b[2Jb\u202ec", "\\nsecond\tline").'}))
+        == "[bob] a\\x1b[2Jb\\u202ec\nsecond\tline"
+    )
 
 
 def test_each_line_that_a_served_agent_prints_has_its_name(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from schemas.wire.records import Action, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Structure
 from tests.agentd.hosts import host_on
 from tests.agentd.mail.test_mail_client import a_desk, numbered
-from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+from tests.support.buses import FLEET, Connect, async_test, bus_test, served, until
 from tests.support.notes import identities
 
 HEARS = "+!kqml_received(S, tell, N, _) <- +got(N); .print(got(N)).\n"
@@ -34,200 +34,187 @@ async def hand_over(backfill: Bus, *messages: Message) -> Receipt:
     raise AssertionError("nobody serves the inbox")
 
 
-def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(endpoint: str, tmp_path: Path) -> None:
-    async def body(connect: Connect) -> None:
-        backfill = await connect("board", "commd")
-        agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await served(backfill, keys.inbox(FLEET, "b"))
-        await until(lambda: bool(agent.disk.savings), "the agent is kept once")
-        agent.disk.open.clear()
-        answer = asyncio.create_task(hand_over(backfill, numbered(1), numbered(2)))
-        await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
-        await asyncio.sleep(0.2)
-        assert not answer.done()
-        agent.disk.open.set()
-        assert await answer == Receipt(taken=2)
-        await agent.die()
-        again = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await served(backfill, keys.inbox(FLEET, "b"))
-        assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
-        assert await hand_over(backfill, numbered(3)) == Receipt(taken=1)
-        assert again.prints == ["got(3)"]
-        assert {"got(1)[source(self)]", "got(2)[source(self)]"} < set(again.beliefs)
-        await again.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(connect: Connect, tmp_path: Path) -> None:
+    backfill = await connect("board", "commd")
+    agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
+    await served(backfill, keys.inbox(FLEET, "b"))
+    await until(lambda: bool(agent.disk.savings), "the agent is kept once")
+    agent.disk.open.clear()
+    answer = asyncio.create_task(hand_over(backfill, numbered(1), numbered(2)))
+    await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
+    await asyncio.sleep(0.2)
+    assert not answer.done()
+    agent.disk.open.set()
+    assert await answer == Receipt(taken=2)
+    await agent.die()
+    again = await host_on(await connect("b"), "b", HEARS, tmp_path)
+    await served(backfill, keys.inbox(FLEET, "b"))
+    assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
+    assert await hand_over(backfill, numbered(3)) == Receipt(taken=1)
+    assert again.prints == ["got(3)"]
+    assert {"got(1)[source(self)]", "got(2)[source(self)]"} < set(again.beliefs)
+    await again.end()
 
 
-def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_event_outlives_a_death(
-    endpoint: str, tmp_path: Path
+@bus_test
+async def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_event_outlives_a_death(
+    connect: Connect, tmp_path: Path
 ) -> None:
     program = "!go. @busy[atomic] +!go <- .print(waits); .wait(60000). +n(N) <- .print(heard(N))."
 
-    async def body(connect: Connect) -> None:
-        backfill = await connect("board", "commd")
-        agent = await host_on(await connect("b"), "b", program, tmp_path)
-        await served(backfill, keys.inbox(FLEET, "b"))
-        await until(lambda: agent.prints == ["waits"], "the atomic plan waits")
-        told = [numbered(seq, Structure("n", (seq,))) for seq in (1, 2)]
-        assert await hand_over(backfill, *told) == Receipt(taken=2)
-        assert {"n(1)[source(a)]", "n(2)[source(a)]"} <= set(agent.beliefs)
-        assert agent.prints == ["waits"]
-        await agent.die()
-        again = await host_on(await connect("b"), "b", program, tmp_path)
-        await served(backfill, keys.inbox(FLEET, "b"))
-        await until(lambda: again.prints == ["heard(1)", "heard(2)"], "the events come once, in their order")
-        assert await hand_over(backfill, *told) == Receipt(taken=2)
-        assert again.prints == ["heard(1)", "heard(2)"]
-        await again.end()
-
-    on_a_bus(endpoint, body)
+    backfill = await connect("board", "commd")
+    agent = await host_on(await connect("b"), "b", program, tmp_path)
+    await served(backfill, keys.inbox(FLEET, "b"))
+    await until(lambda: agent.prints == ["waits"], "the atomic plan waits")
+    told = [numbered(seq, Structure("n", (seq,))) for seq in (1, 2)]
+    assert await hand_over(backfill, *told) == Receipt(taken=2)
+    assert {"n(1)[source(a)]", "n(2)[source(a)]"} <= set(agent.beliefs)
+    assert agent.prints == ["waits"]
+    await agent.die()
+    again = await host_on(await connect("b"), "b", program, tmp_path)
+    await served(backfill, keys.inbox(FLEET, "b"))
+    await until(lambda: again.prints == ["heard(1)", "heard(2)"], "the events come once, in their order")
+    assert await hand_over(backfill, *told) == Receipt(taken=2)
+    assert again.prints == ["heard(1)", "heard(2)"]
+    await again.end()
 
 
-def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.1)
 
-    async def body(connect: Connect) -> None:
-        backfill = await connect("board", "commd")
-        agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await served(backfill, keys.inbox(FLEET, "b"))
-        assert await hand_over(backfill, numbered(1)) == Receipt(taken=1)
-        agent.disk.full = "no space left"
-        answer = asyncio.create_task(hand_over(backfill, numbered(2)))
-        await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
-        await agent.die()
-        again = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await served(backfill, keys.inbox(FLEET, "b"))
-        assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
-        assert again.prints == ["got(2)"]
-        answer.cancel()
-        await again.end()
-
-    on_a_bus(endpoint, body)
+    backfill = await connect("board", "commd")
+    agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
+    await served(backfill, keys.inbox(FLEET, "b"))
+    assert await hand_over(backfill, numbered(1)) == Receipt(taken=1)
+    agent.disk.full = "no space left"
+    answer = asyncio.create_task(hand_over(backfill, numbered(2)))
+    await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
+    await agent.die()
+    again = await host_on(await connect("b"), "b", HEARS, tmp_path)
+    await served(backfill, keys.inbox(FLEET, "b"))
+    assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
+    assert again.prints == ["got(2)"]
+    answer.cancel()
+    await again.end()
 
 
-def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.mail_client.PATIENCE", 0.5)
     program = HEARS + "+!say(N) <- .send(c, tell, N); .print(said(N)).\n"
 
-    async def body(connect: Connect) -> None:
-        desk_bus = await connect("board", "commd")
-        taken: list[object] = []
+    desk_bus = await connect("board", "commd")
+    taken: list[object] = []
 
-        async def serve(query: Query[Mail]) -> None:
-            assert query.record is not None
-            taken.extend(one.content for one in query.record.messages)
-            query.reply(Receipt(taken=len(query.record.messages)))
+    async def serve(query: Query[Mail]) -> None:
+        assert query.record is not None
+        taken.extend(one.content for one in query.record.messages)
+        query.reply(Receipt(taken=len(query.record.messages)))
 
-        desk_bus.serve(keys.outbox(FLEET, "b"), Mail, serve)
-        agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
-        await served(desk_bus, keys.inbox(FLEET, "b"))
-        await until(lambda: bool(agent.disk.savings), "the agent is kept once")
-        agent.disk.full = "database or disk is full"
-        told = await hand_over(desk_bus, numbered(1))
-        assert (told.taken, list(told.later)) == (0, [0])
-        goal = Message(
-            header=numbered(2).header,
-            id="g",
-            sender="a",
-            performative="achieve",
-            receiver="b",
-            content=Structure("say", (7,)),
-        )
-        await hand_over(desk_bus, numbered(1), goal)
-        await until(lambda: "said(7)" in agent.prints, "the mind goes on")
-        (note,) = agent.host.health().notes
-        assert note.code == "state_not_kept"
-        assert "database or disk is full" in note.text
-        await asyncio.sleep(0.3)
-        assert taken == []
-        agent.disk.full = ""
-        await until(lambda: taken == [7], "the message leaves when it is kept")
-        assert await hand_over(desk_bus, numbered(1), goal) == Receipt(taken=2)
-        assert agent.host.health().notes == ()
-        assert agent.prints == ["got(1)", "said(7)"]
-        await agent.end()
-
-    on_a_bus(endpoint, body)
+    desk_bus.serve(keys.outbox(FLEET, "b"), Mail, serve)
+    agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
+    await served(desk_bus, keys.inbox(FLEET, "b"))
+    await until(lambda: bool(agent.disk.savings), "the agent is kept once")
+    agent.disk.full = "database or disk is full"
+    told = await hand_over(desk_bus, numbered(1))
+    assert (told.taken, list(told.later)) == (0, [0])
+    goal = Message(
+        header=numbered(2).header,
+        id="g",
+        sender="a",
+        performative="achieve",
+        receiver="b",
+        content=Structure("say", (7,)),
+    )
+    await hand_over(desk_bus, numbered(1), goal)
+    await until(lambda: "said(7)" in agent.prints, "the mind goes on")
+    (note,) = agent.host.health().notes
+    assert note.code == "state_not_kept"
+    assert "database or disk is full" in note.text
+    await asyncio.sleep(0.3)
+    assert taken == []
+    agent.disk.full = ""
+    await until(lambda: taken == [7], "the message leaves when it is kept")
+    assert await hand_over(desk_bus, numbered(1), goal) == Receipt(taken=2)
+    assert agent.host.health().notes == ()
+    assert agent.prints == ["got(1)", "said(7)"]
+    await agent.end()
 
 
-def test_a_save_that_does_not_end_is_told_and_no_action_waits_for_it_or_is_remembered(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_save_that_does_not_end_is_told_and_no_action_waits_for_it_or_is_remembered(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.SLOW", 0.2)
 
-    async def body(connect: Connect) -> None:
-        agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
-        await until(lambda: bool(agent.disk.savings), "it is kept once")
-        agent.disk.open.clear()
-        agent.tell(Told("a", "tell", 1.0))
-        await until(lambda: bool(agent.host.health().notes), "the hanging disk is told")
-        (note,) = agent.host.health().notes
-        assert note.code == "state_not_kept"
-        assert "the disk has not answered" in note.text
-        checkpointer = agent.host._checkpointer
-        assert checkpointer is not None
-        for number in range(100):
-            assert checkpointer.begun(Action(id=f"b:1:{number}", agent="b", name="goto")).done()
-            checkpointer.ended(f"b:1:{number}")
-        assert (checkpointer._begun, checkpointer._ended) == ({}, [])
-        agent.disk.open.set()
-        await until(lambda: agent.host.health().notes == (), "it is kept again")
-        await agent.end()
-
-    on_a_bus(endpoint, body)
+    agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
+    await until(lambda: bool(agent.disk.savings), "it is kept once")
+    agent.disk.open.clear()
+    agent.tell(Told("a", "tell", 1.0))
+    await until(lambda: bool(agent.host.health().notes), "the hanging disk is told")
+    (note,) = agent.host.health().notes
+    assert note.code == "state_not_kept"
+    assert "the disk has not answered" in note.text
+    checkpointer = agent.host._checkpointer
+    assert checkpointer is not None
+    for number in range(100):
+        assert checkpointer.begun(Action(id=f"b:1:{number}", agent="b", name="goto")).done()
+        checkpointer.ended(f"b:1:{number}")
+    assert (checkpointer._begun, checkpointer._ended) == ({}, [])
+    agent.disk.open.set()
+    await until(lambda: agent.host.health().notes == (), "it is kept again")
+    await agent.end()
 
 
-def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_messages(
-    endpoint: str, tmp_path: Path
+@bus_test
+async def test_saves_that_nobody_waits_for_are_few_and_those_of_mail_hold_many_messages(
+    connect: Connect, tmp_path: Path
 ) -> None:
     program = "!count(0). +!count(N) : N < 60 <- -+n(N); .wait(20); !count(N+1). +!count(_) <- .print(done).\n"
     program += "+!kqml_received(_, tell, N, _) <- .send(c, tell, N).\n"
 
-    async def body(connect: Connect) -> None:
-        backfill = await connect("board", "commd")
-        agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
-        await until(lambda: agent.prints == ["done"], "it has counted")
-        assert 2 <= len(agent.disk.savings) <= 12
-        before = len(agent.disk.savings)
-        await served(backfill, keys.inbox(FLEET, "b"))
-        assert await hand_over(backfill, *map(numbered, range(1, 301))) == Receipt(taken=300)
-        assert len(agent.disk.savings) - before < 30
-        assert sum(len(saving.outgoing) for saving in agent.disk.savings) == 300
-        await agent.end()
-
-    on_a_bus(endpoint, body)
+    backfill = await connect("board", "commd")
+    agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
+    await until(lambda: agent.prints == ["done"], "it has counted")
+    assert 2 <= len(agent.disk.savings) <= 12
+    before = len(agent.disk.savings)
+    await served(backfill, keys.inbox(FLEET, "b"))
+    assert await hand_over(backfill, *map(numbered, range(1, 301))) == Receipt(taken=300)
+    assert len(agent.disk.savings) - before < 30
+    assert sum(len(saving.outgoing) for saving in agent.disk.savings) == 300
+    await agent.end()
 
 
-def test_an_atomic_plan_is_kept_whole(endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_an_atomic_plan_is_kept_whole(connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.BUSY_PATIENCE", 0.0)
     monkeypatch.setattr("agentd.persistence.checkpointer.OTHERS_EVERY", 0.0)
     monkeypatch.setattr("agentd.runtime.mind_runner.SLICE", 1)
     program = "n(0). m(0). !go.\n@a[atomic] +!go : n(N) <- -+n(N+1); -+m(N+1); !!go.\n"
 
-    async def body(connect: Connect) -> None:
-        seen: list[set[str]] = []
-        begin = Checkpointer._begin
+    seen: list[set[str]] = []
+    begin = Checkpointer._begin
 
-        def look(checkpointer: Checkpointer) -> None:
-            seen.append({belief.partition("(")[2] for belief in agent.beliefs if belief[:2] in ("n(", "m(")})
-            begin(checkpointer)
+    def look(checkpointer: Checkpointer) -> None:
+        seen.append({belief.partition("(")[2] for belief in agent.beliefs if belief[:2] in ("n(", "m(")})
+        begin(checkpointer)
 
-        monkeypatch.setattr(Checkpointer, "_begin", look)
-        agent = await host_on(await connect("b"), "b", program, tmp_path)
-        await until(lambda: len(seen) > 5, "it is kept several times while it runs")
-        await agent.end()
-        assert all(len(values) == 1 for values in seen)
-
-    on_a_bus(endpoint, body)
+    monkeypatch.setattr(Checkpointer, "_begin", look)
+    agent = await host_on(await connect("b"), "b", program, tmp_path)
+    await until(lambda: len(seen) > 5, "it is kept several times while it runs")
+    await agent.end()
+    assert all(len(values) == 1 for values in seen)
 
 
-def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.outbox.MOST_FOR_ONE", 3)
     program = """\
@@ -245,110 +232,106 @@ def test_a_message_that_cannot_be_sent_fails_the_plan_that_sends_it(
 +!deep(N, f(D)) <- !deep(N-1, D).
 """
 
-    async def body(connect: Connect) -> None:
-        agent = await host_on(await connect("a"), "a", program, tmp_path, others=("b", "d"))
-        await until(lambda: "end" in agent.prints, "all are tried")
-        assert agent.prints == [
-            agent.prints[0],
-            "2 not_sendable the message cannot be sent: nested deeper than 100",
-            "3 receiver_not_found there is no agent 'c' to send to",
-            "three",
-            "4 mailbox_full the message cannot be sent: 3 messages to 'b' wait to leave already",
-            agent.prints[5],
-            "end",
-        ]
-        too_large = "message_too_large the message cannot be sent: 13"
-        assert agent.prints[0].startswith(f"1 {too_large}")
-        assert agent.prints[5].startswith(f"5 {too_large}")
-        desk = await a_desk(connect)
-        agent.host.retry_mail()
-        await until(lambda: len(desk.taken) == 6, "what was taken leaves")
-        assert desk.told("b") == desk.told("d") == [1, 2, 3]
-        await agent.end()
-
-    on_a_bus(endpoint, body)
+    agent = await host_on(await connect("a"), "a", program, tmp_path, others=("b", "d"))
+    await until(lambda: "end" in agent.prints, "all are tried")
+    assert agent.prints == [
+        agent.prints[0],
+        "2 not_sendable the message cannot be sent: nested deeper than 100",
+        "3 receiver_not_found there is no agent 'c' to send to",
+        "three",
+        "4 mailbox_full the message cannot be sent: 3 messages to 'b' wait to leave already",
+        agent.prints[5],
+        "end",
+    ]
+    too_large = "message_too_large the message cannot be sent: 13"
+    assert agent.prints[0].startswith(f"1 {too_large}")
+    assert agent.prints[5].startswith(f"5 {too_large}")
+    desk = await a_desk(connect)
+    agent.host.retry_mail()
+    await until(lambda: len(desk.taken) == 6, "what was taken leaves")
+    assert desk.told("b") == desk.told("d") == [1, 2, 3]
+    await agent.end()
 
 
-def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent_it(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent_it(
+    connect: Connect, tmp_path: Path
+) -> None:
     program = """\
 !go.
 +!go <- .send(c, tell, at(1,[2])).
 +undelivered(R, P, C, Why)[source(S)] <- .print(R, " ", P, " ", C, " ", Why, " ", S).
 """
 
-    async def body(connect: Connect) -> None:
-        desk = await a_desk(connect)
-        desk.answer = lambda messages: Receipt(
-            refused=dict.fromkeys(range(len(messages)), Refusal(code="receiver_not_found"))
-        )
-        bus = await connect("a")
-        agent = await host_on(bus, "a", program, tmp_path, others=("c",))
-        await until(lambda: agent.prints == ["c tell at(1,[2]) receiver_not_found mail"], "the agent hears of it")
-        await until(lambda: any(saving.delivered for saving in agent.disk.savings), "it is forgotten")
-        await agent.end()
-        again = await host_on(await connect("a"), "a", program, tmp_path, others=("c",))
-        await asyncio.sleep(0.3)
-        assert (again.prints, sum(desk.batches)) == ([], 1)
-        await again.end()
-
-    on_a_bus(endpoint, body)
+    desk = await a_desk(connect)
+    desk.answer = lambda messages: Receipt(
+        refused=dict.fromkeys(range(len(messages)), Refusal(code="receiver_not_found"))
+    )
+    bus = await connect("a")
+    agent = await host_on(bus, "a", program, tmp_path, others=("c",))
+    await until(lambda: agent.prints == ["c tell at(1,[2]) receiver_not_found mail"], "the agent hears of it")
+    await until(lambda: any(saving.delivered for saving in agent.disk.savings), "it is forgotten")
+    await agent.end()
+    again = await host_on(await connect("a"), "a", program, tmp_path, others=("c",))
+    await asyncio.sleep(0.3)
+    assert (again.prints, sum(desk.batches)) == ([], 1)
+    await again.end()
 
 
-def test_a_file_that_is_refused_gives_way_to_an_agent_that_is_to_begin_anew(tmp_path: Path) -> None:
-    async def body() -> None:
-        writer = ThreadPoolExecutor(1)
-        made = await open_memory(tmp_path, "a", writer, "full", fresh=False)
-        await asyncio.wrap_future(writer.submit(made.checkpoint.save, Saving(lives=1)))
-        with pytest.raises(CheckpointError, match="another process has it open"):
-            await open_memory(tmp_path, "a", writer, "full", fresh=True)
-        await asyncio.wrap_future(writer.submit(made.checkpoint.close))
-        with closing(sqlite3.connect(tmp_path / "mind.sqlite")) as database:
-            database.execute("PRAGMA user_version = 99")
-        with pytest.raises(CheckpointError, match="newer Argosy"):
-            await open_memory(tmp_path, "a", writer, "full", fresh=False)
-        anew = await open_memory(tmp_path, "a", writer, "full", fresh=True)
-        assert anew.life == 0
-        anew.checkpoint.close()
-        writer.shutdown()
-
-    asyncio.run(body())
+@async_test
+async def test_a_file_that_is_refused_gives_way_to_an_agent_that_is_to_begin_anew(tmp_path: Path) -> None:
+    writer = ThreadPoolExecutor(1)
+    made = await open_memory(tmp_path, "a", writer, "full", fresh=False)
+    await asyncio.wrap_future(writer.submit(made.checkpoint.save, Saving(lives=1)))
+    with pytest.raises(CheckpointError, match="another process has it open"):
+        await open_memory(tmp_path, "a", writer, "full", fresh=True)
+    await asyncio.wrap_future(writer.submit(made.checkpoint.close))
+    with closing(sqlite3.connect(tmp_path / "mind.sqlite")) as database:
+        database.execute("PRAGMA user_version = 99")
+    with pytest.raises(CheckpointError, match="newer Argosy"):
+        await open_memory(tmp_path, "a", writer, "full", fresh=False)
+    anew = await open_memory(tmp_path, "a", writer, "full", fresh=True)
+    assert anew.life == 0
+    anew.checkpoint.close()
+    writer.shutdown()
 
 
-def test_what_cannot_be_read_of_mail_and_actions_is_told_and_left_out_once(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_what_cannot_be_read_of_mail_and_actions_is_told_and_left_out_once(
+    connect: Connect, tmp_path: Path
+) -> None:
     program = "!go.\n+!go <- .send(c, tell, one); .send(c, tell, two); .print(sent).\n"
     file = tmp_path / "a" / "mind.sqlite"
 
-    async def body(connect: Connect) -> None:
-        bus = await connect("a")
-        agent = await host_on(bus, "a", program, tmp_path, others=("c",))
-        await until(lambda: any(saving.outgoing for saving in agent.disk.savings), "the messages are kept")
-        await agent.die()
-        file.with_name("mind.sqlite.sums").unlink()  # what is done to the rows would be found by the checksums
-        with closing(sqlite3.connect(file)) as database:
-            database.execute("UPDATE outgoing SET message = cast(x'83' || message AS BLOB) WHERE seq = 1")
-            database.execute("INSERT INTO action VALUES ('a:1:1', cast(x'67ff' AS TEXT), x'83')")
-            database.commit()
-        again = await host_on(bus, "a", program, tmp_path, others=("c",))
-        await until(lambda: any(saving.delivered for saving in again.disk.savings), "they are removed")
-        assert identities(again.host.health().notes) == [
-            ("state_damaged", "message 1 to c"),
-            ("state_damaged", "action a:1:1"),
-        ]
-        desk = await a_desk(connect)
-        again.host.retry_mail()
-        await until(lambda: len(desk.taken) == 1, "the other one leaves")
-        assert desk.taken[0].header.seq == 2
-        await again.end()
-        third = await host_on(bus, "a", program, tmp_path, others=("c",))
-        assert third.host.health().notes == ()
-        await third.end()
-
-    on_a_bus(endpoint, body)
+    bus = await connect("a")
+    agent = await host_on(bus, "a", program, tmp_path, others=("c",))
+    await until(lambda: any(saving.outgoing for saving in agent.disk.savings), "the messages are kept")
+    await agent.die()
+    file.with_name("mind.sqlite.sums").unlink()  # what is done to the rows would be found by the checksums
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("UPDATE outgoing SET message = cast(x'83' || message AS BLOB) WHERE seq = 1")
+        database.execute("INSERT INTO action VALUES ('a:1:1', cast(x'67ff' AS TEXT), x'83')")
+        database.commit()
+    again = await host_on(bus, "a", program, tmp_path, others=("c",))
+    await until(lambda: any(saving.delivered for saving in again.disk.savings), "they are removed")
+    assert identities(again.host.health().notes) == [
+        ("state_damaged", "message 1 to c"),
+        ("state_damaged", "action a:1:1"),
+    ]
+    desk = await a_desk(connect)
+    again.host.retry_mail()
+    await until(lambda: len(desk.taken) == 1, "the other one leaves")
+    assert desk.taken[0].header.seq == 2
+    await again.end()
+    third = await host_on(bus, "a", program, tmp_path, others=("c",))
+    assert third.host.health().notes == ()
+    await third.end()
 
 
 @pytest.mark.parametrize("ends", ["the agent leaves", "an action begins"])
-def test_an_atomic_plan_is_kept_whole_though(
-    ends: str, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_an_atomic_plan_is_kept_whole_though(
+    connect: Connect, ends: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.runtime.agent_host.ATOMIC_END", 20.0)
     program = """\
@@ -357,45 +340,40 @@ def test_an_atomic_plan_is_kept_whole_though(
 +restarted(_).
 """
 
-    async def body(connect: Connect) -> None:
-        bus = await connect("a")
-        agent = await host_on(bus, "a", program, tmp_path)
-        await until(lambda: bool(agent.disk.savings), "it is kept once")
-        agent.tell(Told("b", "tell", atom("go")))
-        await until(lambda: bool(agent.prints), "the plan has begun")
-        if ends == "an action begins":
-            checkpointer = agent.host._checkpointer
-            assert checkpointer is not None
-            await checkpointer.begun(Action(id="a:1:1", agent="a", name="goto"))
-            assert "5000" in agent.prints or checkpointer.counters["actions_unkept"]
-            await agent.die()
-        else:
-            await agent.end()
-        again = await host_on(bus, "a", program, tmp_path)
-        believed = {belief.partition("[")[0] for belief in again.beliefs} & {"begun", "ended"}
-        await again.end()
-        assert believed in (set(), {"begun", "ended"})
-        assert believed or ends == "an action begins"
-
-    on_a_bus(endpoint, body)
+    bus = await connect("a")
+    agent = await host_on(bus, "a", program, tmp_path)
+    await until(lambda: bool(agent.disk.savings), "it is kept once")
+    agent.tell(Told("b", "tell", atom("go")))
+    await until(lambda: bool(agent.prints), "the plan has begun")
+    if ends == "an action begins":
+        checkpointer = agent.host._checkpointer
+        assert checkpointer is not None
+        await checkpointer.begun(Action(id="a:1:1", agent="a", name="goto"))
+        assert "5000" in agent.prints or checkpointer.counters["actions_unkept"]
+        await agent.die()
+    else:
+        await agent.end()
+    again = await host_on(bus, "a", program, tmp_path)
+    believed = {belief.partition("[")[0] for belief in again.beliefs} & {"begun", "ended"}
+    await again.end()
+    assert believed in (set(), {"begun", "ended"})
+    assert believed or ends == "an action begins"
 
 
-def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@bus_test
+async def test_a_disk_that_does_not_answer_does_not_keep_an_agent_from_ending(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     for name in ("LAST_PATIENCE", "CLOSE_PATIENCE"):
         monkeypatch.setattr(f"agentd.persistence.checkpointer.{name}", 0.3)
 
-    async def body(connect: Connect) -> None:
-        agent = await host_on(await connect("a"), "a", HEARS, tmp_path)
-        await until(lambda: bool(agent.disk.savings), "it is kept once")
-        agent.disk.open.clear()
-        agent.tell(Told("b", "tell", atom("x")))
-        await until(lambda: agent.prints == ["got(x)"], "it has something to keep")
-        agent._stop.set()
-        await agent._life
-        await asyncio.wait_for(agent.host.close_checkpoint(forget=False), 120)
-        assert "its file is left as it is: the disk does not answer" in caplog.text
-        agent.disk.open.set()
-
-    on_a_bus(endpoint, body)
+    agent = await host_on(await connect("a"), "a", HEARS, tmp_path)
+    await until(lambda: bool(agent.disk.savings), "it is kept once")
+    agent.disk.open.clear()
+    agent.tell(Told("b", "tell", atom("x")))
+    await until(lambda: agent.prints == ["got(x)"], "it has something to keep")
+    agent._stop.set()
+    await agent._life
+    await asyncio.wait_for(agent.host.close_checkpoint(forget=False), 120)
+    assert "its file is left as it is: the disk does not answer" in caplog.text
+    agent.disk.open.set()

@@ -22,7 +22,7 @@ from schemas.wire import keys
 from schemas.wire.records import FINAL_STATES, Action, ActionStatus, Cancel, State
 from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import run
-from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+from tests.support.buses import FLEET, Connect, async_test, bus_test, served, until
 
 
 class Bridge:
@@ -98,149 +98,142 @@ FLIES = """\
 """
 
 
-def test_an_action_is_on_disk_before_the_bridge_hears_of_it(endpoint: str, tmp_path: Path) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = await a_bridge(connect)
-        agent = await a_life(connect, FLIES, tmp_path)
-        await until(lambda: bridge.begun == [("goto", (1, 2, 3))], "the action begins")
-        assert [list(saving.actions) for saving in agent.disk.savings if saving.actions] == [[bridge.asked[0][0]]]
-        await bridge.end("succeeded")
-        await until(lambda: agent.prints == ["there"], "the plan goes on")
-        await until(lambda: any(saving.ended for saving in agent.disk.savings), "it is forgotten in the end")
-        await agent.end()
-        again = await a_life(connect, FLIES, tmp_path)
-        await asyncio.sleep(0.3)
-        assert (again.prints, len(bridge.asked)) == ([], 1)
-        await again.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_an_action_is_on_disk_before_the_bridge_hears_of_it(connect: Connect, tmp_path: Path) -> None:
+    bridge = await a_bridge(connect)
+    agent = await a_life(connect, FLIES, tmp_path)
+    await until(lambda: bridge.begun == [("goto", (1, 2, 3))], "the action begins")
+    assert [list(saving.actions) for saving in agent.disk.savings if saving.actions] == [[bridge.asked[0][0]]]
+    await bridge.end("succeeded")
+    await until(lambda: agent.prints == ["there"], "the plan goes on")
+    await until(lambda: any(saving.ended for saving in agent.disk.savings), "it is forgotten in the end")
+    await agent.end()
+    again = await a_life(connect, FLIES, tmp_path)
+    await asyncio.sleep(0.3)
+    assert (again.prints, len(bridge.asked)) == ([], 1)
+    await again.end()
 
 
-def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(connect: Connect, tmp_path: Path) -> None:
     program = FLIES.replace("+!begin <- !!fly.", "+!begin. +!kqml_received(_, achieve, fly, _) <- !!fly.")
 
-    async def body(connect: Connect) -> None:
-        bridge = await a_bridge(connect)
-        agent = await a_life(connect, program, tmp_path)
-        await until(lambda: bool(agent.disk.savings), "it is kept once")
-        for problem in ("slow", "full"):
-            agent.disk.full = "no space left" if problem == "full" else ""
-            if problem == "slow":
-                agent.disk.open.clear()
-            agent.tell(Mail("b", "achieve", atom("fly")))
-            await until(lambda: len(bridge.begun) == 1, f"it acts with a disk that is {problem}")
-            await bridge.end("succeeded")
-            await until(lambda: agent.prints == ["there"], "the plan goes on")
-            agent.disk.open.set()
-            agent.disk.full = ""
-            bridge.begun.clear()
-            agent.host._prints.clear()
-        await agent.end()
-
-    on_a_bus(endpoint, body)
-
-
-def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_again(endpoint: str, tmp_path: Path) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = await a_bridge(connect)
-        first = await a_life(connect, FLIES, tmp_path)
-        await until(lambda: len(bridge.begun) == 1, "the action begins")
-        await first.die()
-        second = await a_life(connect, FLIES, tmp_path)
-        await until(lambda: any(attempt == 2 for _, attempt in bridge.asked), "it is asked for again by its id")
-        await until(lambda: "goto" in str(second.host.view().intentions), "the plan performs it again")
+    bridge = await a_bridge(connect)
+    agent = await a_life(connect, program, tmp_path)
+    await until(lambda: bool(agent.disk.savings), "it is kept once")
+    for problem in ("slow", "full"):
+        agent.disk.full = "no space left" if problem == "full" else ""
+        if problem == "slow":
+            agent.disk.open.clear()
+        agent.tell(Mail("b", "achieve", atom("fly")))
+        await until(lambda: len(bridge.begun) == 1, f"it acts with a disk that is {problem}")
         await bridge.end("succeeded")
-        await until(lambda: second.prints == ["there"], "the plan goes on from there")
-        assert len(bridge.begun) == 1
-        assert len({identity for identity, _ in bridge.asked}) == 1
-        await second.end()
+        await until(lambda: agent.prints == ["there"], "the plan goes on")
+        agent.disk.open.set()
+        agent.disk.full = ""
+        bridge.begun.clear()
+        agent.host._prints.clear()
+    await agent.end()
 
-    on_a_bus(endpoint, body)
+
+@bus_test
+async def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_again(
+    connect: Connect, tmp_path: Path
+) -> None:
+    bridge = await a_bridge(connect)
+    first = await a_life(connect, FLIES, tmp_path)
+    await until(lambda: len(bridge.begun) == 1, "the action begins")
+    await first.die()
+    second = await a_life(connect, FLIES, tmp_path)
+    await until(lambda: any(attempt == 2 for _, attempt in bridge.asked), "it is asked for again by its id")
+    await until(lambda: "goto" in str(second.host.view().intentions), "the plan performs it again")
+    await bridge.end("succeeded")
+    await until(lambda: second.prints == ["there"], "the plan goes on from there")
+    assert len(bridge.begun) == 1
+    assert len({identity for identity, _ in bridge.asked}) == 1
+    await second.end()
 
 
-def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it(
+    connect: Connect, tmp_path: Path
+) -> None:
     program = FLIES + "+!drop <- .wait(100); .drop_intention(fly); .print(dropped).\n+restarted(_) <- !!fly; !!drop.\n"
 
-    async def body(connect: Connect) -> None:
-        bridge = await a_bridge(connect)
-        first = await a_life(connect, program, tmp_path)
-        await until(lambda: len(bridge.begun) == 1, "the action begins")
-        await first.die()
-        second = await a_life(connect, program, tmp_path)
-        await until(lambda: second.prints == ["dropped"], "the intention is dropped")
-        await until(lambda: bridge.cancelled == [bridge.asked[0][0]], "the action is cancelled")
-        await second.end()
-
-    on_a_bus(endpoint, body)
+    bridge = await a_bridge(connect)
+    first = await a_life(connect, program, tmp_path)
+    await until(lambda: len(bridge.begun) == 1, "the action begins")
+    await first.die()
+    second = await a_life(connect, program, tmp_path)
+    await until(lambda: second.prints == ["dropped"], "the intention is dropped")
+    await until(lambda: bridge.cancelled == [bridge.asked[0][0]], "the action is cancelled")
+    await second.end()
 
 
 @pytest.mark.parametrize(
     ("state", "reason"),
     [("succeeded", ""), ("failed", "agent a is lost: no liveliness token"), ("timed_out", "late")],
 )
-def test_what_an_action_came_to_meanwhile_is_told_before_anything_else_goes_on(
-    endpoint: str, tmp_path: Path, state: State, reason: str
+@bus_test
+async def test_what_an_action_came_to_meanwhile_is_told_before_anything_else_goes_on(
+    connect: Connect, tmp_path: Path, state: State, reason: str
 ) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
 
-    async def body(connect: Connect) -> None:
-        bridge = await a_bridge(connect)
-        first = await a_life(connect, program, tmp_path)
-        await until(lambda: len(bridge.begun) == 1, "the action begins")
-        await first.die()
-        await bridge.end(state, reason)
-        second = await a_life(connect, program, tmp_path)
-        await until(lambda: len(second.prints) == 2, "it is told")
-        assert second.prints == ["back 1", f"goto(1,2,3) {state} {reason}"]
-        await second.end()
-        third = await a_life(connect, program, tmp_path)
-        await until(lambda: third.prints == ["back 2"], "it is told once")
-        assert len(bridge.asked) == 2
-        await third.end()
-
-    on_a_bus(endpoint, body)
+    bridge = await a_bridge(connect)
+    first = await a_life(connect, program, tmp_path)
+    await until(lambda: len(bridge.begun) == 1, "the action begins")
+    await first.die()
+    await bridge.end(state, reason)
+    second = await a_life(connect, program, tmp_path)
+    await until(lambda: len(second.prints) == 2, "it is told")
+    assert second.prints == ["back 1", f"goto(1,2,3) {state} {reason}"]
+    await second.end()
+    third = await a_life(connect, program, tmp_path)
+    await until(lambda: third.prints == ["back 2"], "it is told once")
+    assert len(bridge.asked) == 2
+    await third.end()
 
 
-def test_what_ends_later_and_nobody_has_joined_is_told_when_it_ends(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_what_ends_later_and_nobody_has_joined_is_told_when_it_ends(connect: Connect, tmp_path: Path) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
 
-    async def body(connect: Connect) -> None:
-        bridge = await a_bridge(connect)
-        first = await a_life(connect, program, tmp_path)
-        await until(lambda: len(bridge.begun) == 1, "the action begins")
-        await first.die()
-        second = await a_life(connect, program, tmp_path)
-        await until(lambda: second.prints == ["back 1"], "it is back")
-        await bridge.end("failed", "the wind")
-        await until(lambda: second.prints == ["back 1", "goto(1,2,3) failed the wind"], "the end is told")
-        await second.end()
-
-    on_a_bus(endpoint, body)
+    bridge = await a_bridge(connect)
+    first = await a_life(connect, program, tmp_path)
+    await until(lambda: len(bridge.begun) == 1, "the action begins")
+    await first.die()
+    second = await a_life(connect, program, tmp_path)
+    await until(lambda: second.prints == ["back 1"], "it is back")
+    await bridge.end("failed", "the wind")
+    await until(lambda: second.prints == ["back 1", "goto(1,2,3) failed the wind"], "the end is told")
+    await second.end()
 
 
-def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_is_told(
-    endpoint: str, tmp_path: Path
+@bus_test
+async def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_is_told(
+    connect: Connect, tmp_path: Path
 ) -> None:
     program = FLIES + "+restarted(_).\n"
 
-    async def body(connect: Connect) -> None:
-        bridge_bus = await connect("uav1", "bridged")
-        bridge = Bridge(bridge_bus)
-        await bridge_bus.claim("uav1")
-        first = await a_life(connect, program, tmp_path)
-        await until(lambda: len(bridge.begun) == 1, "the action begins")
-        await first.die()
-        await bridge_bus.close()
-        another = await a_bridge(connect)
-        second = await a_life(connect, program, tmp_path)
-        await until(lambda: second.prints == ["goto(1,2,3) refused bridge restarted"], "it is told")
-        assert another.begun == []
-        await second.end()
-
-    on_a_bus(endpoint, body)
+    bridge_bus = await connect("uav1", "bridged")
+    bridge = Bridge(bridge_bus)
+    await bridge_bus.claim("uav1")
+    first = await a_life(connect, program, tmp_path)
+    await until(lambda: len(bridge.begun) == 1, "the action begins")
+    await first.die()
+    await bridge_bus.close()
+    another = await a_bridge(connect)
+    second = await a_life(connect, program, tmp_path)
+    await until(lambda: second.prints == ["goto(1,2,3) refused bridge restarted"], "it is told")
+    assert another.begun == []
+    await second.end()
 
 
-def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(
+    connect: Connect, tmp_path: Path
+) -> None:
     program = """\
 !begin.
 +!begin <- !!deliver.
@@ -249,40 +242,37 @@ def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(endpoin
 +interrupted(A, S, R) <- .print(A, " ", S); .wait(300000).
 """
 
-    async def body(connect: Connect) -> None:
-        bridge = await a_bridge(connect)
-        agent = await a_life(connect, program, tmp_path)
-        await until(lambda: len(bridge.begun) == 1, "the action begins")
-        await agent.die()
-        await bridge.end("succeeded")
-        for life in (1, 2):
-            await hears([f"back {life}", "drop(1) succeeded"], await a_life(connect, program, tmp_path))
-
     async def hears(told: list[str], agent: Hosted) -> None:
         await until(lambda: agent.prints == told, "its end is told")
         await until(lambda: any(saving.ended for saving in agent.disk.savings) or "back 2" in told, "that is kept")
         await agent.die()
 
-    on_a_bus(endpoint, body)
+    bridge = await a_bridge(connect)
+    agent = await a_life(connect, program, tmp_path)
+    await until(lambda: len(bridge.begun) == 1, "the action begins")
+    await agent.die()
+    await bridge.end("succeeded")
+    for life in (1, 2):
+        await hears([f"back {life}", "drop(1) succeeded"], await a_life(connect, program, tmp_path))
 
 
-def test_an_agent_that_has_lost_its_robot_is_told_once_what_was_interrupted(endpoint: str, tmp_path: Path) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = await a_bridge(connect)
-        agent = await a_life(connect, FLIES, tmp_path)
-        await until(lambda: len(bridge.begun) == 1, "the action begins")
-        await agent.die()
-        agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
-        lost = "goto(1,2,3) failed the agent has no robot any more"
-        await until(lambda: lost in agent.prints, "the agent hears of it")
-        await until(lambda: any(saving.ended for saving in agent.disk.savings), "that is kept")
-        await agent.end()
-        agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
-        await until(lambda: any(saving.mind for saving in agent.disk.savings), "it goes on")
-        assert lost not in agent.prints
-        await agent.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_an_agent_that_has_lost_its_robot_is_told_once_what_was_interrupted(
+    connect: Connect, tmp_path: Path
+) -> None:
+    bridge = await a_bridge(connect)
+    agent = await a_life(connect, FLIES, tmp_path)
+    await until(lambda: len(bridge.begun) == 1, "the action begins")
+    await agent.die()
+    agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
+    lost = "goto(1,2,3) failed the agent has no robot any more"
+    await until(lambda: lost in agent.prints, "the agent hears of it")
+    await until(lambda: any(saving.ended for saving in agent.disk.savings), "that is kept")
+    await agent.end()
+    agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
+    await until(lambda: any(saving.mind for saving in agent.disk.savings), "it goes on")
+    assert lost not in agent.prints
+    await agent.end()
 
 
 class Hands:
@@ -323,38 +313,34 @@ DONE = ActionDone(7, True, "", "succeeded")
 DROPPED = ActionDone(7, False, "the agent has dropped it", "cancelled", "cancelled")
 
 
-def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() -> None:
-    async def body() -> None:
-        hands = Hands()
-        alone = Alone(hands)
-        assert await alone.action_client.take_up([LEFT]) == []
-        alone.action_client.begin(PerformAction(7, "goto", (1.0,)))
-        alone.action_client.cancel(7)
-        await asyncio.sleep(0)
-        hands.over.set()
-        assert await alone.ended() == [DROPPED, "interrupted"]
-
-    asyncio.run(body())
+@async_test
+async def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() -> None:
+    hands = Hands()
+    alone = Alone(hands)
+    assert await alone.action_client.take_up([LEFT]) == []
+    alone.action_client.begin(PerformAction(7, "goto", (1.0,)))
+    alone.action_client.cancel(7)
+    await asyncio.sleep(0)
+    hands.over.set()
+    assert await alone.ended() == [DROPPED, "interrupted"]
 
 
 @pytest.mark.parametrize("dropped", [False, True])
-def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_told_once_and_not_done_again(dropped: bool) -> None:
-    async def body() -> None:
-        hands = Hands()
-        alone = Alone(hands)
-        assert await alone.action_client.take_up([LEFT]) == []
-        hands.over.set()
-        waits: list[Any] = []
-        alone.spawn = waits.append  # type: ignore[method-assign]
-        alone.action_client.begin(PerformAction(7, "goto", (1.0,)))
-        if dropped:
-            alone.action_client.cancel(7)
-        await asyncio.gather(*alone.tasks)  # it has ended, before the plan's own task has begun
-        await waits[0]
-        assert await alone.ended() == (["interrupted", DROPPED] if dropped else [DONE])
-        assert hands.asked == ["a:1:1"]
-
-    asyncio.run(body())
+@async_test
+async def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_told_once_and_not_done_again(dropped: bool) -> None:
+    hands = Hands()
+    alone = Alone(hands)
+    assert await alone.action_client.take_up([LEFT]) == []
+    hands.over.set()
+    waits: list[Any] = []
+    alone.spawn = waits.append  # type: ignore[method-assign]
+    alone.action_client.begin(PerformAction(7, "goto", (1.0,)))
+    if dropped:
+        alone.action_client.cancel(7)
+    await asyncio.gather(*alone.tasks)  # it has ended, before the plan's own task has begun
+    await waits[0]
+    assert await alone.ended() == (["interrupted", DROPPED] if dropped else [DONE])
+    assert hands.asked == ["a:1:1"]
 
 
 def nested(times: int) -> object:
@@ -382,7 +368,8 @@ def test_a_term_that_is_nested_too_deeply_is_refused_whatever_it_is_made_of() ->
 
 @pytest.mark.usefixtures("_usual_recursion")
 @pytest.mark.parametrize("defect", [False, True])
-def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
+@async_test
+async def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
     defect: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     deep = nested(150)
@@ -390,16 +377,11 @@ def test_an_action_that_cannot_be_asked_for_fails_its_plan_and_not_the_daemon(
     def broken(_: object) -> None:
         raise LookupError("no such thing")
 
-    async def body() -> None:
-        alone = Alone(Hands())
-        alone.action_client.begin(PerformAction(7, "goto", (deep,)))
-        if defect:
-            assert await alone.ended() == [
-                ActionDone(7, False, "defect in agentd: LookupError: no such thing", "failed")
-            ]
-        else:
-            assert await alone.ended() == [ActionDone(7, False, "goto: nested too deeply", "refused", "request")]
-
     if defect:
         monkeypatch.setattr("agentd.runtime.action_client.to_wire", broken)
-    asyncio.run(body())
+    alone = Alone(Hands())
+    alone.action_client.begin(PerformAction(7, "goto", (deep,)))
+    if defect:
+        assert await alone.ended() == [ActionDone(7, False, "defect in agentd: LookupError: no such thing", "failed")]
+    else:
+        assert await alone.ended() == [ActionDone(7, False, "goto: nested too deeply", "refused", "request")]

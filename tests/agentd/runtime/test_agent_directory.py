@@ -24,7 +24,7 @@ from schemas.liveness import ROUTER_GRACE
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import BoardServices, ServiceRequest
-from tests.support.buses import FLEET, Connect, ended, on_a_bus, served, session, until
+from tests.support.buses import FLEET, Connect, async_test, bus_test, ended, served, session, until
 from tests.support.promises import in_time
 
 MISSION = """\
@@ -113,118 +113,106 @@ async def believes(agent_group: AgentGroup, agent: str, *expected: str) -> None:
 HERE, CAME = "online(b)[board(pi2),source(percept)]", "came(b,pi2)[source(self)]"
 
 
-def test_an_agent_believes_who_is_there_and_where_and_learns_who_comes_and_goes(boards: Boards) -> None:
-    async def body() -> None:
-        async with boards.commd("pi1"), boards.commd("pi2"), boards.agents("pi1", "a", "quiet") as first:
-            await believes(first, "a", "online(quiet)[board(pi1),source(percept)]", "came(quiet,pi1)[source(self)]")
-            async with boards.agents("pi2", "b") as second:
-                await believes(first, "a", HERE, CAME)
-                await believes(second, "b", "online(a)[board(pi1),source(percept)]", "came(a,pi1)[source(self)]")
-            await believes(first, "a", "went(b,pi2)[source(self)]")
-            assert HERE not in beliefs(first, "a")
-            assert beliefs(first, "quiet") == [], "it has not asked for it"
-
-    run(body())
+@async_test
+async def test_an_agent_believes_who_is_there_and_where_and_learns_who_comes_and_goes(boards: Boards) -> None:
+    async with boards.commd("pi1"), boards.commd("pi2"), boards.agents("pi1", "a", "quiet") as first:
+        await believes(first, "a", "online(quiet)[board(pi1),source(percept)]", "came(quiet,pi1)[source(self)]")
+        async with boards.agents("pi2", "b") as second:
+            await believes(first, "a", HERE, CAME)
+            await believes(second, "b", "online(a)[board(pi1),source(percept)]", "came(a,pi1)[source(self)]")
+        await believes(first, "a", "went(b,pi2)[source(self)]")
+        assert HERE not in beliefs(first, "a")
+        assert beliefs(first, "quiet") == [], "it has not asked for it"
 
 
-def test_a_client_is_company_as_well_and_who_is_nobodys_agent_is_not(boards: Boards) -> None:
-    async def body() -> None:
-        async with (
-            boards.commd("pi1"),
-            boards.agents("pi1", "a") as agent_group,
-            session(boards.endpoints["pi1"], "stranger") as stranger,
-            session(boards.endpoints["pi1"], "console", "client") as console,
-        ):
-            await stranger.claim("stranger")
-            await console.claim("console")
-            await believes(agent_group, "a", "online(console)[board(pi1),source(percept)]")
-            assert not any("stranger" in belief for belief in beliefs(agent_group, "a"))
-
-    run(body())
+@async_test
+async def test_a_client_is_company_as_well_and_who_is_nobodys_agent_is_not(boards: Boards) -> None:
+    async with (
+        boards.commd("pi1"),
+        boards.agents("pi1", "a") as agent_group,
+        session(boards.endpoints["pi1"], "stranger") as stranger,
+        session(boards.endpoints["pi1"], "console", "client") as console,
+    ):
+        await stranger.claim("stranger")
+        await console.claim("console")
+        await believes(agent_group, "a", "online(console)[board(pi1),source(percept)]")
+        assert not any("stranger" in belief for belief in beliefs(agent_group, "a"))
 
 
-def test_an_agent_made_at_run_time_is_online_on_the_other_board_until_it_ends(boards: Boards) -> None:
+@async_test
+async def test_an_agent_made_at_run_time_is_online_on_the_other_board_until_it_ends(boards: Boards) -> None:
     (boards.folder / "b.asl").write_text("+go <- .create_agent(kid). +stop <- .kill_agent(kid).\n")
 
-    async def body() -> None:
-        async with (
-            boards.commd("pi1"),
-            boards.commd("pi2"),
-            boards.agents("pi1", "a") as first,
-            boards.agents("pi2", "b") as second,
-        ):
-            await believes(first, "a", HERE)
-            second.hosts["b"].feed(SignalRaised.named("go"))
-            await believes(first, "a", "online(kid)[board(pi2),source(percept)]")
-            assert "kid" in first.roster.names
-            await until(lambda: "kid" in second.hosts, "kid has begun")
-            second.hosts["b"].feed(SignalRaised.named("stop"))
-            await believes(first, "a", "went(kid,pi2)[source(self)]")
-            await until(lambda: "kid" not in first.roster.names, "kid is forgotten")
-
-    run(body())
+    async with (
+        boards.commd("pi1"),
+        boards.commd("pi2"),
+        boards.agents("pi1", "a") as first,
+        boards.agents("pi2", "b") as second,
+    ):
+        await believes(first, "a", HERE)
+        second.hosts["b"].feed(SignalRaised.named("go"))
+        await believes(first, "a", "online(kid)[board(pi2),source(percept)]")
+        assert "kid" in first.roster.names
+        await until(lambda: "kid" in second.hosts, "kid has begun")
+        second.hosts["b"].feed(SignalRaised.named("stop"))
+        await believes(first, "a", "went(kid,pi2)[source(self)]")
+        await until(lambda: "kid" not in first.roster.names, "kid is forgotten")
 
 
 @pytest.mark.parametrize("board", ["pi1", "pi2"])
-def test_a_router_that_restarts_takes_no_agent_with_it(boards: Boards, board: str) -> None:
+@async_test
+async def test_a_router_that_restarts_takes_no_agent_with_it(boards: Boards, board: str) -> None:
     """Ours (pi1), and that of the other board (pi2)."""
     other = {"pi1": "pi2", "pi2": "pi1"}[board]
 
-    async def body() -> None:
-        async with AsyncExitStack() as agents, boards.commd(other):
-            async with boards.commd(board):
-                first = await agents.enter_async_context(boards.agents("pi1", "a"))
-                second = await agents.enter_async_context(boards.agents("pi2", "b"))
-                await believes(first, "a", HERE, CAME)
-            async with boards.commd(board), session(boards.endpoints["pi1"], "observer") as observer:
-                await until(lambda: observer.tokens(keys.alive("test", "b", "agentd", "*")), "b is there")
-                await asyncio.sleep(ROUTER_GRACE + 0.5)  # by then a loss would have counted
-                assert HERE in beliefs(first, "a")
-                assert not any(belief.startswith("went") for belief in beliefs(first, "a"))
-                second.hosts["b"].close()
-                await believes(first, "a", "went(b,pi2)[source(self)]")
-
-    run(body())
+    async with AsyncExitStack() as agents, boards.commd(other):
+        async with boards.commd(board):
+            first = await agents.enter_async_context(boards.agents("pi1", "a"))
+            second = await agents.enter_async_context(boards.agents("pi2", "b"))
+            await believes(first, "a", HERE, CAME)
+        async with boards.commd(board), session(boards.endpoints["pi1"], "observer") as observer:
+            await until(lambda: observer.tokens(keys.alive("test", "b", "agentd", "*")), "b is there")
+            await asyncio.sleep(ROUTER_GRACE + 0.5)  # by then a loss would have counted
+            assert HERE in beliefs(first, "a")
+            assert not any(belief.startswith("went") for belief in beliefs(first, "a"))
+            second.hosts["b"].close()
+            await believes(first, "a", "went(b,pi2)[source(self)]")
 
 
-def test_without_a_router_for_long_only_those_of_the_same_daemon_are_there(
+@async_test
+async def test_without_a_router_for_long_only_those_of_the_same_daemon_are_there(
     boards: Boards, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.liveness.presence.BUS_GRACE", 1.0)
 
-    async def body() -> None:
-        async with AsyncExitStack() as agents, boards.commd("pi2"):
-            async with boards.commd("pi1"):
-                first = await agents.enter_async_context(boards.agents("pi1", "a", "quiet"))
-                await agents.enter_async_context(boards.agents("pi2", "b"))
-                await believes(first, "a", HERE)
-            await believes(first, "a", "went(b,pi2)[source(self)]")
-            assert "online(quiet)[board(pi1),source(percept)]" in beliefs(first, "a")
-            async with boards.commd("pi1"):
-                await believes(first, "a", HERE)
-
-    run(body())
+    async with AsyncExitStack() as agents, boards.commd("pi2"):
+        async with boards.commd("pi1"):
+            first = await agents.enter_async_context(boards.agents("pi1", "a", "quiet"))
+            await agents.enter_async_context(boards.agents("pi2", "b"))
+            await believes(first, "a", HERE)
+        await believes(first, "a", "went(b,pi2)[source(self)]")
+        assert "online(quiet)[board(pi1),source(percept)]" in beliefs(first, "a")
+        async with boards.commd("pi1"):
+            await believes(first, "a", HERE)
 
 
-def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answers(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bus = await connect("a")
-        roster = AgentDirectory(bus, {"a": "pi1"})
-        roster.remember({"planner", "gone", "mail", "df", "a"})
-        assert sorted(roster.names) == ["a", "gone", "planner"]
-        directory = await connect("pi1", "commd")
+@bus_test
+async def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answers(connect: Connect) -> None:
+    bus = await connect("a")
+    roster = AgentDirectory(bus, {"a": "pi1"})
+    roster.remember({"planner", "gone", "mail", "df", "a"})
+    assert sorted(roster.names) == ["a", "gone", "planner"]
+    directory = await connect("pi1", "commd")
 
-        async def serve(query: Query[BoardServices]) -> None:
-            header, agents = directory.header("services", "pi1"), {"planner": ()}
-            said = BoardServices(header=header, board="pi1", version=1, agents=agents)
-            query.reply(said, keys.services(FLEET, "pi1"))
+    async def serve(query: Query[BoardServices]) -> None:
+        header, agents = directory.header("services", "pi1"), {"planner": ()}
+        said = BoardServices(header=header, board="pi1", version=1, agents=agents)
+        query.reply(said, keys.services(FLEET, "pi1"))
 
-        directory.serve(keys.services(FLEET, "pi1"), BoardServices, serve)
-        await served(bus, keys.services(FLEET, "pi1"))
-        await roster.watch(["pi1"])
-        assert roster.names == {"a": "pi1", "planner": "pi1"}
-
-    on_a_bus(endpoint, body)
+    directory.serve(keys.services(FLEET, "pi1"), BoardServices, serve)
+    await served(bus, keys.services(FLEET, "pi1"))
+    await roster.watch(["pi1"])
+    assert roster.names == {"a": "pi1", "planner": "pi1"}
 
 
 # --- services ---
@@ -249,50 +237,44 @@ class Directories:
 
 
 @pytest.mark.parametrize("agents", [1, 200])
-def test_a_directory_that_does_not_answer_is_given_up_by_all_at_the_same_time(
+@async_test
+async def test_a_directory_that_does_not_answer_is_given_up_by_all_at_the_same_time(
     agents: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.runtime.agent_directory.PATIENCE", 0.5)
 
-    async def body() -> None:
-        services = Services(cast(Bus, Directories()))
-        begun = time.monotonic()
-        asked = [services.ask("gone", f"a{n % agents}", "search", "s") for n in range(200)]
-        failed = await asyncio.gather(*asked, return_exceptions=True)
-        assert all(isinstance(one, NotDone) and not one.answered for one in failed)
-        assert "the directory of board gone does not answer: " in str(failed[0])
-        assert "those before it have had no answer either" in str(failed[-1])
-        assert in_time(time.monotonic() - begun, 4), "one after the other they would need 6 s at least"
-
-    asyncio.run(body())
+    services = Services(cast(Bus, Directories()))
+    begun = time.monotonic()
+    asked = [services.ask("gone", f"a{n % agents}", "search", "s") for n in range(200)]
+    failed = await asyncio.gather(*asked, return_exceptions=True)
+    assert all(isinstance(one, NotDone) and not one.answered for one in failed)
+    assert "the directory of board gone does not answer: " in str(failed[0])
+    assert "those before it have had no answer either" in str(failed[-1])
+    assert in_time(time.monotonic() - begun, 4), "one after the other they would need 6 s at least"
 
 
-def test_those_who_ask_a_silent_board_hold_up_nobody_who_asks_another(monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_those_who_ask_a_silent_board_hold_up_nobody_who_asks_another(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.runtime.agent_directory.PATIENCE", 1000.0)
 
-    async def body() -> None:
-        services = Services(cast(Bus, Directories()))
-        in_vain = [asyncio.create_task(services.ask("gone", f"a{n}", "search")) for n in range(2 * AT_ONCE)]
-        await asyncio.sleep(0)
-        async with asyncio.timeout(120):
-            assert (await services.ask("here", "b", "search")).board == "here"
-        assert not any(task.done() for task in in_vain)
-        for task in in_vain:
-            task.cancel()
-        await asyncio.gather(*in_vain, return_exceptions=True)
-
-    asyncio.run(body())
+    services = Services(cast(Bus, Directories()))
+    in_vain = [asyncio.create_task(services.ask("gone", f"a{n}", "search")) for n in range(2 * AT_ONCE)]
+    await asyncio.sleep(0)
+    async with asyncio.timeout(120):
+        assert (await services.ask("here", "b", "search")).board == "here"
+    assert not any(task.done() for task in in_vain)
+    for task in in_vain:
+        task.cancel()
+    await asyncio.gather(*in_vain, return_exceptions=True)
 
 
-def test_a_crowd_is_answered_in_turn_however_long_that_takes_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_a_crowd_is_answered_in_turn_however_long_that_takes_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.runtime.agent_directory.PATIENCE", 1.0)
 
-    async def body() -> None:
-        directories = Directories(takes=0.25)
-        services = Services(cast(Bus, directories))
-        begun = time.monotonic()
-        answers = await asyncio.gather(*(services.ask("here", f"a{n}", "join") for n in range(6 * AT_ONCE)))
-        assert len(answers) == directories.asked == 6 * AT_ONCE
-        assert time.monotonic() - begun > 1.0
-
-    asyncio.run(body())
+    directories = Directories(takes=0.25)
+    services = Services(cast(Bus, directories))
+    begun = time.monotonic()
+    answers = await asyncio.gather(*(services.ask("here", f"a{n}", "join") for n in range(6 * AT_ONCE)))
+    assert len(answers) == directories.asked == 6 * AT_ONCE
+    assert time.monotonic() - begun > 1.0

@@ -11,7 +11,7 @@ import pytest
 from agentd.extensions.file_access import MOST_SAVED, AgentFiles, NotAllowed, state_folder
 from agentd.runtime.agent_group import MOST_MADE
 from tests.agentd.test_daemon import mission
-from tests.support.buses import session
+from tests.support.buses import async_test, session
 from tests.support.processes import running
 
 ONE = "mission: one\nagents:\n  a: {program: a.asl}\ndone: 'a: never'\n"
@@ -174,21 +174,19 @@ def test_services_of_another_daemon_are_found_and_told_of(tmp_path: Path, endpoi
         assert [line for line in first.lines if line.startswith("[")] == ["[a] [b]", "[a] []", "[a] end"]
 
 
-def test_a_directory_that_does_not_answer_fails_the_plan_with_the_reason(tmp_path: Path, endpoint: str) -> None:
+@async_test
+async def test_a_directory_that_does_not_answer_fails_the_plan_with_the_reason(tmp_path: Path, endpoint: str) -> None:
     asks = "!go(1). !go(2). !told. +!go(1) <- .df_search(cook, L). +!go(2) <- .create_agent(kid).\n"
     asks += "+!told <- .df_register(cook).\n"
     asks += '-!go(N)[error(E), error_msg(M)] <- .print(N, " ", E, " ", M).\n'
     path = mission(tmp_path, ONE.replace("done:", f"router: {{endpoint: {endpoint}, external: true}}\ndone:"), a=asks)
 
-    async def body() -> None:
-        async with session(endpoint, "router", "zenohd", router=True):
-            with running("agentd", "serve", path) as agent:
-                for number in (1, 2):
-                    text = f"[a] {number} action_failed the directory of board local does not answer: "
-                    await asyncio.to_thread(agent.says, text)  # and why: by itself, or as those before it
-                await asyncio.to_thread(agent.says, "the action .df_register(cook) fails: the directory of board local")
-
-    asyncio.run(asyncio.wait_for(body(), 120))
+    async with session(endpoint, "router", "zenohd", router=True):
+        with running("agentd", "serve", path) as agent:
+            for number in (1, 2):
+                text = f"[a] {number} action_failed the directory of board local does not answer: "
+                await asyncio.to_thread(agent.says, text)  # and why: by itself, or as those before it
+            await asyncio.to_thread(agent.says, "the action .df_register(cook) fails: the directory of board local")
 
 
 def test_an_agent_that_begins_anew_offers_nothing_of_its_former_life(tmp_path: Path, endpoint: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from agentd.mind.data.inputs import SignalRaised
 from agentd.runtime.mind_runner import LagEstimator, WakeupTimer
 from tests.agentd.hosts import host_on
-from tests.support.buses import Connect, on_a_bus, until
+from tests.support.buses import Connect, async_test, bus_test, until
 
 
 async def wakes_when_set(timer: WakeupTimer) -> None:
@@ -88,12 +88,10 @@ async def leaves_no_timer_when_closed(timer: WakeupTimer) -> None:
     ],
     ids=lambda behaviour: behaviour.__name__,
 )
-def test_a_wakeup_timer(behaviour: Callable[[WakeupTimer], Awaitable[None]]) -> None:
-    async def main() -> None:
-        async with asyncio.timeout(240):
-            await behaviour(WakeupTimer())
-
-    asyncio.run(main())
+@async_test
+async def test_a_wakeup_timer(behaviour: Callable[[WakeupTimer], Awaitable[None]]) -> None:
+    async with asyncio.timeout(240):
+        await behaviour(WakeupTimer())
 
 
 def test_a_mind_that_takes_what_waits_between_two_looks_is_not_behind() -> None:
@@ -127,16 +125,14 @@ WAITS = """
 """
 
 
-def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(endpoint: str, tmp_path: Path) -> None:
-    async def body(connect: Connect) -> None:
-        agent = await host_on(await connect("a"), "a", WAITS, tmp_path)
-        await until(lambda: "waits" in agent.prints, "the atomic plan waits")
-        for number in range(3):
-            agent.host.feed(SignalRaised.named("news", number))
-        await until(lambda: len(agent.host._mind.events) == 3, "the events wait")
-        agent.host.health()
-        await asyncio.sleep(0.05)
-        assert agent.host.health().lag == 0
-        await agent.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_what_waits_for_an_atomic_plan_that_waits_itself_is_not_lag(connect: Connect, tmp_path: Path) -> None:
+    agent = await host_on(await connect("a"), "a", WAITS, tmp_path)
+    await until(lambda: "waits" in agent.prints, "the atomic plan waits")
+    for number in range(3):
+        agent.host.feed(SignalRaised.named("news", number))
+    await until(lambda: len(agent.host._mind.events) == 3, "the events wait")
+    agent.host.health()
+    await asyncio.sleep(0.05)
+    assert agent.host.health().lag == 0
+    await agent.end()

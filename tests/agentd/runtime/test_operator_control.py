@@ -17,7 +17,7 @@ from schemas.wire.mind_records import MindOrder, MindView
 from schemas.wire.records import Outcome
 from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import term
-from tests.support.buses import Connect, on_a_bus, served, until
+from tests.support.buses import Connect, bus_test, served, until
 from tests.support.processes import running
 from tests.support.promises import in_time
 
@@ -56,70 +56,64 @@ async def desk(connect: Connect, folder: Path, program: str = PROGRAM, **part: A
     return Desk(operator, agent)
 
 
-def test_a_paused_mind_stands_still_until_it_goes_on(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        assert (await bob.order("pause")).ok
-        view = bob.agent.host.view()
-        assert view.state == "paused"
-        assert view.paused_for is not None
-        assert 590 < view.paused_for <= 600
-        (note,) = bob.agent.host.health().notes
-        assert (note.code, note.value) == ("mind_paused", 0)
-        cycle, before = view.cycle, count(bob.agent)
-        await asyncio.sleep(0.3)
-        assert (bob.agent.host.view().cycle, count(bob.agent)) == (cycle, before)
-        assert (await bob.order("resume")) == Outcome(ok=True)
-        await until(lambda: count(bob.agent) != before, "its timer fires when it goes on")
-        assert bob.agent.host.view().state != "paused"
-        assert bob.agent.host.health().notes == ()
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_paused_mind_stands_still_until_it_goes_on(connect: Connect, tmp_path: Path) -> None:
+    bob = await desk(connect, tmp_path)
+    assert (await bob.order("pause")).ok
+    view = bob.agent.host.view()
+    assert view.state == "paused"
+    assert view.paused_for is not None
+    assert 590 < view.paused_for <= 600
+    (note,) = bob.agent.host.health().notes
+    assert (note.code, note.value) == ("mind_paused", 0)
+    cycle, before = view.cycle, count(bob.agent)
+    await asyncio.sleep(0.3)
+    assert (bob.agent.host.view().cycle, count(bob.agent)) == (cycle, before)
+    assert (await bob.order("resume")) == Outcome(ok=True)
+    await until(lambda: count(bob.agent) != before, "its timer fires when it goes on")
+    assert bob.agent.host.view().state != "paused"
+    assert bob.agent.host.health().notes == ()
+    await bob.agent.end()
 
 
-def test_a_step_is_one_cycle(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        assert (await bob.order("step")) == Outcome(ok=False, reason="it is not paused: only then it can be stepped")
-        await bob.order("pause")
-        cycle = bob.agent.host.view().cycle
-        for step in range(1, 4):
-            outcome = await bob.order("step")
-            assert outcome.ok
-            assert outcome.reason.startswith(f"cycle {cycle + step}")
-        assert bob.agent.host.view().cycle == cycle + 3
-        await asyncio.sleep(0.1)
-        assert (await bob.order("step")).reason == f"cycle {cycle + 4}", "its timer was due"
-        cycle += 1
-        together = await asyncio.gather(*(bob.order("step") for _ in range(10)))
-        assert all(outcome.ok for outcome in together)
-        assert bob.agent.host.view().cycle == cycle + 13
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_step_is_one_cycle(connect: Connect, tmp_path: Path) -> None:
+    bob = await desk(connect, tmp_path)
+    assert (await bob.order("step")) == Outcome(ok=False, reason="it is not paused: only then it can be stepped")
+    await bob.order("pause")
+    cycle = bob.agent.host.view().cycle
+    for step in range(1, 4):
+        outcome = await bob.order("step")
+        assert outcome.ok
+        assert outcome.reason.startswith(f"cycle {cycle + step}")
+    assert bob.agent.host.view().cycle == cycle + 3
+    await asyncio.sleep(0.1)
+    assert (await bob.order("step")).reason == f"cycle {cycle + 4}", "its timer was due"
+    cycle += 1
+    together = await asyncio.gather(*(bob.order("step") for _ in range(10)))
+    assert all(outcome.ok for outcome in together)
+    assert bob.agent.host.view().cycle == cycle + 13
+    await bob.agent.end()
 
 
-def test_a_goal_and_a_belief_come_from_the_operator(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        assert await bob.order("goal", "say(1)") == Outcome(ok=True)
-        assert await bob.order("goal", " !say([a,2]) ") == Outcome(ok=True)
-        assert await bob.order("belief", "told(3)") == Outcome(ok=True)
-        await until(lambda: len(bob.agent.prints) == 3, "it has done what it was given")
-        assert bob.agent.prints == ["say 1 for operator", "say [a,2] for operator", "told 3 by operator"]
-        assert "told(3)[source(operator)]" in bob.agent.beliefs
-        await bob.order("pause")
-        given = await bob.order("goal", "say(4)[source(self)]")
-        assert given == Outcome(ok=True, reason="it is paused: it takes it when it goes on")
-        await asyncio.sleep(0.2)
-        assert len(bob.agent.prints) == 3
-        await bob.order("resume")
-        await until(lambda: len(bob.agent.prints) == 4, "it takes what it was given meanwhile")
-        assert "operator" in bob.agent.prints[-1], "nobody speaks as somebody else"
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_goal_and_a_belief_come_from_the_operator(connect: Connect, tmp_path: Path) -> None:
+    bob = await desk(connect, tmp_path)
+    assert await bob.order("goal", "say(1)") == Outcome(ok=True)
+    assert await bob.order("goal", " !say([a,2]) ") == Outcome(ok=True)
+    assert await bob.order("belief", "told(3)") == Outcome(ok=True)
+    await until(lambda: len(bob.agent.prints) == 3, "it has done what it was given")
+    assert bob.agent.prints == ["say 1 for operator", "say [a,2] for operator", "told 3 by operator"]
+    assert "told(3)[source(operator)]" in bob.agent.beliefs
+    await bob.order("pause")
+    given = await bob.order("goal", "say(4)[source(self)]")
+    assert given == Outcome(ok=True, reason="it is paused: it takes it when it goes on")
+    await asyncio.sleep(0.2)
+    assert len(bob.agent.prints) == 3
+    await bob.order("resume")
+    await until(lambda: len(bob.agent.prints) == 4, "it takes what it was given meanwhile")
+    assert "operator" in bob.agent.prints[-1], "nobody speaks as somebody else"
+    await bob.agent.end()
 
 
 @pytest.mark.parametrize(
@@ -144,188 +138,176 @@ def test_a_goal_and_a_belief_come_from_the_operator(tmp_path: Path, endpoint: st
         ("resume", "", "it is not paused"),
     ],
 )
-def test_what_cannot_be_done_is_refused_in_words(do: str, text: str, why: str, tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        outcome = await bob.order(do, text)
-        assert not outcome.ok
-        assert outcome.reason.startswith(why)
-        assert "\n" not in outcome.reason
-        await bob.agent.end()
+@bus_test
+async def test_what_cannot_be_done_is_refused_in_words(
+    connect: Connect, do: str, text: str, why: str, tmp_path: Path
+) -> None:
+    bob = await desk(connect, tmp_path)
+    outcome = await bob.order(do, text)
+    assert not outcome.ok
+    assert outcome.reason.startswith(why)
+    assert "\n" not in outcome.reason
+    await bob.agent.end()
 
-    on_a_bus(endpoint, body)
 
-
-def test_an_order_keeps_nobody_waiting(tmp_path: Path, endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+@bus_test
+async def test_an_order_keeps_nobody_waiting(
+    connect: Connect, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     """All agents of a process wait while one order is read: a large one is refused unread, and no line is long."""
     caplog.set_level("INFO", "control")
 
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        query = bob.bus.query(keys.control("test", "bob"), MindOrder(do="belief", text="x" * 5000), Outcome, 5.0)
-        [why] = [reply.error async for reply in query]
-        assert why.endswith(" bytes, expected at most 4096")
-        long = "told([" + ",".join(f'"({number}"' for number in range(400)) + "])"
-        assert await bob.order("belief", long) == Outcome(ok=True), "brackets in texts are none"
-        assert max(len(one.getMessage()) for one in caplog.records) < 300
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+    bob = await desk(connect, tmp_path)
+    query = bob.bus.query(keys.control("test", "bob"), MindOrder(do="belief", text="x" * 5000), Outcome, 5.0)
+    [why] = [reply.error async for reply in query]
+    assert why.endswith(" bytes, expected at most 4096")
+    long = "told([" + ",".join(f'"({number}"' for number in range(400)) + "])"
+    assert await bob.order("belief", long) == Outcome(ok=True), "brackets in texts are none"
+    assert max(len(one.getMessage()) for one in caplog.records) < 300
+    await bob.agent.end()
 
 
-def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path, robot="uav1")
-        means = "; until then nobody reacts to what uav1 does and tells"
-        assert await bob.order("pause") == Outcome(ok=True, reason=f"it goes on by itself in 60 s{means}")
-        [note] = bob.agent.host.health().notes
-        assert note.code == "mind_paused"
-        assert note.text.endswith(means)
-        await bob.agent.end()
+@bus_test
+async def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(
+    connect: Connect, tmp_path: Path
+) -> None:
+    bob = await desk(connect, tmp_path, robot="uav1")
+    means = "; until then nobody reacts to what uav1 does and tells"
+    assert await bob.order("pause") == Outcome(ok=True, reason=f"it goes on by itself in 60 s{means}")
+    [note] = bob.agent.host.health().notes
+    assert note.code == "mind_paused"
+    assert note.text.endswith(means)
+    await bob.agent.end()
 
-    on_a_bus(endpoint, body)
 
-
-def test_pausing_again_does_not_move_the_end(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_pausing_again_does_not_move_the_end(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(operator_control, "LONGEST_PAUSE", 1.0)
 
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        await bob.order("pause")
-        cycle, pauses = bob.agent.host.view().cycle, 0
-        async with asyncio.timeout(120):
-            while bob.agent.host.view().state == "paused" and pauses < 1000:
-                pauses += 1
-                outcome = await bob.order("pause")
-                await asyncio.sleep(0.02)
-                if outcome.reason == "it goes on by itself in 1 s":
-                    break  # the first pause is over, and this is another one
-                assert outcome.reason.startswith("it was paused already, and it goes on by itself in ")
-        assert pauses < 1000
-        await bob.order("resume")
-        await until(lambda: bob.agent.host.view().cycle > cycle, "it went on")
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+    bob = await desk(connect, tmp_path)
+    await bob.order("pause")
+    cycle, pauses = bob.agent.host.view().cycle, 0
+    async with asyncio.timeout(120):
+        while bob.agent.host.view().state == "paused" and pauses < 1000:
+            pauses += 1
+            outcome = await bob.order("pause")
+            await asyncio.sleep(0.02)
+            if outcome.reason == "it goes on by itself in 1 s":
+                break  # the first pause is over, and this is another one
+            assert outcome.reason.startswith("it was paused already, and it goes on by itself in ")
+    assert pauses < 1000
+    await bob.order("resume")
+    await until(lambda: bob.agent.host.view().cycle > cycle, "it went on")
+    await bob.agent.end()
 
 
-def test_a_step_that_is_not_made_is_not_told_as_made(
-    tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_step_that_is_not_made_is_not_told_as_made(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(operator_control, "STEP_PATIENCE", 0.05)
 
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        held = bob.agent.host._control
-        await held.carry_out(MindOrder(do="pause"))
-        asked = [asyncio.create_task(held.carry_out(MindOrder(do="step"))) for _ in range(3)]
-        await asyncio.sleep(0)
-        assert (await held.carry_out(MindOrder(do="resume"))).ok
-        told = await asyncio.gather(*asked)
-        assert told == [Outcome(ok=False, reason="the mind went on before this step was made")] * 3
-        monkeypatch.setattr(bob.agent.host, "_step", lambda: None)
-        await held.carry_out(MindOrder(do="pause"))
-        late = await held.carry_out(MindOrder(do="step"))
-        assert late == Outcome(ok=False, reason="it has not been made within 0.05 s")
-        assert held.take_step() == [], "it is not made later"
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+    bob = await desk(connect, tmp_path)
+    held = bob.agent.host._control
+    await held.carry_out(MindOrder(do="pause"))
+    asked = [asyncio.create_task(held.carry_out(MindOrder(do="step"))) for _ in range(3)]
+    await asyncio.sleep(0)
+    assert (await held.carry_out(MindOrder(do="resume"))).ok
+    told = await asyncio.gather(*asked)
+    assert told == [Outcome(ok=False, reason="the mind went on before this step was made")] * 3
+    monkeypatch.setattr(bob.agent.host, "_step", lambda: None)
+    await held.carry_out(MindOrder(do="pause"))
+    late = await held.carry_out(MindOrder(do="step"))
+    assert late == Outcome(ok=False, reason="it has not been made within 0.05 s")
+    assert held.take_step() == [], "it is not made later"
+    await bob.agent.end()
 
 
-def test_without_leave_of_the_mission_nothing_is_done(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        agents, operator = await connect("board1"), await connect("op", "argosy")
-        bob = await host_on(agents, "bob", PROGRAM, tmp_path)
-        await served(operator, keys.control("test", "bob"))
-        for do in ("pause", "step", "resume", "goal", "belief"):
-            assert await order(operator, "bob", do, "say(1)") == Outcome(ok=False, reason=operator_control.NOT_ALLOWED)
-        assert bob.host.view().state != "paused"
-        assert bob.prints == []
-        await bob.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_without_leave_of_the_mission_nothing_is_done(connect: Connect, tmp_path: Path) -> None:
+    agents, operator = await connect("board1"), await connect("op", "argosy")
+    bob = await host_on(agents, "bob", PROGRAM, tmp_path)
+    await served(operator, keys.control("test", "bob"))
+    for do in ("pause", "step", "resume", "goal", "belief"):
+        assert await order(operator, "bob", do, "say(1)") == Outcome(ok=False, reason=operator_control.NOT_ALLOWED)
+    assert bob.host.view().state != "paused"
+    assert bob.prints == []
+    await bob.end()
 
 
-def test_an_order_to_everybody_is_no_order(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        said = [
-            reply.error async for reply in bob.bus.query(keys.control("test", "*"), MindOrder(do="pause"), Outcome, 5.0)
-        ]
-        assert said == ["an order is for one mind: its key must not have a wildcard"]
-        said = [reply.error async for reply in bob.bus.query(keys.control("test", "bob"), None, Outcome, 5.0)]
-        assert said == ["an order was expected: do=pause, step, resume, goal or belief"]
-        assert bob.agent.host.view().state != "paused"
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_an_order_to_everybody_is_no_order(connect: Connect, tmp_path: Path) -> None:
+    bob = await desk(connect, tmp_path)
+    said = [
+        reply.error async for reply in bob.bus.query(keys.control("test", "*"), MindOrder(do="pause"), Outcome, 5.0)
+    ]
+    assert said == ["an order is for one mind: its key must not have a wildcard"]
+    said = [reply.error async for reply in bob.bus.query(keys.control("test", "bob"), None, Outcome, 5.0)]
+    assert said == ["an order was expected: do=pause, step, resume, goal or belief"]
+    assert bob.agent.host.view().state != "paused"
+    await bob.agent.end()
 
 
-def test_nobody_forgets_a_paused_mind(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_nobody_forgets_a_paused_mind(connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_control, "LONGEST_PAUSE", 0.5)
 
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        outcome = await bob.order("pause")
-        assert outcome == Outcome(ok=True, reason="it goes on by itself in 0.5 s")
-        before = count(bob.agent)
-        await until(lambda: count(bob.agent) != before, "it goes on by itself")
-        (note,) = bob.agent.host.health().notes
-        assert note.code == "mind_went_on"
-        assert note.text.endswith("a pause lasts at most 0.5 s")
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+    bob = await desk(connect, tmp_path)
+    outcome = await bob.order("pause")
+    assert outcome == Outcome(ok=True, reason="it goes on by itself in 0.5 s")
+    before = count(bob.agent)
+    await until(lambda: count(bob.agent) != before, "it goes on by itself")
+    (note,) = bob.agent.host.health().notes
+    assert note.code == "mind_went_on"
+    assert note.text.endswith("a pause lasts at most 0.5 s")
+    await bob.agent.end()
 
 
-def test_a_pause_ends_when_too_much_waits(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@bus_test
+async def test_a_pause_ends_when_too_much_waits(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(operator_control, "MOST_WAITING", 10)
 
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        await bob.order("pause")
-        for number in range(11):
-            bob.agent.host.feed(PerceptReplaced(term(f"at({number})")))
-        await until(lambda: "at(10)[source(percept)]" in bob.agent.beliefs, "it goes on by itself")
-        (note,) = bob.agent.host.health().notes
-        assert note.code == "mind_went_on"
-        assert note.text.endswith("more than 10 inputs waited for it")
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+    bob = await desk(connect, tmp_path)
+    await bob.order("pause")
+    for number in range(11):
+        bob.agent.host.feed(PerceptReplaced(term(f"at({number})")))
+    await until(lambda: "at(10)[source(percept)]" in bob.agent.beliefs, "it goes on by itself")
+    (note,) = bob.agent.host.health().notes
+    assert note.code == "mind_went_on"
+    assert note.text.endswith("more than 10 inputs waited for it")
+    await bob.agent.end()
 
 
-def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        await bob.order("pause")
-        await bob.order("belief", "told(1)")
-        await bob.order("step")
-        await until(
-            lambda: any(saving.mind is not None and saving.mind.beliefs for saving in bob.agent.disk.savings),
-            "what it has become is kept while it is paused",
-        )
-        bob.agent.tell(Mail("ana", "tell", term("told(2)")))
-        await asyncio.sleep(0.2)
-        assert bob.agent.host.view().mailbox == 1
-        assert bob.agent.host.health().lag == 0.0
-        await bob.order("resume")
-        await until(lambda: "told 2 by ana" in bob.agent.prints, "it takes its mail")
-        await bob.agent.end()
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(connect: Connect, tmp_path: Path) -> None:
+    bob = await desk(connect, tmp_path)
+    await bob.order("pause")
+    await bob.order("belief", "told(1)")
+    await bob.order("step")
+    await until(
+        lambda: any(saving.mind is not None and saving.mind.beliefs for saving in bob.agent.disk.savings),
+        "what it has become is kept while it is paused",
+    )
+    bob.agent.tell(Mail("ana", "tell", term("told(2)")))
+    await asyncio.sleep(0.2)
+    assert bob.agent.host.view().mailbox == 1
+    assert bob.agent.host.health().lag == 0.0
+    await bob.order("resume")
+    await until(lambda: "told 2 by ana" in bob.agent.prints, "it takes its mail")
+    await bob.agent.end()
 
 
-def test_a_paused_agent_leaves_at_once_when_it_is_told_to(tmp_path: Path, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        bob = await desk(connect, tmp_path)
-        await bob.order("pause")
-        before = time.monotonic()
-        await bob.agent.end()
-        assert in_time(time.monotonic() - before, 5.0)
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_a_paused_agent_leaves_at_once_when_it_is_told_to(connect: Connect, tmp_path: Path) -> None:
+    bob = await desk(connect, tmp_path)
+    await bob.order("pause")
+    before = time.monotonic()
+    await bob.agent.end()
+    assert in_time(time.monotonic() - before, 5.0)
 
 
 MISSION = """\

@@ -22,7 +22,7 @@ from tests.agentd.minds import term
 from tests.agentd.recorders import Recorder
 from tests.agentd.runtime.test_agent_group import KID, ONE
 from tests.agentd.test_daemon import mission
-from tests.support.buses import Connect, on_a_bus, session, until
+from tests.support.buses import Connect, bus_test, on_a_bus, session, until
 from tests.support.processes import running
 
 GREETS = """\
@@ -169,47 +169,43 @@ def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(endpoint: str,
     traced(endpoint, tmp_path, body)
 
 
-def test_an_answer_is_told_with_the_id_of_the_question_as_it_was_sent(endpoint: str, tmp_path: Path) -> None:
-    async def everything(connect: Connect) -> None:
-        bus, other = await connect("uav"), await connect("recorder", "tool")
-        activity = Recorder(other, "uav", "activity")
-        asks = "+go <- .send(ann, askOne, height(_), A); .print(A)."
-        agent = await host_on(bus, "uav", asks, tmp_path, others=("ann",))
-        await until(lambda: agent.host._tracing.activity.listened, "the agent knows that somebody listens")
-        agent.tell(Mail("ann", "tell", term("go"), "mid1.ann.1"))
-        await until(lambda: any(one.kind == "sent" for one in activity.activity), "it has asked")
-        sent = next(one for one in activity.activity if one.kind == "sent")
-        agent.tell(Mail("ann", "tell", term("height(9)"), "mid2.ann.1", sent.id.rpartition(".")[0]))
-        await until(lambda: any(one.text == "height(9)" for one in activity.activity), "it has the answer")
-        answer = next(one for one in activity.activity if one.kind == "received" and one.text == "height(9)")
-        assert answer.in_reply_to == sent.id
-        await agent.end()
-
-    on_a_bus(endpoint, everything)
+@bus_test
+async def test_an_answer_is_told_with_the_id_of_the_question_as_it_was_sent(connect: Connect, tmp_path: Path) -> None:
+    bus, other = await connect("uav"), await connect("recorder", "tool")
+    activity = Recorder(other, "uav", "activity")
+    asks = "+go <- .send(ann, askOne, height(_), A); .print(A)."
+    agent = await host_on(bus, "uav", asks, tmp_path, others=("ann",))
+    await until(lambda: agent.host._tracing.activity.listened, "the agent knows that somebody listens")
+    agent.tell(Mail("ann", "tell", term("go"), "mid1.ann.1"))
+    await until(lambda: any(one.kind == "sent" for one in activity.activity), "it has asked")
+    sent = next(one for one in activity.activity if one.kind == "sent")
+    agent.tell(Mail("ann", "tell", term("height(9)"), "mid2.ann.1", sent.id.rpartition(".")[0]))
+    await until(lambda: any(one.text == "height(9)" for one in activity.activity), "it has the answer")
+    answer = next(one for one in activity.activity if one.kind == "received" and one.text == "height(9)")
+    assert answer.in_reply_to == sent.id
+    await agent.end()
 
 
-def test_a_flood_is_bounded_and_what_is_left_out_is_counted(endpoint: str, tmp_path: Path) -> None:
-    async def everything(connect: Connect) -> None:
-        bus, other = await connect("uav"), await connect("recorder", "tool")
-        flood = "+go <- !go(0). +!go(3000). +!go(N) <- .print(N); !p(N); !go(N+1). +!p(N)."
-        recorder = Recorder(other, "uav", "decisions", "activity")
-        agent = await host_on(bus, "uav", flood, tmp_path)
-        tracing = agent.host._tracing
-        await until(lambda: tracing.activity.listened and "decisions" in tracing._heard, "somebody listens")
-        agent.tell(Mail("ann", "tell", term("go"), "m1"))
-        await until(lambda: agent.prints[-1:] == ["2999"], "it has come to its end")
-        await agent.end()
-        await until(lambda: any(one.kind == "received" for one in recorder.activity), "the first is told")
-        total = len(recorder.decisions) + sum(some.left_out for some in recorder.decided)
-        await until(
-            lambda: len(recorder.activity) + sum(some.left_out for some in recorder.told) == 3001, "all events count"
-        )
-        assert all(len(some.events) <= 400 for some in recorder.told)
-        assert all(len(some.decisions) <= 200 for some in recorder.decided)
-        assert total == 6002
-        assert all(some.speed == 1.0 and some.now > 0 for some in recorder.told)
-
-    on_a_bus(endpoint, everything)
+@bus_test
+async def test_a_flood_is_bounded_and_what_is_left_out_is_counted(connect: Connect, tmp_path: Path) -> None:
+    bus, other = await connect("uav"), await connect("recorder", "tool")
+    flood = "+go <- !go(0). +!go(3000). +!go(N) <- .print(N); !p(N); !go(N+1). +!p(N)."
+    recorder = Recorder(other, "uav", "decisions", "activity")
+    agent = await host_on(bus, "uav", flood, tmp_path)
+    tracing = agent.host._tracing
+    await until(lambda: tracing.activity.listened and "decisions" in tracing._heard, "somebody listens")
+    agent.tell(Mail("ann", "tell", term("go"), "m1"))
+    await until(lambda: agent.prints[-1:] == ["2999"], "it has come to its end")
+    await agent.end()
+    await until(lambda: any(one.kind == "received" for one in recorder.activity), "the first is told")
+    total = len(recorder.decisions) + sum(some.left_out for some in recorder.decided)
+    await until(
+        lambda: len(recorder.activity) + sum(some.left_out for some in recorder.told) == 3001, "all events count"
+    )
+    assert all(len(some.events) <= 400 for some in recorder.told)
+    assert all(len(some.decisions) <= 200 for some in recorder.decided)
+    assert total == 6002
+    assert all(some.speed == 1.0 and some.now > 0 for some in recorder.told)
 
 
 def test_who_asks_for_everything_there_is_does_not_get_whole_lives(endpoint: str, tmp_path: Path) -> None:
@@ -252,33 +248,31 @@ async def lives_on(agent: Hosted, number: int) -> None:
 
 
 @pytest.mark.parametrize("back", ["", BACK], ids=["goes on", "decides itself"])
-def test_each_life_of_an_agent_that_is_kept_lives_again(endpoint: str, tmp_path: Path, back: str) -> None:
-    async def everything(connect: Connect) -> None:
-        lives: list[Recorder] = []
-        for number in range(3):
-            bus, other = await connect("uav"), await connect("recorder", "tool")
-            recorder = Recorder(other, "uav", "inputs")
-            agent = await host_on(bus, "uav", KEPT + back, tmp_path, others=("ann",))
-            await lives_on(agent, number)
-            await recorder.catch_up()
-            await (agent.die() if number == 0 else agent.end())
-            if number > 0:
-                await until(lambda one=recorder: one.inputs[-1].final, "its end is told")
-            lives.append(recorder)
-        for number, recorder in enumerate(lives):
-            born = recorder.inputs[0].birth
-            assert born is not None
-            assert bool(born.memory) == (number > 0)
-            assert born.kept
-            back_again = [item for batch in recorder.inputs for item in batch.inputs if item.kind == "CameBack"]
-            assert [item.fields["life"] for item in back_again] == ([number] if number else [])
-            ends = [batch.final for batch in recorder.inputs]
-            assert ends == [False] * (len(ends) - 1) + [number > 0]  # who was killed has no end
-            result = replay(recorder.inputs)
-            assert result.agrees, result.difference
-            assert result.decisions > 5
-
-    on_a_bus(endpoint, everything)
+@bus_test
+async def test_each_life_of_an_agent_that_is_kept_lives_again(connect: Connect, tmp_path: Path, back: str) -> None:
+    lives: list[Recorder] = []
+    for number in range(3):
+        bus, other = await connect("uav"), await connect("recorder", "tool")
+        recorder = Recorder(other, "uav", "inputs")
+        agent = await host_on(bus, "uav", KEPT + back, tmp_path, others=("ann",))
+        await lives_on(agent, number)
+        await recorder.catch_up()
+        await (agent.die() if number == 0 else agent.end())
+        if number > 0:
+            await until(lambda one=recorder: one.inputs[-1].final, "its end is told")
+        lives.append(recorder)
+    for number, recorder in enumerate(lives):
+        born = recorder.inputs[0].birth
+        assert born is not None
+        assert bool(born.memory) == (number > 0)
+        assert born.kept
+        back_again = [item for batch in recorder.inputs for item in batch.inputs if item.kind == "CameBack"]
+        assert [item.fields["life"] for item in back_again] == ([number] if number else [])
+        ends = [batch.final for batch in recorder.inputs]
+        assert ends == [False] * (len(ends) - 1) + [number > 0]  # who was killed has no end
+        result = replay(recorder.inputs)
+        assert result.agrees, result.difference
+        assert result.decisions > 5
 
 
 # --- real daemons ---

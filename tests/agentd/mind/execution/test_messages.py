@@ -6,13 +6,13 @@ from agentd.mind.data.effects import Log
 from agentd.mind.data.inputs import Mail
 from agentd.mind.state import MOST_MAIL
 from tests.agentd.minds import World, mind_of, term
-from tests.agentd.teams import Stage
+from tests.agentd.teams import played
 from tests.support.amount import some_of
 
 
 def test_thousands_of_messages_to_an_agent_that_is_busy_arrive_in_their_order() -> None:
     count = some_of(10_000)
-    stage = Stage(
+    assert played(
         {
             "bob": """
             !go. n(0).
@@ -26,9 +26,7 @@ def test_thousands_of_messages_to_an_agent_that_is_busy_arrive_in_their_order() 
             +!go <- for (.range(I, 1, COUNT)) { .send(bob, tell, m(I)) }; .wait(1000); .send(bob, tell, done).
             """.replace("COUNT", str(count)),
         }
-    )
-    stage.run()
-    assert stage.lines == [f"[bob] {count}"]
+    ) == [f"[bob] {count}"]
 
 
 def test_messages_beyond_the_bound_are_dropped_counted_and_told_once() -> None:
@@ -43,7 +41,7 @@ def test_messages_beyond_the_bound_are_dropped_counted_and_told_once() -> None:
 
 
 def test_a_question_is_dropped_with_its_intention_and_its_answer_is_no_belief() -> None:
-    stage = Stage(
+    assert played(
         {
             "bob": """
             !go.
@@ -53,9 +51,7 @@ def test_a_question_is_dropped_with_its_intention_and_its_answer_is_no_belief() 
             """,
             "amy": "w(1). +?v(X) <- .wait(50); X = 2.",
         }
-    )
-    stage.run()
-    assert stage.lines == ["[bob] w(1)[source(amy)]"]
+    ) == ["[bob] w(1)[source(amy)]"]
 
 
 def test_an_answer_counts_only_from_who_was_asked() -> None:
@@ -90,19 +86,15 @@ def test_a_question_without_an_answer_is_for_the_plan_of_the_one_asked_for_messa
         "x(_)": "false",
     }
     for question, answer in answers.items():
-        stage = Stage({"bob": bob, "amy": ask.format(question)})
-        stage.run()
-        assert stage.lines == [f"[amy] {answer}"]
+        assert played({"bob": bob, "amy": ask.format(question)}) == [f"[amy] {answer}"]
 
 
 def test_an_agent_that_asks_itself_by_the_name_self_has_its_answer() -> None:
-    stage = Stage({"bob": "!go. v(1). +!go <- .send(self, askOne, v(_), A); .print(A)."})
-    stage.run()
-    assert stage.lines == ["[bob] v(1)[source(bob)]"]
+    assert played({"bob": "!go. v(1). +!go <- .send(self, askOne, v(_), A); .print(A)."}) == ["[bob] v(1)[source(bob)]"]
 
 
 def test_an_answer_that_is_told_nests_its_former_sources() -> None:
-    stage = Stage(
+    assert played(
         {
             "bob": """
             !go.
@@ -112,14 +104,12 @@ def test_an_answer_that_is_told_nests_its_former_sources() -> None:
             "amy": "b.",
             "joe": "!go. +!go <- .send(amy, tell, b).",
         }
-    )
-    stage.run()
-    assert stage.lines == ["[bob] both"]
+    ) == ["[bob] both"]
 
 
 def test_two_who_tell_the_same_plan_are_its_sources_and_each_takes_back_its_own() -> None:
     tells = '.send(bob, tellHow, "@shared +!told <- .print(told)."); .wait({}); .send(bob, untellHow, shared)'
-    stage = Stage(
+    assert played(
         {
             "bob": """
             +!told <- .print("never reached").
@@ -132,6 +122,4 @@ def test_two_who_tell_the_same_plan_are_its_sources_and_each_takes_back_its_own(
             "amy": f"!go. +!go <- {tells.format(60)}.",
             "joe": f"!go. +!go <- {tells.format(100)}.",
         }
-    )
-    stage.run()
-    assert stage.lines == [f"[bob] {number}" for number in (2, 2, 2, 1)]
+    ) == [f"[bob] {number}" for number in (2, 2, 2, 1)]

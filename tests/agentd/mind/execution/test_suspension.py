@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.agentd.teams import Stage
+from tests.agentd.teams import played
 
 AMY = "v(7). +?slow(X) <- .wait(60); X = 1."
 BOB = """
@@ -20,9 +20,8 @@ BOB = """
 
 
 def lines(body: str) -> list[str]:
-    stage = Stage({"bob": f"{BOB}+!start <- {body}; .findall(I, .intention(I, _), L); .print(L).", "amy": AMY})
-    stage.run()
-    return [line.removeprefix("[bob] ") for line in stage.lines]
+    team = {"bob": f"{BOB}+!start <- {body}; .findall(I, .intention(I, _), L); .print(L).", "amy": AMY}
+    return [line.removeprefix("[bob] ") for line in played(team)]
 
 
 def test_an_answer_or_time_limit_that_comes_meanwhile_is_there_after_resuming() -> None:
@@ -60,17 +59,15 @@ def test_a_sub_goal_and_branches_are_suspended_with_their_intention() -> None:
 
 
 def test_a_goal_whose_event_still_waits_is_suspended_and_resumed() -> None:
-    stage = Stage(
+    assert played(
         {
             "bob": "@a[atomic] +!start <- !!later; .suspend(later); .resume(later). +!later <- .print(later). !start.",
         }
-    )
-    stage.run()
-    assert stage.lines == ["[bob] later"]
+    ) == ["[bob] later"]
 
 
 def test_an_atomic_plan_that_suspends_itself_lets_the_others_run_until_it_is_resumed() -> None:
-    stage = Stage(
+    assert played(
         {
             "bob": """
             !start. !other.
@@ -79,9 +76,7 @@ def test_an_atomic_plan_that_suspends_itself_lets_the_others_run_until_it_is_res
             +!after <- .print(5).
             """,
         }
-    )
-    stage.run()
-    assert stage.lines == [f"[bob] {number}" for number in (1, 2, 3, 4, 5)]
+    ) == [f"[bob] {number}" for number in (1, 2, 3, 4, 5)]
 
 
 def test_why_an_intention_does_not_run_is_told() -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import gc
 import inspect
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from agentd.mind.execution.event_selection import take_event, take_event_recorde
 from agentd.mind.introspection.term_snapshot import held, held_all, short_text
 from agentd.standalone.decision_printer import DecisionPrinter
 from schemas.wire.mind_records import CauseView, DecisionView, FailureView
+from tests.agentd.conftest import agentd
 from tests.agentd.minds import World, mind_of, run, term
 
 
@@ -307,15 +306,14 @@ def test_a_narrator_asked_about_a_name_tells_all_about_it_and_nothing_else() -> 
 def test_agentd_run_why_leaves_stdout_to_the_program(tmp_path: Path) -> None:
     path = tmp_path / "fly.asl"
     path.write_text('battery(12).\n!fly.\n+!fly : battery(B) & B > 20 <- .print(up).\n+!fly <- .print("stay").\n')
-    command = [sys.executable, "-m", "agentd", "run", f"bob={path}", "--exit-when-idle"]
-    done = subprocess.run([*command, "--why"], capture_output=True, text=True, timeout=60, check=False)
+    done = agentd("run", f"bob={path}", "--exit-when-idle", "--why")
     assert done.stdout == "[bob] stay\n"
     assert done.stderr.splitlines() == [
         "[bob] why: +!fly, from the program",
         f"[bob] why:   not +!fly ({path}:3): B > 20 does not hold, with B = 12",
         f"[bob] why:   chosen: +!fly ({path}:4)",
     ]
-    plain = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    plain = agentd("run", f"bob={path}", "--exit-when-idle")
     assert (plain.stdout, plain.stderr) == ("[bob] stay\n", "")
 
 

@@ -1,0 +1,59 @@
+"""The commands of `agentd` in a folder of their own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+
+from agentd.__main__ import main
+
+
+@dataclass
+class Ran:
+    """What a command has said."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines of standard output."""
+        return self.out.splitlines()
+
+
+Command: TypeAlias = Callable[..., Ran]
+
+
+def write(folder: Path, files: dict[str, str]) -> None:
+    """Write files by name, with the folders that they need."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def agentd(
+    *arguments: object, cwd: Path | None = None, env: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a command of `agentd` in a process of its own."""
+    command = [sys.executable, "-m", "agentd", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=cwd, env=env)
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Write files, then run a command of `agentd` in their folder and in this process."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(files: dict[str, str], *arguments: str) -> Ran:
+        write(tmp_path, files)
+        capsys.readouterr()
+        return Ran(main([*arguments]), *capsys.readouterr())
+
+    return command
