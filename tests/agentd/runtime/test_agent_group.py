@@ -45,7 +45,7 @@ MAKES = """\
       .all_names(L); .print("names ", L);
       .send(kid, tell, toy(ball)); .wait(thanks(kid, ball));
       .send(kid_1, askOne, age(_), A); .print("age ", A);
-      .broadcast(tell, toy(rope)); .wait(thanks(kid_1, rope) & thanks(helper, rope));
+      .broadcast(tell, toy(rope)); .wait(thanks(kid, rope) & thanks(kid_1, rope) & thanks(helper, rope));
       .kill_agent(kid); .all_names(L2); .print("now ", L2); !t(1);
       -born(kid)[source(kid)]; .create_agent(kid, "kid.asl"); .wait(born(kid)); .all_names(L3); .print("again ", L3);
       .create_agent(own); .all_names(L4); .print("empty ", L4); .print("end").
