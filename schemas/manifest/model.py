@@ -1,7 +1,7 @@
-"""What a manifest holds (design section 12): a robot, its percepts and its actions, and how each is translated.
+"""The model of a manifest (design section 12): a robot, its percepts and actions, and how each is translated.
 
 A manifest is data: it names sources, fields, commands and ranges from closed vocabularies, and nothing in it is
-executed. Which sources, commands and confirmations exist is the driver's to say (`bridged.drivers`).
+executed. The drivers define which sources, commands and confirmations exist (`bridged.drivers`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Factor = Annotated[float, Meta(ge=-1e15, le=1e15)]
 ParameterType = Literal["float", "int", "boolean", "string", "list"]
 Value = bool | int | float | str
 Argument = Value | list[Any]
-"""An argument of an action after it was checked: lists hold values, lists, or structures (`dict` by name)."""
+"""A checked argument of an action: lists hold values, lists, or structures (`dict` by name)."""
 Values = Literal["typed", "text"]
 WAYS = ("command", "message", "topic", "service", "call")
 """Fields of an action of which it has exactly one."""
@@ -37,40 +37,40 @@ class Field(_Entry, frozen=True, kw_only=True):
     field: str
     """Path in the message, such as `voltages.0`."""
     scale: Factor = 1.0
-    """What a number is multiplied by: 0.001 makes metres of millimetres. In a list, each of its numbers."""
+    """Factor of a number, such as 0.001 from millimetres to metres; in a list, of each number."""
     offset: Factor = 0.0
-    """What is added then."""
+    """Added after scaling."""
     absent: Factor | None = None
-    """The raw value by which the robot says that it does not know (65535, -1): then there is no percept, or this
-    element of a list is left out."""
+    """Raw value that means unknown, such as 65535 or -1: then there is no percept, or this element of a list is left
+    out."""
     each: tuple[str | Field, ...] = ()
-    """The field is a list of structures: of each element these fields, as a list; the paper's `status[](key, value)`.
-    A single one is not wrapped into a list of its own."""
+    """For a list of structures: the fields to take of each element, as a list (the paper's `status[](key, value)`).
+    A single field is taken as a bare value."""
 
     def parts(self) -> tuple[Field, ...]:
-        """What is taken of each element, in the long form."""
+        """Return `each` in the long form."""
         return _long(self.each)
 
 
 class PerceptEntry(_Entry, frozen=True, kw_only=True):
-    """How one percept is made from what the robot says."""
+    """One percept, and how it is made from the data of the robot."""
 
     source: str
-    """Where the driver has it from: a message such as `GLOBAL_POSITION_INT`, a Zenoh key, a function's name."""
+    """Source in the driver: a message such as `GLOBAL_POSITION_INT`, a Zenoh key, or the name of a function."""
     driver: str = ""
     """The driver of this percept, if it is not the robot's."""
     args: tuple[str | Field, ...] = ()
-    """The arguments of the belief in their order: fields of the message, bare or with their conversion."""
+    """Arguments of the belief, in order: fields of the message, bare or with a conversion."""
     buf: Literal["update", "add"] = "update"
-    """`update` replaces the belief, `add` keeps every one (events)."""
+    """`update` replaces the belief; `add` adds one each time (for events)."""
     key: tuple[Annotated[int, Meta(ge=0)], ...] = ()
-    """Positions of the arguments that tell beliefs of this name apart; none = there is one."""
+    """Positions, from 0, of the arguments that identify a belief of this name; none = there is only one."""
     rate: Positive | None = None
-    """At most so many changes a second are told; also what a stream of the source is asked for."""
+    """Highest rate of changes, in Hz; also the rate requested of a stream of the source."""
     ttl: Duration | None = None
-    """The belief goes when its source has been silent for so long; none = it stays."""
+    """The belief is removed when its source has been silent for this long; none = it stays."""
     deadband: Annotated[float, Meta(ge=0, le=1e15)] = 0.0
-    """Numbers that moved by no more than this, in the unit of the percept, are not a change; those in lists too."""
+    """A number that differs by no more than this, in the unit of the percept, is no change, also within a list."""
 
     @property
     def arity(self) -> int:
@@ -78,7 +78,7 @@ class PerceptEntry(_Entry, frozen=True, kw_only=True):
         return len(self.args)
 
     def fields(self) -> tuple[Field, ...]:
-        """The arguments in their long form."""
+        """Return the arguments in the long form."""
         return _long(self.args)
 
 
@@ -87,23 +87,23 @@ def _long(fields: tuple[str | Field, ...]) -> tuple[Field, ...]:
 
 
 class Parameter(_Entry, frozen=True, kw_only=True):
-    """An argument of an action: what it must be."""
+    """A parameter of an action: type and range of its argument."""
 
     name: str
-    """How `fields`, errors and drivers call it."""
+    """Its name in `fields`, errors and drivers."""
     type: ParameterType | tuple[ParameterType, ...] = "float"
-    """What it must be; of several types the first that fits."""
+    """Type of the argument; of several types, the first that fits."""
     unit: str = ""
-    """For people: it stands in errors and descriptions."""
+    """For people: shown in errors and descriptions."""
     min: float | None = None
-    """Smallest number that is taken."""
+    """Smallest valid number, in `unit`."""
     max: float | None = None
-    """Largest number that is taken."""
+    """Largest valid number, in `unit`."""
     each: tuple[Parameter, ...] = ()
-    """Of type `list`: what each element holds, in this order; the paper's `Type[](a, b)`. An element is a list itself,
-    or the bare value where it holds a single one. None of them: any list."""
+    """For type `list`: the values of each element, in order (the paper's `Type[](a, b)`). An element is a list, or
+    the bare value if it has only one. None = any list."""
     default: Value | None = None
-    """The value where the agent leaves the argument out; arguments that have one are the last."""
+    """Value if the agent leaves the argument out; parameters with a default are the last ones."""
 
     @property
     def types(self) -> tuple[ParameterType, ...]:
@@ -115,7 +115,7 @@ class Parameter(_Entry, frozen=True, kw_only=True):
         return text if self.default is None else f"{text} = {msgspec.json.encode(self.default).decode()}"
 
     def expected(self) -> str:
-        """What the argument must be, for people: `float 1..120 m`, `list of [x: float, y: float]`."""
+        """Return type and range, for people: `float 1..120 m`, `list of [x: float, y: float]`."""
         text = " or ".join(self.types)
         if self.each:
             text += f" of [{', '.join(map(str, self.each))}]"
@@ -127,16 +127,16 @@ class Parameter(_Entry, frozen=True, kw_only=True):
 
 
 class FieldValue(_Entry, frozen=True, kw_only=True):
-    """What goes into a field of a command: an argument of the action, converted, or a constant."""
+    """The value of a field of a command: an argument of the action, converted, or a constant."""
 
     param: str = ""
-    """The argument that goes there."""
+    """Name of the parameter whose argument it is."""
     value: Value | None = None
-    """A constant instead of an argument; a text needs this form, a number may stand by itself."""
+    """A constant instead of an argument. A text needs this form; a number may be given without it."""
     scale: Factor = 1.0
-    """What the argument is multiplied by: 1e7 makes MAVLink's integers of degrees."""
+    """Factor of the argument, such as 1e7 from degrees to MAVLink's integers."""
     offset: Factor = 0.0
-    """What is added then."""
+    """Added after scaling."""
     table: str = ""
     """The argument is looked up in this table of the driver, such as `modes`."""
 
@@ -152,12 +152,12 @@ class FieldValue(_Entry, frozen=True, kw_only=True):
 
 
 class Retry(_Entry, frozen=True, kw_only=True):
-    """How often a command is sent again when nothing answers. Wall seconds: they do not shrink with `speed`."""
+    """How a command is repeated when nothing answers, in wall seconds, whatever the `speed`."""
 
     times: Annotated[int, Meta(ge=0, le=20)] = 3
-    """How often, after the first time."""
+    """Number of repetitions, 0 to 20."""
     every: Duration = Duration(0.7)
-    """How long an answer is waited for each time."""
+    """Timeout of each attempt."""
 
 
 class ActionEntry(_Entry, frozen=True, kw_only=True):
@@ -166,72 +166,72 @@ class ActionEntry(_Entry, frozen=True, kw_only=True):
     driver: str = ""
     """The driver of this action, if it is not the robot's."""
     params: tuple[Parameter, ...] = ()
-    """The arguments in their order."""
+    """Parameters, in order."""
     command: str = ""
     """MAVLink command, such as `MAV_CMD_NAV_TAKEOFF`."""
     message: str = ""
     """MAVLink message to send instead of a command, such as `SET_POSITION_TARGET_GLOBAL_INT`."""
     topic: str = ""
-    """Zenoh key to put to."""
+    """Zenoh key to publish on."""
     service: str = ""
-    """Zenoh key to ask."""
+    """Zenoh key to query."""
     call: str = ""
-    """What the driver calls by a name of its own: a procedure such as `mission_upload`, a function of a plug-in."""
+    """Name of a procedure of the driver, such as `mission_upload`, or of a function of a plug-in."""
     frame: Literal["relative", "amsl", "local", "body"] | None = None
-    """What an altitude counts from: home (`relative`), or mean sea level (`amsl`); what metres and m/s count along:
+    """Frame of its figures: altitudes above home (`relative`) or mean sea level (`amsl`); metres and m/s to the
     north, east and down (`local`), or forward, right and down (`body`)."""
     fields: dict[str, Value | FieldValue] = {}
     """Fields of the command or message: a parameter's name, a number, or a conversion."""
     confirm: str = ""
-    """By which state of the robot success is known; one of those that the driver offers."""
+    """State of the robot that confirms success; one of those that the driver offers."""
     feedback: tuple[str, ...] | None = None
-    """Which figures of its progress the agent perceives as `feedback(Action, What, Value)` while it runs; none named =
-    all that the driver tells, an empty list = none of them."""
+    """Figures of progress that the agent perceives as `feedback(Action, What, Value)` while it runs; none = all that
+    the driver reports, an empty list = no figures."""
     latch: bool = False
-    """Whoever subscribes to the topic later is given the last value too."""
+    """Whether later subscribers of the topic get the last value too."""
     tolerance: Positive | None = None
-    """How near is there, in metres; none = the confirmation's own."""
+    """Distance in metres at which a target counts as reached; none = the confirmation's own."""
     deadline: Duration = Duration(60)
-    """Mission time after which it is given up and ends as `timed_out`."""
+    """Mission time, more than 0, after which it ends as `timed_out`."""
     retry: Retry = Retry()
-    """How often the command is sent again when nothing answers."""
+    """How the command is repeated when nothing answers."""
     cancel: Literal["hold", "none"] = "none"
-    """What the robot does when the action is cancelled or out of time; `none` = it goes on."""
+    """What the robot does when the action is cancelled or times out; `none` = it continues."""
     motion: bool = True
-    """It moves the robot: one such action at a time."""
+    """Whether it moves the robot: one such action runs at a time."""
     supersedes: bool = False
-    """It ends a motion that is running instead of being refused as busy."""
+    """Whether it ends a running motion instead of being refused as busy."""
 
     @property
     def arity(self) -> int:
-        """Number of arguments, those that may be left out included."""
+        """Number of arguments, including optional ones."""
         return len(self.params)
 
     @property
     def arities(self) -> int | range:
-        """The numbers of arguments that it takes: several, if some have a default."""
+        """Valid numbers of arguments: several, if some have a default."""
         least = sum(parameter.default is None for parameter in self.params)
         return self.arity if least == self.arity else range(least, self.arity + 1)
 
     def ways(self) -> dict[str, str]:
-        """By which of the ways that exclude one another it is carried out: there must be one."""
+        """Return the given ones of `WAYS`, which exclude each other: there must be one."""
         return {name: said for name in WAYS if (said := getattr(self, name))}
 
 
 class RobotEntry(_Entry, frozen=True, kw_only=True):
-    """What kind of robot this is."""
+    """The robot: its driver and its kind."""
 
     driver: str
-    """How the robot is talked to: `mavlink`, `zenoh`, `python`, or a package's own (docs/guides/drivers.md)."""
+    """Driver: `mavlink`, `zenoh`, `python`, or that of another package (docs/guides/drivers.md)."""
     vehicle: str = ""
-    """Which of the driver's vehicle tables holds, such as `arducopter`."""
+    """Vehicle table of the driver, such as `arducopter`."""
     link_loss: Duration = Duration(5)
-    """Silence after which the robot counts as not connected; wall seconds at least."""
+    """Silence after which the robot counts as disconnected; wall seconds at least."""
     values: Values = "typed"
-    """`text`: percepts and arguments are read and written as the paper's bridge did, by way of their text
+    """`text` = percepts and arguments are converted by way of their text, as in the paper's bridge
     (docs/reference/manifests.md)."""
     payload: str = ""
-    """What a robot on Zenoh speaks where its samples' Encoding does not say it: `json` or `msgpack`; none = JSON."""
+    """Payload format of a robot on Zenoh whose samples' Encoding does not name it: `json` or `msgpack`; none = JSON."""
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -241,11 +241,11 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     percepts: dict[str, PerceptEntry] = {}
     actions: dict[str, ActionEntry] = {}
     orders: dict[Order, str] = {}
-    """For a robot that knows no such modes itself: the action, with its arguments as a term, that carries out an order
-    from above the agents, such as `hold = "cmd_vel(0, 0, 0)"`."""
+    """For a robot without modes for orders: the action, with its arguments as a term, that carries out an order
+    which overrides the agents, such as `hold = "cmd_vel(0, 0, 0)"`."""
     file: str = ""
     percepts_file: str = ""
-    """The file of the percepts if it is another one, as in the paper's pair."""
+    """The file of the percepts, if it is another one, as in the paper's pair."""
     lines: dict[tuple[str, ...], int] = {}
 
     def finding(self, message: str, *path: str) -> Finding:
@@ -271,16 +271,16 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         )
 
     def percept_arities(self) -> dict[str, int]:
-        """Each percept's name and number of arguments."""
+        """Return the number of arguments of each percept."""
         return {name: entry.arity for name, entry in self.percepts.items()}
 
     def action_arities(self) -> dict[str, int | range]:
-        """Each action's name and the numbers of arguments that it takes."""
+        """Return the valid numbers of arguments of each action."""
         return {name: entry.arities for name, entry in self.actions.items()}
 
 
 class ActionDescription(Record, frozen=True, kw_only=True):
-    """What a bridge answers to a query for an action that is not a request to act: what the action is."""
+    """A description of an action: the reply of a bridge to a query that is no request to act."""
 
     name: str
     signature: str
@@ -289,4 +289,4 @@ class ActionDescription(Record, frozen=True, kw_only=True):
     deadline: float = 0.0
     """Mission seconds."""
     problem: str = ""
-    """What was wrong with the payload of the query."""
+    """What is wrong with the payload of the query."""

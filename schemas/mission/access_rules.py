@@ -1,8 +1,8 @@
-"""Rights that follow from the mission and the table of channels: what routers enforce link by link, and which mail an
-agent accepts (docs/guides/security.md has both).
+"""Access rights by the mission and the table of channels: what routers enforce on each link, and which mail an agent
+accepts (docs/guides/security.md).
 
-A name belongs to one board: only that board publishes, serves and queries under it. Everybody of the fleet may see what
-robots do; minds and mail are for operators, and for observers that the mission names. `commd.router.config` writes the
+A name belongs to one board: only that board publishes, serves and queries under it. Everybody in the fleet may see
+telemetry; minds and mail are for operators, and for observers that the mission names. `commd.router.config` writes the
 rules for Zenoh.
 """
 
@@ -20,21 +20,21 @@ from schemas.wire.records import Message
 from schemas.wire.terms import Structure
 
 UNDELIVERED = "mail"
-"""The sender of what a board tells of mail that it gave up: it goes to senders on other boards too."""
+"""The sender of notices about undelivered mail, which go to senders on other boards too."""
 BOARD_SEES: Sight = "telemetry"
-"""What a board sees of the agents of others."""
+"""What a board may see of the agents of other boards."""
 ZENOH = "zenoh"
-"""The driver whose robots speak on keys of their own."""
+"""The driver whose robots use keys of their own."""
 
 
 @dataclass(frozen=True)
 class Rights:
-    """What somebody may do at a router, as key expressions. What stands nowhere is denied."""
+    """Rights at a router, as key expressions. Everything else is denied."""
 
     puts: tuple[str, ...] = ()
     """Publish."""
     deletes: tuple[str, ...] = ()
-    """Publish that a key is no more: no daemon of Argosy's does, a robot may."""
+    """Publish deletions: no daemon of Argosy does, a robot may."""
     serves: tuple[str, ...] = ()
     """Answer queries."""
     asks: tuple[str, ...] = ()
@@ -53,7 +53,7 @@ class Rights:
 
 
 def of_observer(sight: Sight) -> Rights:
-    """Ask only what changes nothing, and hear what is told, except for what is `hidden`."""
+    """Return the rights of an observer: queries that change nothing, and all publications except `hidden` ones."""
     everything = (f"{ROOT}/**",)
     seen = SIGHTS[: SIGHTS.index(sight) + 1]
     reads = (
@@ -63,15 +63,16 @@ def of_observer(sight: Sight) -> Rights:
 
 
 def hidden(sight: Sight) -> tuple[str, ...]:
-    """Return the keys on which nothing is told to whoever sees no more than this."""
+    """Return the keys whose publications are withheld from an observer with this sight."""
     beyond = SIGHTS[SIGHTS.index(sight) + 1 :]
     return _once([f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.sight in beyond])
 
 
 def of_operator(inject: bool = False) -> Rights:
-    """See everything, stop robots, read and change their manifests, list the mail, tell of their run of a mission.
+    """Return the rights of an operator: see everything, stop robots, change manifests, list mail, publish a run's
+    state.
 
-    Where the mission says `inject`, act and tell percepts in the place of any agent, too.
+    `inject`: as the mission says; then also act and put percepts in the name of any agent.
     """
     orders = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if _is_order(channel))
     told = (f"{ROOT}/*/{_any(channel.key)}" for channel in keys.CHANNELS if channel.source == "operator")
@@ -83,9 +84,9 @@ def of_operator(inject: bool = False) -> Rights:
 
 
 def of_board(mission: Mission, board: str) -> Rights:
-    """Speak and act for the names that live on a board: at its own router and at those of all other boards.
+    """Return the rights of a board at all routers: speak and act for the names that live on it.
 
-    Of agents of other boards it sees `BOARD_SEES`: their minds hold what others have told them.
+    Of agents of other boards it sees `BOARD_SEES`: their minds contain what others have sent them.
     """
     puts, serves, asks, holds = list[str](), list[str](), list[str](), list[str]()
     for channel in keys.CHANNELS:
@@ -103,10 +104,11 @@ def of_board(mission: Mission, board: str) -> Rights:
 
 
 def of_member(mission: Mission, board: str) -> Rights:
-    """As a daemon on a board at its own router: speak for the board, speak with its robots, and be its operator.
+    """Return the rights of a daemon at its board's router: those of the board and an operator, and the robots' own
+    keys.
 
-    Of the router itself it asks only who that is: one that lists what is declared may stand still. Raises Findings for
-    a manifest that cannot be read.
+    Of the router's admin space it may query the router's own entry only: a router that lists declarations may hang.
+    Raises Findings for a manifest that cannot be read.
     """
     robots = robot_keys(mission, board)
     on_robots = Rights(puts=robots, deletes=robots, serves=robots, asks=(*robots, "@/*/router"), hears=robots)
@@ -114,10 +116,10 @@ def of_member(mission: Mission, board: str) -> Rights:
 
 
 def robot_keys(mission: Mission, board: str, other: str | None = None) -> tuple[str, ...]:
-    """Return the keys, not Argosy's, on which robots of a board speak, and those that are simulated there.
+    """Return the keys, besides Argosy's, of robots that belong to a board or are simulated there.
 
-    With an `other` board, those of them that are of one of the two and simulated on the other. Raises Findings for a
-    manifest that cannot be read.
+    With an `other` board, only of robots that belong to one of the two and are simulated on the other. Raises Findings
+    for a manifest that cannot be read.
     """
     found: list[str] = []
     for robot in mission.robots.values():
@@ -132,12 +134,12 @@ def robot_keys(mission: Mission, board: str, other: str | None = None) -> tuple[
 
 
 def made_on(board: str) -> str:
-    """Return what all names made at run time on a board begin with, where access is controlled."""
+    """Return the prefix of all names made at run time on a board, where access is controlled."""
     return f"{board}_"
 
 
 def check(mission: Mission) -> None:
-    """Raise Findings for a mission whose boards cannot be told apart, or cannot reach each other, by these rules."""
+    """Raise Findings for a mission whose boards these rules cannot distinguish, or which cannot reach each other."""
     findings = []
     homes = dict(mission.mailboxes) | {name: robot.board for name, robot in mission.robots.items()}
     homes |= dict.fromkeys((*mission.security.operators, *mission.security.observers), "")
@@ -160,28 +162,28 @@ def check(mission: Mission) -> None:
 
 
 def _is_read(channel: Channel) -> bool:
-    """Whether a query changes nothing and is not the operator's alone."""
+    """Whether a query changes nothing and is not for operators only."""
     return channel.kind == "query" and channel.carries is None and not _is_order(channel)
 
 
 def _is_order(channel: Channel) -> bool:
-    """Whether the operator asks it."""
+    """Whether it is an operator's query."""
     return channel.kind == "query" and "operator" in channel.sink.split(", ")
 
 
 def _is_among_boards(channel: Channel) -> bool:
-    """Whether boards ask each other in their own names, and not in that of an agent."""
+    """Whether boards query each other in their own names, not in that of an agent."""
     sinks = channel.sink.split(", ")
     return channel.kind == "query" and channel.key.startswith("{board}/") and "commd" in sinks and not _is_read(channel)
 
 
 def _any(key: str) -> str:
-    """The keys of a row for whatever names."""
+    """Return the key expression of a row for all names."""
     return "/".join("*" if chunk.startswith("{") else chunk for chunk in key.split("/"))
 
 
 def _said_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
-    """The keys of a row on which a board's daemons put, serve or hold tokens."""
+    """Yield the keys of a row on which a board's daemons put, serve or hold tokens."""
     first, *rest = channel.key.split("/")
     fixed = "".join(f"{chunk}/" for chunk in rest if not chunk.startswith(("{", "*")))
     for name in _names(mission, board, channel.source, first):
@@ -189,7 +191,7 @@ def _said_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
 
 
 def _names(mission: Mission, board: str, source: str, named: str) -> Collection[str]:
-    """For whom the daemons of a board may stand in the first chunk of a row with this source."""
+    """Return the names that a board's daemons may use in the first chunk of a row with this source."""
     robots = [name for name, robot in mission.robots.items() if robot.board == board]
     match source, named:
         case "operator", _:
@@ -207,14 +209,14 @@ def _names(mission: Mission, board: str, source: str, named: str) -> Collection[
 
 
 def _senders(mission: Mission, board: str) -> list[str]:
-    """Those who have their mailbox on a board, and those that will be made there."""
+    """Return the names with a mailbox on a board, and a pattern of those that will be made there."""
     named = [name for name, home in mission.mailboxes.items() if home == board]
     return [*named, f"{made_on(board)}$*"]
 
 
 def _asked_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
-    """The keys of a row that a board's daemons ask with effect: those that name one of its agents as agent or sender,
-    and those of the board itself, which sees whom a request is for."""
+    """Yield the keys of a row that a board's daemons query with an effect: those with one of its agents as agent or
+    sender, and those of the board itself, which sees whom a request is for."""
     chunks = channel.key.split("/")
     place = next((i for i, chunk in enumerate(chunks) if chunk in ("{agent}", "{sender}")), None)
     if _is_among_boards(channel):
@@ -231,7 +233,7 @@ def _asked_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
 
 
 def _spoken(manifest: Manifest) -> Iterator[str]:
-    """The keys that a manifest names for robots on Zenoh."""
+    """Yield the keys that a manifest has for robots on Zenoh."""
     for percept in manifest.percepts.values():
         if manifest.driver_of(percept) == ZENOH:
             yield percept.source
@@ -245,18 +247,18 @@ def _once(names: Collection[str]) -> tuple[str, ...]:
 
 
 NOT_ACCEPTED = "not_accepted"
-"""The reason that the sender of a refused message is told."""
+"""Code of the refusal that the sender gets."""
 NOTICES = {"mail": ("signal", "undelivered"), "df": ("tell", "provider")}
-"""What the reserved senders are for: performative and functor."""
+"""Performative and functor of the notices of each reserved sender."""
 PLAN_MAIL = frozenset(("tellHow", "untellHow", "askHow"))
-"""Changes a program, or reads it: refused from other boards of a secured fleet."""
+"""Performatives that change or read a program: refused from other boards of a secured fleet."""
 FROM_GATEWAY = frozenset(("tell",))
-"""What a node behind the gateway may send: UDP shows no key."""
+"""Performatives that a node behind the gateway may send: UDP is not authenticated."""
 
 
 @dataclass(frozen=True)
 class MailRights:
-    """What one agent accepts."""
+    """Which mail one agent accepts."""
 
     mission: Mission
     agent: str
@@ -264,7 +266,7 @@ class MailRights:
     """Where the agent runs."""
 
     def accept(self, message: Message) -> bool:
-        """Whether the agent takes a message, judged by its sender and performative."""
+        """Whether the agent accepts a message, by its sender and performative."""
         sender, performative = message.sender, message.performative
         if sender in RESERVED:
             content = message.content

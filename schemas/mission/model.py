@@ -23,9 +23,9 @@ DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 """Zenoh's own default port, on loopback only: any Zenoh CLI finds it."""
 DEFAULT_PORT = 7447
 RESERVED = frozenset(("df", "mail", "percept", "self"))
-"""Senders and sources of what no agent sends: nobody may be called so."""
+"""Reserved names: senders of notices, and sources of beliefs that no agent has sent."""
 LEAST_SILENCE = Duration(3)
-"""The shortest `agent_silence`: two words of an agent may be lost or late."""
+"""The shortest `agent_silence`: two health records of an agent may be lost or late."""
 
 ANYBODY = "*"
 """In `accepts`: every sender that is not named."""
@@ -37,10 +37,10 @@ PERFORMATIVES = frozenset(
         *("askOne", "askIf", "askAll", "askHow", "tellHow", "untellHow"),
     )
 )
-"""Those that agents handle without a plan of their own."""
+"""Performatives that agents handle without a plan of their own."""
 
 NO_STEPS = "none"
-"""What `on_idle` says to switch it off."""
+"""The value of `on_idle` that switches it off."""
 
 M = TypeVar("M", bound="FileModel")
 Accepted: TypeAlias = tuple[str, ...] | Literal["all"]
@@ -70,22 +70,22 @@ class Agent(FileModel, frozen=True, kw_only=True):
     robot: str | None = None
     board: str = THIS_MACHINE
     beliefs: tuple[str, ...] = ()
-    """Literals believed at the start, as the program would write them."""
+    """Initial beliefs, in the syntax of programs."""
     goals: tuple[str, ...] = ()
     """Goals to achieve at the start, besides those of the program."""
     presence: bool = False
     on_restart: str = "resume"
     """resume, fresh, or `goal(g)`."""
     accepts: dict[str, Accepted] = {}
-    """Performatives that it takes, by sender; `*` = from every agent and program that is not named. A line replaces the
-    rule that holds without it (docs/guides/security.md)."""
+    """Performatives that it accepts, by sender; `*` = every agent and program that is not named. An entry replaces
+    the default rule for its sender (docs/guides/security.md)."""
 
 
 class Failsafe(FileModel, frozen=True, kw_only=True):
     """Whose heartbeats the vehicle's own ground-station failsafe watches."""
 
     gcs: Literal["bridge", "human", "none"] | None = None
-    """None: not declared. `none`: nobody's, on purpose."""
+    """None = not declared; `none` = nobody's, on purpose."""
 
     @property
     def watches(self) -> bool:
@@ -94,40 +94,40 @@ class Failsafe(FileModel, frozen=True, kw_only=True):
 
 
 class Limits(FileModel, frozen=True, kw_only=True):
-    """What the bridge never lets an action exceed."""
+    """Limits that the bridge enforces for every action."""
 
     altitude: Positive | None = None
-    """Metres above home."""
+    """Metres above home, more than 0; none = no limit."""
     radius: Positive | None = None
-    """Metres around home."""
+    """Metres around home, more than 0; none = no limit."""
 
 
 class Ids(FileModel, frozen=True, kw_only=True):
-    """The MAVLink ids under which the bridge speaks to a vehicle; none = as its failsafe wants it."""
+    """MAVLink ids of the bridge, 1 to 255; none = those that the vehicle's failsafe expects."""
 
     system: Annotated[int, msgspec.Meta(ge=1, le=255)] | None = None
     component: Annotated[int, msgspec.Meta(ge=1, le=255)] | None = None
 
 
 class Signing(FileModel, frozen=True, kw_only=True):
-    """MAVLink 2 signing: packets are signed, and unsigned ones are not taken."""
+    """MAVLink 2 signing: the bridge signs its packets and rejects unsigned ones."""
 
     passphrase_file: str
     """Path of a file whose first line is the passphrase, relative to the mission file; readable by its owner only."""
 
 
 class Lease(FileModel, frozen=True, kw_only=True):
-    """Who has a robot that several agents share: one at a time."""
+    """Which agent has a robot that several agents share, one at a time."""
 
     priority: tuple[str, ...] = ()
-    """Agents, the highest first: one of them takes the robot from any that stands later or not at all."""
+    """Agents, the highest priority first. Each may take the robot from those after it and from those not listed."""
 
 
 class Simulate(FileModel, frozen=True, kw_only=True):
-    """The simulated counterpart of a robot; without any field the robot's driver is its own twin."""
+    """The simulated counterpart of a robot; without any field the robot's driver simulates itself."""
 
     vehicle: str = ""
-    """What `bridged simulate` can be: copter, turtle."""
+    """Vehicle of `bridged simulate`: `copter` or `turtle`."""
     home: tuple[Latitude, Longitude, float] | None = None
     """Degrees, degrees, metres above mean sea level; for vehicles."""
     board: str | None = None
@@ -135,17 +135,17 @@ class Simulate(FileModel, frozen=True, kw_only=True):
     parameters: dict[str, float] = {}
     """Parameters of its autopilot, such as `{FS_GCS_ENABLE: 1}`."""
     battery: Duration | None = None
-    """How long a full battery lasts in the air; none = as recorded, it never runs down."""
+    """Flight time of a full battery; none = it never runs down, as in the recording."""
     recharge: Duration | None = None
-    """Mission seconds in which an empty battery is full again at home with the motors off; none = 120."""
+    """Mission seconds to recharge an empty battery at home with the motors off; none = 120."""
     camera: Distance | None = None
     """Metres over ground within which it sees the victims of the mission's world; none = it has no camera."""
     faults: tuple[str, ...] = ()
-    """What is wrong with it and its link, such as `loss=0.2` (docs/guides/simulated-copter.md)."""
+    """Faults of the vehicle and its link, such as `loss=0.2` (docs/guides/simulated-copter.md)."""
 
     @property
     def process(self) -> str:
-        """What a process is to simulate, a copter if only its home is said; empty = none is needed."""
+        """The vehicle to simulate in a process, a copter if only `home` is given; empty = no process is needed."""
         return self.vehicle or ("copter" if self.home is not None else "")
 
 
@@ -157,24 +157,24 @@ class Robot(FileModel, frozen=True, kw_only=True):
     link: str = ""
     """For MAVLink: `udpin:HOST:PORT`, `udpout:`, `tcp:`, `tcpin:` or `serial:DEVICE:BAUD`."""
     prefix: str = ""
-    """For robots on Zenoh: what stands before each key that the manifest names."""
+    """For robots on Zenoh: the prefix of each key in the manifest."""
     board: str = THIS_MACHINE
     sysid: Annotated[int, msgspec.Meta(ge=1, le=255)] = 1
     """MAVLink system id of the vehicle."""
     ids: Ids = Ids()
     signing: Signing | None = None
     forward: str | tuple[str, ...] = ()
-    """Links to ground stations that may watch the vehicle and speak to it, such as `udpout:127.0.0.1:14551`."""
+    """Links to ground stations that may watch and command the vehicle, such as `udpout:127.0.0.1:14551`."""
     lease: Lease = Lease()
     failsafe: Failsafe = Failsafe()
     limits: Limits = Limits()
     on_agent_loss: tuple[str, ...] = ("hold 5s", "rtl")
     agent_silence: Duration = Duration(5)
-    """Wall seconds after which an agent that is there and says nothing counts as lost: it hangs."""
+    """Wall seconds without a health record after which a present agent counts as lost (it hangs); at least 3."""
     on_idle: tuple[str, ...] | Literal["none"] = ("rtl",)
-    """What is done when it is in the air and its agents are there and intend nothing; `none`: only the alarm."""
+    """Steps while the robot is in the air and its present agents have no intention; `none` = only the alarm."""
     idle_after: Duration = Duration(10)
-    """Mission seconds after which that is so; also what an agent that was lost and is back has to take control."""
+    """Mission seconds until `on_idle` begins; also the time for an agent that was lost and is back to take control."""
     on_shutdown: Order = "rtl"
     simulate: Simulate | None = None
 
@@ -191,65 +191,66 @@ class Client(FileModel, frozen=True, kw_only=True):
     """A program that joins the team by `commd.client`: it sends and receives mail as an agent does."""
 
     board: str = THIS_MACHINE
-    """Whose commd keeps its mail."""
+    """The board whose commd stores its mail."""
     robot: str | None = None
-    """That it perceives and moves, as an agent does."""
+    """The robot that it perceives and controls, as an agent does."""
 
 
 class Gateway(FileModel, frozen=True, kw_only=True):
-    """Comm nodes of the paper and whatever else speaks its wire: UDP datagrams `<id,sender,itlforce,receiver,data>`."""
+    """The gateway to Comm nodes of the paper and other programs that use its datagrams,
+    `<id,sender,itlforce,receiver,data>` by UDP."""
 
     board: str = THIS_MACHINE
-    """Whose commd speaks to them."""
+    """The board whose commd exchanges datagrams with them."""
     listen: str
-    """`HOST:PORT` for their datagrams."""
+    """`HOST:PORT` at which their datagrams are received."""
     nodes: dict[str, str]
-    """The agents behind it by name, each with the `HOST:PORT` where its node listens."""
+    """The agents behind it by name, each with the `HOST:PORT` of its node."""
 
 
 class MailRules(FileModel, frozen=True, kw_only=True):
-    """How mail is kept."""
+    """How boards store mail."""
 
     ttl: Duration | None = None
     """Wall seconds after which a message that was not delivered is given up; none = never."""
     mailbox: Annotated[int, msgspec.Meta(ge=1, le=10_000_000)] = 100_000
-    """Messages that may wait for one receiver at one board; further ones wait where they come from."""
+    """Messages that may wait for one receiver at one board, 1 to 10,000,000; further ones wait at their origin."""
     synchronous: Literal["full", "normal"] = "full"
-    """SQLite's: `normal` may lose the last moments when the power fails, not when a daemon dies."""
+    """SQLite's setting: `normal` may lose the last messages in a power failure, but not when a daemon dies."""
 
 
 class Radio(FileModel, frozen=True, kw_only=True):
     """A model of the radio between robots, for mail in simulation."""
 
     range: Distance | None = None
-    """Metres within which two robots hear each other; none = anywhere."""
+    """Metres within which two robots hear each other; none = no limit."""
     loss: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.0
-    """Share of transmissions that are lost."""
+    """Share of transmissions that are lost, from 0 to below 1."""
     delay: Duration = Duration(0)
-    """Wall seconds that each transmission takes besides its length."""
+    """Wall seconds of each transmission besides those that its size takes."""
     bandwidth: Annotated[float, msgspec.Meta(gt=0)] | None = None
-    """Bits per second between two robots; none = without limit."""
+    """Bits per second between two robots, more than 0; none = no limit."""
     seed: int = 0
 
 
 class World(FileModel, frozen=True, kw_only=True):
-    """What is there in simulation and nobody of the fleet is told."""
+    """The simulated world, which the fleet has to discover."""
 
     victims: Annotated[int, msgspec.Meta(ge=0, le=1000)] = 0
-    """How many are in the water."""
+    """Number of victims in the water, 0 to 1000."""
     seed: int = 0
-    """Of where they are."""
+    """Random seed of their positions."""
     area: tuple[Latitude, Longitude, Latitude, Longitude]
-    """South, west, north and east border of where they may be, in degrees."""
+    """Their area: its south, west, north and east border, in degrees."""
 
 
 class Security(FileModel, frozen=True, kw_only=True):
-    """Who may reach the boards' routers besides the boards, each by a certificate of the fleet with that name."""
+    """Who may connect to the boards' routers besides the boards, each by a certificate of the fleet with its name."""
 
     operators: tuple[str, ...] = ()
-    """They see everything, mail too, stop robots, change their manifests and list the mail."""
+    """Operators see everything, including mail; they may stop robots, change manifests and list mail."""
     observers: tuple[str, ...] | dict[str, Sight] = ()
-    """They change nothing, and see `telemetry`, or what stands with their name: `{laptop: minds}`."""
+    """Observers change nothing. They see `telemetry`, or what is given with their name, such as `{laptop: minds}`."""
 
     @property
     def sights(self) -> dict[str, Sight]:
@@ -259,7 +260,7 @@ class Security(FileModel, frozen=True, kw_only=True):
 
 
 class MissionFile(FileModel, frozen=True, kw_only=True):
-    """What stands at the top of a mission file; boards, agents and robots are read one by one."""
+    """The top level of a mission file; boards, agents, robots and clients are read one by one."""
 
     mission: str
     fleet: str | None = None
@@ -321,11 +322,11 @@ class Mission:
     gateway: Gateway | None
     mail: MailRules
     radio: Radio | None
-    """None: mail between boards meets the real network alone."""
+    """None = mail between boards uses the real network only."""
     world: World | None
     security: Security
     secured: bool
-    """The mission has `security`: who may do what is judged by keys, and mail between boards by the rule for that."""
+    """Whether the mission has `security`: rights are enforced by keys, and mail between boards by `MailRights`."""
     inject: bool
     path: Path
     positions: Positions
@@ -343,7 +344,8 @@ class Mission:
 
     @property
     def mailboxes(self) -> dict[str, str]:
-        """Who can be sent to, in the order of the file, and the board that keeps their mail: agents, clients, nodes."""
+        """The receivers of mail (agents, clients, nodes) in the order of the file, each with the board that stores
+        it."""
         boards = {name: agent.board for name, agent in self.agents.items()}
         boards |= {name: client.board for name, client in self.clients.items()}
         return boards | (dict.fromkeys(self.gateway.nodes, self.gateway.board) if self.gateway is not None else {})
@@ -366,7 +368,7 @@ def load_mission(path: str | Path) -> Mission:
 
 
 def read_mission(text: str, path: Path) -> Mission:
-    """Read the text of a mission file that stands at `path`. Raises Findings with everything that is wrong with it."""
+    """Read the text of the mission file at `path`. Raises Findings with everything that is wrong with it."""
     raw, positions = read_yaml(text, str(path))
     if not isinstance(raw, dict):
         raise Findings([positions.finding((), "expected a mission: fields such as `mission:` and `agents:`")])
@@ -430,7 +432,7 @@ def _endings(texts: str | tuple[str, ...]) -> tuple[Ending, ...]:
 
 
 def _check(mission: Mission) -> list[Finding]:
-    """What one part of a mission says of another."""
+    """Check the references between the parts of a mission."""
     where = mission.positions
     findings: list[Finding] = []
     if not mission.agents and not mission.clients:

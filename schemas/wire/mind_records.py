@@ -1,7 +1,6 @@
-"""What a mind shows of itself: the records of its present state, and of its course while somebody follows it.
+"""Records of a mind for observers: its present state, and its trace while there are subscribers.
 
-Texts are for people and as the program writes them; `docs/reference/mind-records.md` tells how the records hang
-together.
+Texts are for people, in the syntax of programs; `docs/reference/mind-records.md` shows how the records are related.
 """
 
 from __future__ import annotations
@@ -18,25 +17,25 @@ class BeliefView(Record, frozen=True, kw_only=True):
     text: str
     """With its annotations."""
     sources: tuple[str, ...] = ()
-    """Who told it: agents, `percept`, `self`."""
+    """Its sources: agents, `percept`, `self`."""
     since: float | None = None
-    """Mission seconds by when it was believed; none = nobody knows, such as for a belief of a former life. A source
-    that joined later does not change it."""
+    """Mission seconds at which it was added; none = unknown, such as for a belief of a process before this one. A
+    source that was added later does not change it."""
 
 
 class EventView(Record, frozen=True, kw_only=True):
-    """An event that waits to be given a plan."""
+    """An event that waits for a plan."""
 
     text: str
     intention: int = 0
-    """The intention that goes on with it; 0: it will start one of its own."""
+    """The intention that it continues; 0 = it will start a new one."""
 
 
 class QuestionView(Record, frozen=True, kw_only=True):
     """A question to another agent that has no answer yet."""
 
     id: str
-    """Of the message that asks."""
+    """Id of the message that asks."""
     receiver: str
     performative: str
     content: str
@@ -53,15 +52,15 @@ class WaitView(Record, frozen=True, kw_only=True):
     """What an intention waits for."""
 
     kind: Literal["action", "answer", "time", "formula", "event", "plan", "goal_condition", "fork", "team", "python"]
-    """`time`, `formula`, `event`: in a `.wait`; `plan`: its event has not been given one yet; `goal_condition`: the
-    condition of its goal does not hold yet; `fork`: the branches of its fork; `team`: agentd, as for `.create_agent`;
-    `python`: an internal action in Python."""
+    """`time`, `formula`, `event`: in a `.wait`; `plan`: a plan for its event; `goal_condition`: the condition of its
+    goal; `fork`: the branches of its fork; `team`: agentd, as for `.create_agent`; `python`: an internal action in
+    Python."""
     name: str = ""
-    """Of the action; of the request to the team; the event; or what the internal action calls it."""
+    """Name of the action, of the request to the team or of the event, or as the internal action names it."""
     agents: tuple[str, ...] = ()
-    """Of `answer`: who was asked."""
+    """For `answer`: the agents that were asked."""
     seconds: float | None = None
-    """Of `time`: mission seconds in all."""
+    """For `time`: the whole time, in mission seconds."""
 
 
 class IntentionView(Record, frozen=True, kw_only=True):
@@ -77,7 +76,7 @@ class IntentionView(Record, frozen=True, kw_only=True):
     at: str = ""
     """`file:line` of the next formula."""
     since: float | None = None
-    """Mission seconds since when it waits for this."""
+    """Mission seconds at which this wait began."""
 
 
 class PlanView(Record, frozen=True, kw_only=True):
@@ -89,18 +88,18 @@ class PlanView(Record, frozen=True, kw_only=True):
     position: str = ""
     """`file:line`."""
     bindings: dict[str, str] = {}
-    """The variables that had a value, as text."""
+    """The variables that had a value, with their values as text."""
     context: str = ""
-    """As written; empty if it has none. Only among the `plans` of a mind."""
+    """As written; empty if it has none. Only in `plans` of a mind."""
     uses: dict[str, str] = {}
-    """What its body does, with the `file:line` where it does so first: goals `!go/1`, tests `?where/1`, beliefs
-    `+found/3`, actions `takeoff/1`, internal actions `.send/4`. Only among the `plans` of a mind."""
+    """Formulas of its body, each with the `file:line` of its first use: goals `!go/1`, tests `?where/1`, beliefs
+    `+found/3`, actions `takeoff/1`, internal actions `.send/4`. Only in `plans` of a mind."""
     source: str = ""
-    """All of it, as the program would write it. Only among the `plans` of a mind."""
+    """The whole plan, in the syntax of programs. Only in `plans` of a mind."""
 
 
 class RejectedView(Record, frozen=True, kw_only=True):
-    """A plan that was tried in vain."""
+    """A plan that was tried and not chosen."""
 
     plan: PlanView
     why: Literal["trigger", "context", "error", "choice"]
@@ -111,7 +110,7 @@ class RejectedView(Record, frozen=True, kw_only=True):
     filled: str = ""
     """The same with the values that its variables had."""
     message: str = ""
-    """Why, in words."""
+    """The reason, for people."""
 
 
 class FailureView(Record, frozen=True, kw_only=True):
@@ -126,44 +125,44 @@ class FailureView(Record, frozen=True, kw_only=True):
     position: str = ""
     """`file:line`."""
     error: str
-    """The name that the program sees as `error(E)`."""
+    """Its name in the program, as `error(E)`."""
     reason: str = ""
-    """Why, in words."""
+    """The reason, for people."""
     given_up: tuple[str, ...] = ()
     """The goals that ended with it, the innermost first."""
     handled_by: str = ""
-    """The event that goes on from here, such as `-!fly/1`; empty if nothing handles it."""
+    """The event that handles it, such as `-!fly/1`; empty = none does."""
 
 
 class CauseView(Record, frozen=True, kw_only=True):
-    """Where an event comes from."""
+    """The origin of an event."""
 
     kind: Literal["plan", "failure", "intention", "message", "told", "percept", "program", "outside"]
-    """`plan`: a plan that waits for it; `failure`: of a goal; `intention`: a plan that does not wait for it; `program`:
-    the initial beliefs and goals; `outside`: an operator, the mission, or a restart."""
+    """`plan`: a plan that waits for it; `failure`: the failure of a goal; `intention`: a plan that does not wait for
+    it; `program`: the initial beliefs and goals; `outside`: an operator, the mission, or a restart."""
     intention: int = 0
-    """Of `plan`, `failure` and `intention`: of that plan or goal."""
+    """For `plan`, `failure` and `intention`: that of the plan or goal."""
     sender: str = ""
-    """Of `message` and `told`."""
+    """For `message` and `told`."""
     performative: str = ""
     message: str = ""
     """Its id."""
 
 
 class DecisionView(Record, frozen=True, kw_only=True):
-    """An event of an agent and the plan that was chosen for it, with those that were not and why."""
+    """An event of an agent and the plan that was chosen for it; the other plans, and why they were not chosen."""
 
     cycle: int
     time: float
     """Mission seconds."""
     event: str
-    """As text with its annotations; the source `self` goes without saying."""
+    """As text with its annotations; the source `self` is left out."""
     kind: str
     """Operator and kind of the event, such as `+!`."""
     name: str
     """Functor and arity."""
     source: str = ""
-    """Who told it: an agent, `percept`, `self`."""
+    """Its source: an agent, `percept`, `self`."""
     intention: int = 0
     """The intention that the chosen plan is part of."""
     goal: str = ""
@@ -173,12 +172,12 @@ class DecisionView(Record, frozen=True, kw_only=True):
     asked_at: str = ""
     """`file:line` of the formula that raised it."""
     rejected: tuple[RejectedView, ...] = ()
-    """The plans tried in vain before the chosen one, in order."""
+    """The plans tried before the chosen one, in order."""
     chosen: PlanView | None = None
     untried: tuple[PlanView, ...] = ()
     """The relevant plans after the chosen one."""
     outcome: Literal["running", "ended", "failed", "dropped", "none"] = "none"
-    """What became of the chosen plan so far; `none`: no plan was applicable."""
+    """Present outcome of the chosen plan; `none`: no plan was applicable."""
     failure: FailureView | None = None
     """What failed in it."""
     dropped_by: str = ""
@@ -188,18 +187,18 @@ class DecisionView(Record, frozen=True, kw_only=True):
 
 
 class DropView(Record, frozen=True, kw_only=True):
-    """What was dropped because too much waited, of one kind."""
+    """Items of one kind that were dropped because their queue was full."""
 
     what: Literal["events", "messages", "questions"]
     name: str = ""
-    """Of the events, such as `+tick/1`; or who sent the messages or questions."""
+    """Name of the events, such as `+tick/1`, or the sender of the messages or questions."""
     count: int
     first: float
     """Mission seconds."""
     last: float
     """Mission seconds."""
     reason: str = ""
-    """In words."""
+    """For people."""
 
 
 class MindView(Record, frozen=True, kw_only=True):
@@ -207,7 +206,7 @@ class MindView(Record, frozen=True, kw_only=True):
 
     header: Header = Header()
     format: int = 1
-    """Of this record; counts up when a field changes its meaning."""
+    """Version of this record, increased when a field changes its meaning."""
     agent: str = ""
     program: str = ""
     """The file of its program."""
@@ -217,24 +216,24 @@ class MindView(Record, frozen=True, kw_only=True):
     state: Literal["reasoning", "waiting", "paused"] = "waiting"
     """`reasoning`: there is something to do; `waiting`: for an input or a time; `paused`: by the operator."""
     paused_for: float | None = None
-    """Wall seconds until it goes on by itself, if it is paused."""
+    """Wall seconds until it continues by itself, if it is paused."""
     beliefs: tuple[str, ...] = ()
-    """The texts of what is believed, with annotations."""
+    """Texts of the beliefs, with annotations."""
     believed: tuple[BeliefView, ...] = ()
-    """The same beliefs in the same order, with who told them and since when."""
+    """The same beliefs in the same order, with their sources and times."""
     beliefs_left_out: int = 0
-    """So many more are believed than are shown."""
+    """Number of beliefs that are not shown."""
     intentions: tuple[IntentionView, ...] = ()
     intentions_left_out: int = 0
     events: tuple[EventView, ...] = ()
-    """What waits to be given a plan, the next one first."""
+    """Events that wait for a plan, the next one first."""
     events_left_out: int = 0
     mailbox: int = 0
-    """Messages that wait to be taken."""
+    """Messages that wait for the mind."""
     questions: tuple[QuestionView, ...] = ()
-    """What it has asked others and waits for."""
+    """Its questions to others that have no answer yet."""
     plans: tuple[PlanView, ...] = ()
-    """Its plans in order; only if asked for (`?plans=true`)."""
+    """Its plans in order; only on request (`?plans=true`)."""
     plan_count: int = 0
     prints: tuple[str, ...] = ()
     """The last lines that the agent printed, oldest first."""
@@ -243,11 +242,11 @@ class MindView(Record, frozen=True, kw_only=True):
     failures: tuple[FailureView, ...] = ()
     """The failures of formulas and goals since the first of these decisions, oldest first."""
     dropped: dict[str, int] = {}
-    """How much was dropped because too much waited: `events`, `messages` and `questions`."""
+    """Numbers of `events`, `messages` and `questions` that were dropped because their queues were full."""
     drops: tuple[DropView, ...] = ()
-    """What was dropped, by its name; at most 50 of them."""
+    """Dropped items by kind and name; at most 50 entries."""
     actions: tuple[ActivityEvent, ...] = ()
-    """The last actions that it asked for and their outcomes, oldest first."""
+    """The last actions that it requested and their outcomes, oldest first."""
     done: dict[str, bool] = {}
     """The mission's `done` formulas of this agent and whether they hold."""
     failed: dict[str, bool] = {}
@@ -255,34 +254,34 @@ class MindView(Record, frozen=True, kw_only=True):
 
 
 class MindOrder(Record, frozen=True, kw_only=True):
-    """What an operator does to a mind; refused unless the mission says `inject: true`."""
+    """An operator's order to a mind; refused unless the mission has `inject: true`."""
 
     do: Literal["pause", "step", "resume", "goal", "belief"]
     """`step`: run one cycle of a mind that is paused; `goal`: achieve it; `belief`: add it, from source `operator`."""
     text: str = ""
-    """The goal or belief, as the program would write it: `go(3,4)`."""
+    """The goal or belief, in the syntax of programs: `go(3,4)`."""
 
 
 class MindBirth(Record, frozen=True, kw_only=True):
-    """All that a mind was made of: with its inputs it can be lived again (docs/reference/mind-records.md)."""
+    """The initial data of a mind: with these and its inputs it can be replayed (docs/reference/mind-records.md)."""
 
     program: str
-    """The main file, a name among `files`; empty: a program of nothing."""
+    """The main file, a name in `files`; empty = an empty program."""
     files: dict[str, str] = {}
-    """Every source file that the program was read from, by its path, as text."""
+    """All source files of the program, as text by path."""
     mission: str = ""
     """The path of the mission file, as positions name it."""
     beliefs: tuple[str, ...] = ()
-    """Those that the mission file adds, as it has them."""
+    """Those that the mission file adds, as written there."""
     goals: tuple[str, ...] = ()
     on_restart: str = ""
-    """The goal with which it goes on after a restart, as the mission file has it; empty if there is none."""
+    """The goal with which it continues after a restart, as written in the mission file; empty = none."""
     formulas: tuple[str, ...] = ()
-    """The `done` and `failed` formulas of the mission that look into this mind."""
+    """The `done` and `failed` formulas of the mission about this mind."""
     decisions: int = 0
-    """How many decisions it remembers."""
+    """Number of decisions that it keeps."""
     kept: bool = False
-    """It is kept across restarts."""
+    """Whether its state is kept across restarts."""
     seed: int = 0
     start: float = 0.0
     """Mission seconds."""
@@ -293,13 +292,13 @@ class MindBirth(Record, frozen=True, kw_only=True):
     has_team: bool = True
     ask_timeout: float | None = None
     memory: str = ""
-    """What was restored of a former life: MessagePack, compressed (zlib), as base64; empty = it was born anew."""
+    """Restored state: MessagePack, compressed by zlib, as base64; empty = a fresh start."""
     unknown: str = ""
-    """Why this mind cannot be lived again, in words; empty = it can."""
+    """Why this mind cannot be replayed, for people; empty = it can."""
 
 
 class MindStep(Record, frozen=True, kw_only=True):
-    """The time from some cycle on. Those between two steps had times between, which made no difference to the mind."""
+    """The time at a cycle. Cycles between two steps had times in between, which made no difference to the mind."""
 
     first: int
     now: float
@@ -307,38 +306,38 @@ class MindStep(Record, frozen=True, kw_only=True):
 
 
 class MindInput(Record, frozen=True, kw_only=True):
-    """Something that went into a mind, at the beginning of a cycle or when the program asked for it."""
+    """An input of a mind, at the beginning of a cycle or when the program requested it."""
 
     cycle: int
     kind: str
-    """The class of `agentd.mind.data.inputs`, or what was read: docs/reference/mind-records.md lists them with their
-    fields."""
+    """The class of `agentd.mind.data.inputs`, or the kind of data that was read; docs/reference/mind-records.md
+    lists them with their fields."""
     fields: dict[str, Term] = {}
 
 
 class MindInputs(Record, frozen=True, kw_only=True):
-    """A stretch of a mind's life: all that went in, and a digest of all that it decided and did so far."""
+    """A section of a mind's history: all its inputs, and a digest of all its decisions and effects so far."""
 
     header: Header = Header()
     agent: str = ""
     number: int = 0
-    """Counts up from 0 with each batch of this life: none may be missing to live it again."""
+    """Number of the section, from 0; a replay needs all sections."""
     birth: MindBirth | None = None
-    """In batch 0."""
+    """In section 0."""
     last: int = 0
-    """The last cycle of this stretch."""
+    """The last cycle of this section."""
     steps: tuple[MindStep, ...] = ()
     inputs: tuple[MindInput, ...] = ()
     decided: int = 0
-    """Decisions, failures and effects of this stretch."""
+    """Number of decisions, failures and effects in this section."""
     digest: str = ""
-    """Of all of them, in order; empty: nobody listened then, so it was not made."""
+    """Digest of all of them, in order; empty = not computed, as there was no subscriber."""
     final: bool = False
-    """The life has ended in order: nothing went in after this. No batch of an agent that was killed says so."""
+    """Whether the mind has ended in order, with no input after this; never true for an agent that was killed."""
 
 
 class MindDecisions(Record, frozen=True, kw_only=True):
-    """What a mind has decided since the last one, as far as there is room; `left_out` counts the rest."""
+    """Decisions of a mind since the last record, as many as fit; `left_out` counts the rest."""
 
     header: Header = Header()
     agent: str = ""
@@ -352,34 +351,34 @@ class MindDecisions(Record, frozen=True, kw_only=True):
 
 
 class ActivityEvent(Record, frozen=True, kw_only=True):
-    """Something that an agent did or that was done to it, for people who look on."""
+    """An activity of an agent, or something that was done to it, for observers."""
 
     cycle: int = 0
     time: float = 0.0
     """Mission seconds."""
     kind: Literal["print", "log", "action", "outcome", "sent", "received", "undelivered", "operator", "stopped"]
     text: str = ""
-    """What was printed or logged; the action with its arguments; the content of the message; the order."""
+    """The printed or logged text, the action with its arguments, the content of the message, or the order."""
     id: str = ""
-    """Of the action or message: an `outcome` has that of its `action`, a `received` that of the `sent`."""
+    """Id of the action or message: an `outcome` has that of its `action`, a `received` that of its `sent`."""
     other: str = ""
     """The agent to which or from which a message goes."""
     performative: str = ""
     in_reply_to: str = ""
     state: str = ""
-    """Of an `outcome`: the final state of the action; of a `log`: its level."""
+    """For an `outcome`, the final state of the action; for a `log`, its level."""
     reason: str = ""
     """Why an action failed or a message was not delivered."""
 
 
 class MindActivity(Record, frozen=True, kw_only=True):
-    """What an agent has done since the last one, as far as there is room; `left_out` counts the rest."""
+    """Activities of an agent since the last record, as many as fit; `left_out` counts the rest."""
 
     header: Header = Header()
     agent: str = ""
     now: float = 0.0
-    """Mission seconds at the time of the header."""
+    """Mission seconds at the stamp of the header."""
     speed: float = 1.0
-    """Mission seconds that pass in a wall second."""
+    """Mission seconds per wall second."""
     events: tuple[ActivityEvent, ...] = ()
     left_out: int = 0
