@@ -1,7 +1,8 @@
 """An agent's outgoing mail: numbered per receiver, held until it is on disk, then handed to commd in batches, in order.
 
 Nothing here touches the disk. New messages (`unsaved`) and those that commd has accepted (`gone`) go into the agent's
-next checkpoint; `saved` is called when it is on disk, and only then a message leaves.
+next checkpoint; `saved` is called when it is on disk, and only then a message leaves. A message is encoded once: these
+bytes are what the checkpoint stores and what commd gets.
 """
 
 from __future__ import annotations
@@ -11,18 +12,16 @@ import logging
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any, Final, NamedTuple, cast
+from typing import Final
 from weakref import WeakKeyDictionary
 
-import msgspec
-from msgspec.structs import replace
-
+from agentd.persistence.checkpoint import Outgoing
 from commd.bus.bus import Bus, boot_id
 from commd.bus.errors import BusError
-from commd.client.send_mail import ANSWER_TIMEOUT, Unsendable, hand_to_commd, size_of
+from commd.client.send_mail import ANSWER_TIMEOUT, Unsendable, encoded, hand_to_commd, unread
 from commd.common.tasks import wait_at_most
 from schemas.wire import keys
-from schemas.wire.codec import BadRecord, Wire, codec
+from schemas.wire.codec import codec
 from schemas.wire.records import Header, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Term
 
@@ -43,16 +42,6 @@ AT_ONCE: Final = 48
 further ones: a thousand agents would spend their time repeating queries."""
 
 
-class OutgoingMessage(NamedTuple):
-    """A message that waits for commd."""
-
-    place: int
-    """Its number among all messages of the agent, also in the checkpoint."""
-    message: Message
-    size: int
-    """Bytes."""
-
-
 class Outbox:
     """The messages of one agent that commd has not accepted yet."""
 
@@ -64,15 +53,17 @@ class Outbox:
         self.numbers: Counter[str] = Counter()
         """The number of the last message to each receiver."""
         self.counters: Counter[str] = Counter()
-        self.unsaved: list[OutgoingMessage] = []
+        self.unsaved: list[Outgoing] = []
         """Messages since the last save began."""
         self.gone: list[int] = []
-        """Places of the messages that commd has accepted since the last save began."""
+        """Numbers of the messages that commd has accepted since the last save began."""
+        self.wire = bus.wire
+        """The format in which messages are encoded."""
         self._bus, self._agent, self._on_refused = bus, agent, on_refused
         self._room: Counter[str] = Counter()
         """Messages that wait, by receiver, on disk or not."""
-        self._bytes = self._place = 0
-        self._ready: OrderedDict[str, deque[OutgoingMessage]] = OrderedDict()
+        self._bytes = self._number = 0
+        self._ready: OrderedDict[str, deque[Outgoing]] = OrderedDict()
         """Messages on disk that may leave, by receiver; the receiver whose turn it is comes first."""
         self._not_before: dict[str, float] = {}
         """Loop times until which nothing is sent to receivers for which commd has no room."""
@@ -90,57 +81,59 @@ class Outbox:
     # --- in ---
 
     def post(self, receivers: Sequence[str], performative: str, content: Term, identity: str, answers: str) -> None:
-        """Accept one message for each receiver, all or none. Raises Unsendable."""
-        longest = Header(seq=2**53, stamp=2**62, source=self._agent, boot=self.numbering)
-        message = Message(
-            header=longest,
-            id=identity,
-            sender=self._agent,
-            performative=performative,
-            receiver="",
-            content=content,
-            in_reply_to=answers,
-        )
-        size = size_of(message, self._bus.wire)
-        for receiver in receivers:
+        """Accept one message for each receiver, all or none; no receiver comes twice. Raises Unsendable."""
+        stamp, size = self._bus.stamp(), 0
+        new: list[Outgoing] = []
+        for number, receiver in enumerate(receivers, self._number + 1):
+            message = Message(
+                header=Header(seq=self.numbers[receiver] + 1, stamp=stamp, source=self._agent, boot=self.numbering),
+                id=identity,
+                sender=self._agent,
+                performative=performative,
+                receiver=receiver,
+                content=content,
+                in_reply_to=answers,
+            )
+            data = encoded(message, self.wire)
+            size += len(data)
             if self._room[receiver] >= MOST_FOR_ONE:
                 raise Unsendable("mailbox_full", f"{MOST_FOR_ONE} messages to '{receiver}' wait to leave already")
-        if self._bytes + size * len(receivers) > MOST_BYTES:
-            waiting = f"{len(self)} messages of {self._bytes / 2**20:.0f} MB wait to leave already"
-            raise Unsendable("mailbox_full", f"{waiting}, at most {MOST_BYTES / 2**20:.0f} MB may")
-        stamp = self._bus.header("mail", self._agent).stamp
-        message = replace(message, content=cast(Term, encoded(content, self._bus.wire)))  # once for all receivers
-        for receiver in receivers:
-            self.numbers[receiver] += 1
-            header = Header(seq=self.numbers[receiver], stamp=stamp, source=self._agent, boot=self.numbering)
-            self._room[receiver] += 1
-            self._bytes += size
-            self._place += 1
-            sent = replace(message, header=header, receiver=receiver)
-            self.unsaved.append(OutgoingMessage(self._place, sent, size))
+            if self._bytes + size > MOST_BYTES:
+                waiting = f"{len(self)} messages of {self._bytes / 2**20:.0f} MB wait to leave already"
+                raise Unsendable("mailbox_full", f"{waiting}, at most {MOST_BYTES / 2**20:.0f} MB may")
+            new.append(Outgoing(number, receiver, message.header.seq, data))
+            if len(new) == 1 < len(receivers):
+                content = unread(content, self.wire)  # once for all others
+        for one in new:
+            self.numbers[one.receiver] = one.seq
+        self.unsaved += new
+        self._count(new)
 
-    def restore(self, messages: Sequence[OutgoingMessage]) -> None:
+    def _count(self, new: Sequence[Outgoing]) -> None:
+        for one in new:
+            self._room[one.receiver] += 1
+            self._bytes += len(one.message)
+            self._number = max(self._number, one.number)
+
+    def restore(self, messages: Sequence[Outgoing]) -> None:
         """Continue with the messages that a former life has not handed over, under their numbers."""
-        for one in messages:
-            self._room[one.message.receiver] += 1
-            self._bytes += one.size
-            self._place = max(self._place, one.place)
+        self._count(messages)
         self.saved(messages)
 
-    def take_unsaved(self) -> list[OutgoingMessage]:
+    def take_unsaved(self) -> list[Outgoing]:
         """Return the messages for a save that begins now; `saved` is to be called when it is on disk."""
         found, self.unsaved = self.unsaved, []
         return found
 
     def take_gone(self) -> list[int]:
-        """Return the places of messages that commd has accepted since the last call: the save removes them."""
+        """Return the numbers of messages that commd has accepted since the last call: the save removes them."""
         found, self.gone = self.gone, []
         return found
 
-    def saved(self, messages: Sequence[OutgoingMessage]) -> None:
+    def saved(self, messages: Sequence[Outgoing]) -> None:
         """Let these messages leave: they are on disk."""
         for one in messages:
-            self._ready.setdefault(one.message.receiver, deque()).append(one)
+            self._ready.setdefault(one.receiver, deque()).append(one)
         if messages:
             self._empty.clear()
             self._news.set()
@@ -183,11 +176,11 @@ class Outbox:
                 await wait_at_most(self._news, wait)
                 continue
             self._again.clear()
-            messages = tuple(one.message for one in batch)
             try:
                 async with self._turn:
+                    messages = [one.message for one in batch]
                     receipt = await hand_to_commd(self._bus, self._agent, messages, ANSWER_TIMEOUT)
-            except (BadRecord, BusError) as error:
+            except BusError as error:
                 self.counters["not_answered"] += 1
                 level = logging.WARNING if pause == RETRY_FIRST else logging.DEBUG
                 log.log(level, "agent=%s mail_waits messages=%d why=commd: %s", self._agent, len(self), error)
@@ -197,10 +190,10 @@ class Outbox:
                 pause = RETRY_FIRST
                 self._settle(batch, receipt)
 
-    def _batch(self) -> tuple[list[OutgoingMessage], float | None]:
+    def _batch(self) -> tuple[list[Outgoing], float | None]:
         """Return the next batch; if it is empty, with the loop time of the next attempt, if there is one."""
         now = asyncio.get_running_loop().time()
-        batch: list[OutgoingMessage] = []
+        batch: list[Outgoing] = []
         size, next_at = 0, None
         for receiver, waiting in list(self._ready.items()):
             until = self._not_before.get(receiver, 0.0)
@@ -208,28 +201,30 @@ class Outbox:
                 next_at = until if next_at is None else min(next_at, until)
                 continue
             for one in waiting:
-                if len(batch) >= BATCH or (batch and size + one.size > BATCH_BYTES):
+                if len(batch) >= BATCH or (batch and size + len(one.message) > BATCH_BYTES):
                     self._ready.move_to_end(receiver)
                     return batch, None
                 batch.append(one)
-                size += one.size
+                size += len(one.message)
             self._ready.move_to_end(receiver)  # the next batch begins with the others
         return batch, next_at
 
-    def _settle(self, batch: list[OutgoingMessage], receipt: Receipt) -> None:
+    def _settle(self, batch: list[Outgoing], receipt: Receipt) -> None:
         """Remove the messages that commd has accepted or refused permanently; others wait until it has room."""
         now = asyncio.get_running_loop().time()
         later: dict[str, Refusal] = {}
         for place, one in enumerate(batch):
-            message, receiver = one.message, one.message.receiver
+            receiver = one.receiver
             if reason := later.get(receiver) or receipt.later.get(place):
                 later[receiver] = reason
                 continue
             self._forget(one)
             if why := receipt.refused.get(place):
                 self.counters["refused"] += 1
+                made = codec(Message)
+                message = made.decode(one.message, made.encoding(self.wire))
                 log.warning("mail_refused id=%s receiver=%s why=%s", message.id, receiver, why)
-                self._on_refused(_readable(message, self._bus.wire), why)
+                self._on_refused(message, why)
             else:
                 self.counters["sent"] += 1
                 self._pauses.pop(receiver, None)
@@ -247,7 +242,7 @@ class Outbox:
         """
         outbox, pause = keys.outbox(self._bus.fleet, self._agent), RETRY_FIRST
         while True:
-            with suppress(BusError, BadRecord):
+            with suppress(BusError):
                 mail = Mail(numberings=(numbering, self.numbering))
                 receipt = await self._bus.ask_one(outbox, mail, Receipt, ANSWER_TIMEOUT)
                 found = receipt.numbers.items()
@@ -255,8 +250,8 @@ class Outbox:
             await asyncio.sleep(pause)
             pause = min(2 * pause, RETRY_MOST)
 
-    def _forget(self, one: OutgoingMessage) -> None:
-        receiver = one.message.receiver
+    def _forget(self, one: Outgoing) -> None:
+        receiver = one.receiver
         waiting = self._ready[receiver]
         waiting.popleft()  # a batch has the first messages of a receiver, in order
         if not waiting:
@@ -266,21 +261,9 @@ class Outbox:
         self._room[receiver] -= 1
         if not self._room[receiver]:
             del self._room[receiver]
-        self._bytes -= one.size
-        self.gone.append(one.place)
+        self._bytes -= len(one.message)
+        self.gone.append(one.number)
 
 
 _turns: Final[WeakKeyDictionary[Bus, asyncio.Semaphore]] = WeakKeyDictionary()
 """The limit that the agents on a session share, by session."""
-
-
-def encoded(content: Term, wire: Wire) -> msgspec.Raw:
-    """Encode a content once, to be part of several messages."""
-    encode: Callable[[Any], bytes] = msgspec.json.encode if wire == "json" else msgspec.msgpack.encode
-    return msgspec.Raw(encode(content))
-
-
-def _readable(message: Message, wire: Wire) -> Message:
-    """Return the message with its content as a term."""
-    made = codec(Message)
-    return made.decode(made.encode(message, wire), made.encoding(wire))

@@ -16,11 +16,11 @@ from functools import partial
 
 from agentd.mail.mail_client import MailClient
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.persistence.checkpoint import ActionInFlight, CheckpointError, Outgoing, Saving
+from agentd.persistence.checkpoint import ActionInFlight, CheckpointError, Saving
 from agentd.persistence.restore import RestoredState
 from agentd.runtime.mind_runner import MindRunner
 from schemas.wire.codec import Wire, codec
-from schemas.wire.records import Action, Message, Note
+from schemas.wire.records import Action, Note
 
 log = logging.getLogger("keeping")
 
@@ -168,15 +168,10 @@ class Checkpointer:
         self.first = None
         saving.mind = mind if mind else None
         saving.absorbed = {(whose.sender, whose.numbering): seq for whose, seq in absorbed.items()}
-        saving.outgoing = [
-            Outgoing(
-                one.place, one.message.receiver, one.message.header.seq, codec(Message).encode(one.message, self._wire)
-            )
-            for one in sent
-        ]
+        saving.outgoing = sent
         if not self._mind.mailbox:  # the mind has taken the notices about refused messages
             saving.delivered += mailing.outbox.take_gone()
-        saving.next_seq = {one.message.receiver: one.message.header.seq + 1 for one in sent}
+        saving.next_seq = {one.receiver: one.seq + 1 for one in sent}
         if not self._mind.inputs:  # the mind has taken the ends of these actions
             saving.ended, self._ended = saving.ended + self._ended, []
         saving.actions = {one: action for one, action in self._begun.items() if one not in saving.ended}

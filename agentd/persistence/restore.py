@@ -18,7 +18,6 @@ from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.from_ast import Instantiation
 from agentd.language.terms.terms import Literal
 from agentd.mail.mail_client import MailClient
-from agentd.mail.outbox import OutgoingMessage
 from agentd.mind import Mind
 from agentd.mind.beliefs.dynamic_formulas import FunctionsOf
 from agentd.mind.beliefs.term_copy import with_source
@@ -28,6 +27,7 @@ from agentd.persistence.checkpoint import (
     DAMAGED,
     Checkpoint,
     CheckpointError,
+    Outgoing,
     Saving,
     Stored,
     Synchronous,
@@ -77,10 +77,11 @@ class RestoredState:
         stored = self.stored
         if stored is None:
             return
-        messages: list[OutgoingMessage] = []
+        messages: list[Outgoing] = []
         for one in stored.outgoing:
             try:
-                messages.append(OutgoingMessage(one.number, _read(codec(Message), one.message), len(one.message)))
+                message = codec(Message).encode(_read(codec(Message), one.message), mailing.outbox.wire)
+                messages.append(one._replace(message=message))
             except BadRecord as bad:
                 self._unread.delivered.append(one.number)
                 what = f"message {one.seq} to {one.receiver}"

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
+from collections.abc import Sequence
 from math import inf
+from typing import cast
 
+import msgspec
 from msgspec.structs import replace
 
 from commd.bus.bus import Bus
@@ -53,25 +56,30 @@ class SendTimeout(NotSent, TimeoutError):
     """`commd` has not said that it took the message. `send_again` sends it under its own number: never twice."""
 
 
-def size_of(message: Message, wire: Wire) -> int:
-    """Return the bytes of a message as it is sent. Raises Unsendable for one that is too large or nested too deeply."""
+def encoded(message: Message, wire: Wire) -> bytes:
+    """Return a message as it is sent. Raises Unsendable for one that is too large or cannot be encoded."""
     try:
-        size = len(codec(Message).encode(message, wire))
+        data = codec(Message).encode(message, wire)
     except BadRecord as bad:
         raise Unsendable("not_sendable", str(bad)) from None
-    if size > LARGEST:
-        raise Unsendable("message_too_large", f"{size} bytes, expected at most {LARGEST} (1 MB)")
-    return size
+    if len(data) > LARGEST:
+        raise Unsendable("message_too_large", f"{len(data)} bytes, expected at most {LARGEST} (1 MB)")
+    return data
 
 
-async def hand_to_commd(bus: Bus, sender: str, messages: tuple[Message, ...], timeout: float) -> Receipt:
-    """Give a batch to the board's `commd`, and return its receipt once the batch is on disk.
+def unread(content: Term, wire: Wire) -> Term:
+    """Return a content in encoded form, to be part of several messages."""
+    return cast(Term, msgspec.Raw((msgspec.json if wire == "json" else msgspec.msgpack).encode(content)))
 
-    Raises BusError if there is none within `timeout` wall seconds, or one that does not add up, and BadRecord for a
-    batch that cannot be encoded.
+
+async def hand_to_commd(bus: Bus, sender: str, messages: Sequence[bytes], timeout: float) -> Receipt:
+    """Give a batch of encoded messages to the board's `commd`, and return its receipt once the batch is on disk.
+
+    Raises BusError if there is none within `timeout` wall seconds, or one that does not add up.
     """
     key = keys.outbox(bus.fleet, sender)
-    receipt = await bus.ask_one(key, Mail(messages=messages), Receipt, timeout)
+    mail = Mail(messages=cast(tuple[Message, ...], tuple(map(msgspec.Raw, messages))))
+    receipt = await bus.ask_one(key, mail, Receipt, timeout)
     if not adds_up(receipt, len(messages)):
         raise QueryFailed(key, f"the receipt of {len(messages)} messages does not add up")
     return receipt
@@ -136,24 +144,24 @@ class Sending:
 
     async def _hand_over(self, message: Message, patience: float, until: float = inf) -> None:
         try:
-            size_of(message, self._bus.wire)
+            data = encoded(message, self._bus.wire)
         except Unsendable as bad:
             raise TooLarge(message, str(bad)) from None
         loop = asyncio.get_running_loop()
         until = min(until, loop.time() + patience)
         while True:
             left = until - loop.time()
-            reason, full = await self._ask(message, min(ANSWER_TIMEOUT, max(RETRY, left)))
+            reason, full = await self._ask(message, data, min(ANSWER_TIMEOUT, max(RETRY, left)))
             if not reason:
                 return
             if loop.time() + RETRY >= until:
                 raise MailboxFull(message, reason) if full else SendTimeout(message, f"{reason} ({patience:g} s)")
             await asyncio.sleep(RETRY)
 
-    async def _ask(self, message: Message, timeout: float) -> tuple[str, bool]:
+    async def _ask(self, message: Message, data: bytes, timeout: float) -> tuple[str, bool]:
         """Give a message to `commd` once. Returns why it was not taken yet, and whether that is for want of room."""
         try:
-            receipt = await hand_to_commd(self._bus, self._name, (message,), timeout)
+            receipt = await hand_to_commd(self._bus, self._name, [data], timeout)
         except BusError as error:
             return f"commd: {error}", False
         if receipt.refused:

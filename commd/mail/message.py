@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 
 from schemas.wire.codec import codec
-from schemas.wire.records import Header, Receipt, Record, Refusal
-from schemas.wire.records import Message as ReadMessage
+from schemas.wire.records import Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Map, OpenList, Queue, Set, Structure, Term, Variable
-
-M = TypeVar("M", bound="ReadMessage | Message")
 
 LARGEST = 1024 * 1024
 """Bytes of the largest message on the bus."""
@@ -30,25 +27,6 @@ LARGEST_NUMBER = 2**53
 """The largest number of a message: the file does not take all of 64 bits."""
 LONGEST_NUMBERING = 64
 """Characters."""
-
-
-class Message(Record, frozen=True, kw_only=True):
-    """`schemas.wire.records.Message` with a content that is not read: it was checked on arrival."""
-
-    header: Header = Header()
-    id: str
-    sender: str
-    performative: str
-    receiver: str
-    content: Any
-    in_reply_to: str = ""
-    ttl: float | None = None
-
-
-class Mail(Record, frozen=True, kw_only=True):
-    """A batch of them; encoded as `schemas.wire.records.Mail` is."""
-
-    messages: tuple[Message, ...] = ()
 
 
 class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
@@ -68,15 +46,15 @@ class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
     message: bytes
     """MessagePack."""
 
-    def read(self, now: float) -> ReadMessage:
+    def read(self, now: float) -> Message:
         """Return the message with its content, for a receiver in this process."""
-        return self._current(codec(ReadMessage).decode(self.message, MSGPACK), now)
+        return self._current(codec(Message).decode(self.message, MSGPACK), now)
 
     def carried(self, now: float) -> Message:
-        """Return the message to send on, its content unread."""
-        return self._current(_CARRIED.decode(self.message), now)
+        """Return the message to send on. Its content is plain data, not read as a term: it was checked on arrival."""
+        return self._current(_UNREAD.decode(self.message), now)
 
-    def _current(self, message: M, now: float) -> M:
+    def _current(self, message: Message, now: float) -> Message:
         """Set the number of the row, and the time to live that is left at `now` of the mail clock."""
         if message.header.seq != self.number or message.header.boot != self.numbering:
             header = msgspec.structs.replace(message.header, boot=self.numbering, seq=self.number)
@@ -86,7 +64,7 @@ class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
         return message
 
 
-def stored(message: ReadMessage, line: str, expires: float | None) -> StoredMessage:
+def stored(message: Message, line: str, expires: float | None) -> StoredMessage:
     """Return the row of a message. Raises ValueError, such as BadRecord, for one that cannot be stored."""
     header = message.header
     numbered = header.seq > 0 and bool(header.boot)
@@ -101,7 +79,7 @@ def stored(message: ReadMessage, line: str, expires: float | None) -> StoredMess
         numbering=header.boot if numbered else "",
         number=header.seq if numbered else 0,
         expires=expires,
-        message=codec(ReadMessage).encode(message, "msgpack"),
+        message=codec(Message).encode(message, "msgpack"),
     )
 
 
@@ -133,18 +111,18 @@ def _parts(term: Any) -> Sequence[Any]:
     return ()
 
 
-def shown(message: ReadMessage) -> ReadMessage:
+def shown(message: Message) -> Message:
     """Return a message to be listed or wrapped: without its content if that is nested too deeply."""
     if too_deep(message.content, DEEPEST + 1):
         return msgspec.structs.replace(message, content="(nested too deeply to be shown)")
     return message
 
 
-def undelivered(message: ReadMessage, reason: Refusal) -> ReadMessage:
+def undelivered(message: Message, reason: Refusal) -> Message:
     """Return the notice for the sender of a message that is not delivered."""
     what = (_name(message.receiver), _name(message.performative), shown(message).content, reason.code)
     detail = (Structure("detail", (reason.text,)),) if reason.text else ()
-    return ReadMessage(
+    return Message(
         id=f"undelivered.{message.id}",
         sender=OFFICE,
         performative="signal",
@@ -169,5 +147,6 @@ def _name(text: str) -> Term:
     return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
 
 
-MSGPACK = codec(ReadMessage).encoding("msgpack")
-_CARRIED = msgspec.msgpack.Decoder(Message)
+MSGPACK = codec(Message).encoding("msgpack")
+_UNREAD = msgspec.msgpack.Decoder(Message)
+"""Without the hook that makes terms."""

@@ -10,10 +10,10 @@ from typing import Protocol, TypeAlias
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, QueryFailed, QueryTimeout
 from commd.mail.age_clock import MailClock
-from commd.mail.message import Mail, StoredMessage
+from commd.mail.message import StoredMessage
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, TooDeep
-from schemas.wire.records import Message, Receipt
+from schemas.wire.records import Mail, Message, Receipt
 
 ANSWER_TIMEOUT, SLOWEST = 5.0, 10_000
 """Wall seconds that another board has to commit a batch, and bytes per second of the slowest link: the time that the
