@@ -49,16 +49,22 @@ def test_commd_leaves_cleanly_within_a_second_when_told_to(endpoint: str, number
     assert kept(leaving, 1.0)
 
 
-@bus_test
-async def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(connect: Connect) -> None:
+async def health_of(connect: Connect, details: Callable[[], Health], count: int = 1) -> list[Health]:
+    """Return what an observer hears of a bridge that reports its health."""
     observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
     heard: list[Health] = []
     observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
-    details = Mock(side_effect=[KeyError("figure"), Health(notes=(Note("well", "all is well"),))])
     await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
     reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), details))
-    await until(lambda: len(heard) == 2, "health goes on")
+    await until(lambda: len(heard) >= count, "health goes on")
     reporting.cancel()
+    return heard
+
+
+@bus_test
+async def test_a_figure_that_cannot_be_told_does_not_end_a_daemons_health(connect: Connect) -> None:
+    details = Mock(side_effect=[KeyError("figure"), Health(notes=(Note("well", "all is well"),))])
+    heard = await health_of(connect, details, 2)
     assert [note.identity for one in heard for note in one.notes] == [("defect", "health"), ("well", "")]
 
 
@@ -74,13 +80,7 @@ UNTELLABLE: dict[str, Health] = {
 async def test_a_daemon_whose_health_others_could_not_read_still_says_that_it_lives(
     connect: Connect, what: str
 ) -> None:
-    observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
-    heard: list[Health] = []
-    observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
-    await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
-    reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: UNTELLABLE[what]))
-    await until(lambda: len(heard) == 1, "health goes on")
-    reporting.cancel()
+    heard = await health_of(connect, lambda: UNTELLABLE[what])
     assert heard[0].pid == os.getpid()
     assert [note.code for note in heard[0].notes] == ["health_unsendable"]
 
@@ -103,15 +103,8 @@ async def test_health_goes_before_what_fills_a_slow_link(connect: Connect) -> No
 
 @bus_test
 async def test_warnings_of_health_are_lines_of_unicode_and_bounded(connect: Connect) -> None:
-    observer, bus = await connect("observer", "argosy"), await connect("uav1", "bridged")
-    heard: list[Health] = []
-    observer.subscribe(keys.health(FLEET, "uav1", "bridged"), Health, lambda _key, health: heard.append(health))
-    await subscribed(bus, keys.health(FLEET, "uav1", "bridged"))
     texts = ("no file \udcff.jpg", *("x" * 10_000 for _ in range(1000)))
-    notes = tuple(Note("x", text, text) for text in texts)
-    reporting = asyncio.create_task(report_health(bus, "uav1", Clock(), lambda: Health(notes=notes)))
-    await until(lambda: len(heard) == 1, "health goes on")
-    reporting.cancel()
+    heard = await health_of(connect, lambda: Health(notes=tuple(Note("x", text, text) for text in texts)))
     assert heard[0].notes[0] == Note("x", r"no file \udcff.jpg", r"no file \udcff.jpg")
     assert sum(len(note.text) + len(note.about) for note in heard[0].notes) < 800_000
 
@@ -208,35 +201,52 @@ def test_what_is_no_endpoint_is_refused_with_what_is_one(endpoint: str) -> None:
         assert commd.lines[-1].endswith(f"Expected an endpoint such as `tcp/127.0.0.1:7447`, got `{endpoint}`")
 
 
-def test_a_router_that_breaks_ends_commd_so_that_it_is_started_again(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+class Panic(BaseException):
+    """What a panic of Zenoh's is in Python."""
+
+
+def put_in_vain(bus: Bus, key: str, record: Record, **more: bool) -> None:
+    if "/health/" in key:
+        raise Panic("called `Result::unwrap()` on an `Err` value: PoisonError")
+
+
+async def fail(_: Directory) -> None:
+    raise RuntimeError("a defect")
+
+
+def arguments(endpoint: str, state: Path) -> Namespace:
+    return Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=state, config=None)
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "broken", "part"),
+    [
+        (Bus, "put", put_in_vain, "the router"),
+        (Directory, "follow", fail, "the directory"),
+        (Directory, "forget_who_is_gone", fail, "the directory"),
+    ],
+)
+@async_test
+async def test_a_part_that_breaks_ends_commd_so_that_it_is_started_again(
+    owner: type[Bus | Directory],
+    name: str,
+    broken: object,
+    part: str,
+    endpoint: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    class Panic(BaseException):
-        """What a panic of Zenoh's is in Python."""
-
-    real = Bus.put
-
-    def put(bus: Bus, key: str, record: Record, **more: bool) -> None:
-        if "/health/" in key:
-            raise Panic("called `Result::unwrap()` on an `Err` value: PoisonError")
-        real(bus, key, record, **more)
-
-    monkeypatch.setattr(Bus, "put", put)
-    args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
-
-    async def body() -> int:
-        return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 120)
-
-    assert asyncio.run(body()) == 1
-    assert "the router is broken" in caplog.text
+    monkeypatch.setattr(owner, name, broken)
+    assert await serve(load_mission(MISSION), arguments(endpoint, tmp_path), asyncio.Event()) == 1
+    assert f"{part} is broken" in caplog.text
 
 
 @async_test
 async def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_starts(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
-    mission = load_mission(MISSION)
+    args, mission = arguments(endpoint, tmp_path), load_mission(MISSION)
     real = Directory.load
 
     async def late(directory: Directory) -> bool:
@@ -277,27 +287,7 @@ async def test_mail_for_who_joined_in_a_former_life_is_not_refused_while_commd_s
     await life(second)
 
 
-@pytest.mark.parametrize("task", ["follow", "forget_who_is_gone"])
-def test_a_directory_that_breaks_ends_commd_so_that_it_is_started_again(
-    task: str, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    async def broken(_: Directory) -> None:
-        raise RuntimeError("a defect")
-
-    monkeypatch.setattr(Directory, task, broken)
-    args = Namespace(board=None, router=endpoint, keys=None, listen=[], connect=[], state=tmp_path, config=None)
-
-    async def body() -> int:
-        return await asyncio.wait_for(serve(load_mission(MISSION), args, asyncio.Event()), 120)
-
-    assert asyncio.run(body()) == 1
-    assert "the directory is broken" in caplog.text
-
-
 def test_a_panic_of_the_router_anywhere_ends_a_daemon_with_words(capfd: pytest.CaptureFixture[str]) -> None:
-    class Panic(BaseException):
-        """What a panic of Zenoh's is in Python."""
-
     async def main(stop: asyncio.Event) -> int:
         raise Panic("called `Option::unwrap()` on a `None` value")
 

@@ -45,30 +45,44 @@ def on_a_bus(endpoint: str, body: Callable[[Connect], Coroutine[Any, Any, None]]
     asyncio.run(everything())
 
 
-def async_test(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Run an async test in an event loop of its own, bounded in wall seconds; its parameters are fixtures."""
-
-    def run(**values: Any) -> None:
-        asyncio.run(asyncio.wait_for(test(**values), 240))
-
-    run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
-    run.__signature__ = signature(test)  # type: ignore[attr-defined]
-    return run
+Test = Callable[..., Coroutine[Any, Any, None]]
 
 
-def bus_test(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Run an async test with a router at `endpoint`: `connect` opens sessions, other parameters are fixtures."""
-    fixtures = [one for one in signature(test).parameters.values() if one.name not in ("connect", "endpoint")]
+def run_by(run: Callable[..., None], *given: str, needs: Sequence[str] = ()) -> Callable[[Test], Callable[..., None]]:
+    """Make a decorator of async tests from `run(body, fixture...)`, which calls `body(given...)` in an event loop.
 
-    def run(endpoint: str, **values: Any) -> None:
-        if "endpoint" in signature(test).parameters:
-            values["endpoint"] = endpoint
-        on_a_bus(endpoint, lambda connect: test(connect=connect, **values))
+    The parameters `given` of a test come from `run`, which itself needs the fixtures `needs`; all others are fixtures.
+    """
 
-    run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
-    endpoint = Parameter("endpoint", Parameter.POSITIONAL_OR_KEYWORD)
-    run.__signature__ = Signature([endpoint, *fixtures])  # type: ignore[attr-defined]
-    return run
+    def decorate(test: Test) -> Callable[..., None]:
+        own = [one.name for one in signature(test).parameters.values() if one.name not in given]
+
+        def called(**values: Any) -> None:
+            fixtures = {name: values[name] for name in own}
+            run(
+                lambda *made: test(**dict(zip(given, made, strict=True)), **fixtures),
+                *(values[name] for name in needs),
+            )
+
+        called.__name__, called.__doc__, called.__module__ = test.__name__, test.__doc__, test.__module__
+        names = dict.fromkeys((*needs, *own))
+        called.__signature__ = Signature(  # type: ignore[attr-defined]
+            [Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in names]
+        )
+        return called
+
+    return decorate
+
+
+def in_a_loop(body: Test) -> None:
+    """Run `body()` in an event loop of its own, bounded in wall seconds."""
+    asyncio.run(asyncio.wait_for(body(), 240))
+
+
+async_test = run_by(in_a_loop)
+"""Runs an async test in an event loop of its own; its parameters are fixtures."""
+bus_test = run_by(lambda body, endpoint: on_a_bus(endpoint, body), "connect", needs=("endpoint",))
+"""Runs an async test with a router at `endpoint`: `connect` opens sessions, other parameters are fixtures."""
 
 
 @asynccontextmanager

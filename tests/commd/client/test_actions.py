@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 import pytest
 
@@ -15,11 +16,17 @@ from commd.liveness.bridge_presence import BridgePresence
 from commd.process.process import report_health
 from schemas.liveness import ACTION_ASKED_AGAIN
 from schemas.wire import keys
-from schemas.wire.records import Action, ActionStatus, Cancel, Perception
+from schemas.wire.records import Action, ActionStatus, Cancel, Perception, State
 from tests.support.buses import FLEET, Connect, bus_test, served, subscribed, until
 from tests.support.promises import in_time
 
 Served = Callable[[Query[Action]], Awaitable[None]]
+
+
+def answer(query: Query[Action] | Query[Cancel], state: State, **more: Any) -> None:
+    """Reply a status of the action that is asked for."""
+    assert query.record is not None
+    query.reply(ActionStatus(id=query.record.id, state=state, **more))
 
 
 async def act(connect: Connect, serve: Served | None) -> tuple[ActionRequests, PerceptSync, Bus, BridgePresence]:
@@ -40,9 +47,8 @@ async def act(connect: Connect, serve: Served | None) -> tuple[ActionRequests, P
 @bus_test
 async def test_an_action_ends_with_the_bridges_own_final_status(connect: Connect) -> None:
     async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        query.reply(ActionStatus(id=query.record.id, state="accepted"))
-        query.reply(ActionStatus(id=query.record.id, state="refused", result=False, reason="Arm: RTL mode not armable"))
+        answer(query, "accepted")
+        answer(query, "refused", result=False, reason="Arm: RTL mode not armable")
 
     action_requests, *_ = await act(connect, serve)
     status = await action_requests.perform("uav:b:1", "arm_motors", (True,), 10)
@@ -58,9 +64,9 @@ async def test_an_answer_that_breaks_off_is_asked_for_again_with_the_same_id(con
         assert query.record is not None
         asked.append((query.record.id, query.record.attempt))
         if len(asked) < 3:
-            query.reply(ActionStatus(id=query.record.id, state="running"))
+            answer(query, "running")
         else:
-            query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
+            answer(query, "succeeded", result=True)
 
     action_requests, *_ = await act(connect, serve)
     status = await action_requests.perform("uav:b:1", "land", (), 30)
@@ -76,9 +82,9 @@ async def test_an_action_of_which_nothing_is_heard_for_three_periods_is_asked_fo
         assert query.record is not None
         asked.append(query.record.attempt)
         if len(asked) == 1:
-            query.reply(ActionStatus(id=query.record.id, state="accepted", deadline=600.0))
+            answer(query, "accepted", deadline=600.0)
             await asyncio.sleep(60)  # as a query that is broken and that nobody ends
-        query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
+        answer(query, "succeeded", result=True)
 
     action_requests, *_ = await act(connect, serve)
     status = await asyncio.wait_for(action_requests.perform("uav:b:1", "land", (), 30), 5 * ACTION_ASKED_AGAIN)
@@ -98,7 +104,7 @@ async def test_a_bridge_that_is_slow_to_take_an_action_has_its_time_and_is_asked
         assert query.record is not None
         asked.append(query.record.attempt)
         await asyncio.sleep(60 if len(asked) < 6 else 0)
-        query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
+        answer(query, "succeeded", result=True)
 
     action_requests, *_ = await act(connect, serve)
     status = await action_requests.perform("uav:b:1", "land", (), 30)
@@ -120,8 +126,7 @@ async def test_an_action_that_nobody_serves_fails_after_the_grace(
 @bus_test
 async def test_a_dead_bridge_fails_the_action_and_says_so(connect: Connect) -> None:
     async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        query.reply(ActionStatus(id=query.record.id, state="running"))
+        answer(query, "running")
         begun.set()
         await asyncio.sleep(60)
 
@@ -142,9 +147,8 @@ async def test_a_status_waits_for_the_percept_that_it_follows(
     monkeypatch.setattr("commd.client.actions.AFTER_PATIENCE", 10.0)
 
     async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
         header = bridge.header("percept")
-        query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=header.seq))
+        answer(query, "succeeded", header=header, result=True, after=header.seq)
         await asyncio.sleep(0.1)  # the percept comes after the status that follows it
         bridge.put(keys.percept(FLEET, "uav", "altitude"), Perception(header=header, name="altitude", parameters=(5,)))
 
@@ -171,11 +175,10 @@ async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaire
         query.reply(present[0], keys.percept(FLEET, "uav", "altitude"))
 
     async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
         header = bridge.header("percept")
         present[:] = [Perception(header=header, name="altitude", parameters=(5,))]  # its put is lost
         after = header.seq
-        query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=after))
+        answer(query, "succeeded", header=header, result=True, after=after)
         asyncio.get_running_loop().call_later(1.0, perceiving.doubt)  # as by the next health
 
     bridge.serve(keys.percept(FLEET, "uav", "**"), Perception, repair)
@@ -191,8 +194,7 @@ async def test_a_status_waits_until_a_percept_that_was_lost_before_it_is_repaire
 @bus_test
 async def test_a_status_does_not_wait_for_ever_for_a_percept_that_was_lost(connect: Connect) -> None:
     async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        query.reply(ActionStatus(header=header, id=query.record.id, state="succeeded", result=True, after=99))
+        answer(query, "succeeded", header=header, result=True, after=99)
 
     header = Perception(name="x").header
     action_requests, perceiving, *_ = await act(connect, serve)
@@ -211,11 +213,10 @@ async def test_an_action_that_was_dropped_while_the_bridge_was_out_of_reach_is_n
     async def begin(query: Query[Action]) -> None:
         assert query.record is not None
         begun.append(query.record.id)
-        query.reply(ActionStatus(id=query.record.id, state="succeeded", result=True))
+        answer(query, "succeeded", result=True)
 
     async def know_nothing(query: Query[Cancel]) -> None:
-        assert query.record is not None
-        query.reply(ActionStatus(id=query.record.id, state="refused", result=False, reason="no such action"))
+        answer(query, "refused", result=False, reason="no such action")
 
     action_requests, _, bridge, _ = await act(connect, None)
     action_client = asyncio.create_task(action_requests.perform("uav:b:1", "takeoff", (5,), 30))
@@ -259,7 +260,7 @@ async def test_a_cancellation_that_a_busy_bridge_turns_away_is_asked_for_again(c
         if len(asked) == 1:
             query.reply_error("busy: too many queries at once")
         else:
-            query.reply(ActionStatus(id=query.record.id, state="cancelled", result=False))
+            answer(query, "cancelled", result=False)
 
     action_requests, _, bridge, _ = await act(connect, None)
     bridge.serve(keys.cancel(FLEET, "uav"), Cancel, turn_away_once)
@@ -282,10 +283,9 @@ async def test_an_action_may_take_as_long_as_its_bridge_says_and_no_longer(
     monkeypatch.setattr("commd.client.actions.ASKERS_MARGIN", 0.2)
 
     async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        query.reply(ActionStatus(id=query.record.id, state="accepted", deadline=0.3))
+        answer(query, "accepted", deadline=0.3)
         await asyncio.sleep(0.4)
-        query.reply(ActionStatus(id=query.record.id, state="running", deadline=0.3))
+        answer(query, "running", deadline=0.3)
         await asyncio.sleep(60)
 
     action_requests, *_ = await act(connect, serve)
@@ -315,8 +315,7 @@ async def test_a_bridge_that_is_there_and_says_nothing_fails_what_it_does_and_is
     monkeypatch.setattr("commd.liveness.bridge_presence.SILENT_AFTER", 2.0)
 
     async def serve(query: Query[Action]) -> None:
-        assert query.record is not None
-        query.reply(ActionStatus(id=query.record.id, state="accepted", deadline=1000.0))
+        answer(query, "accepted", deadline=1000.0)
         await asyncio.sleep(1000)
 
     action_requests, _, bridge, watch = await act(connect, serve)

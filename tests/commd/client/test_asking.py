@@ -14,7 +14,7 @@ from commd.client.receive_mail import ProgramInbox, read_numbers
 from commd.client.receive_once import Numbered
 from schemas.wire.records import Receipt
 from schemas.wire.terms import Structure
-from tests.commd.client.test_client import as_planner, mail
+from tests.commd.client.test_client import as_planner, mail, planner_test
 from tests.commd.scripted_commd import ScriptedCommd
 from tests.support.buses import until
 from tests.support.promises import in_time
@@ -55,91 +55,77 @@ def asked(commd: ScriptedCommd, place: int = -1) -> str:
     return commd.taken[place].id
 
 
-def test_nobody_answers(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        with pytest.raises(Unanswered, match=r"victims\(east,N\) to scout: no answer within 0.3 s"):
-            await me.ask("scout", QUESTION, patience=0.3)
-        receipt = await commd.offer(mail(1, in_reply_to=asked(commd)), mail(2))
-        assert receipt == Receipt(taken=1, later={1: NOT_DONE}), "the late answer is dropped"
-        commd.answers = ["the disk is full"] * 100
-        with pytest.raises(SendTimeout):
-            await me.ask("scout", QUESTION, patience=0.3)
-
-    as_planner(endpoint, body)
+@planner_test
+async def test_nobody_answers(me: Client, commd: ScriptedCommd) -> None:
+    with pytest.raises(Unanswered, match=r"victims\(east,N\) to scout: no answer within 0.3 s"):
+        await me.ask("scout", QUESTION, patience=0.3)
+    receipt = await commd.offer(mail(1, in_reply_to=asked(commd)), mail(2))
+    assert receipt == Receipt(taken=1, later={1: NOT_DONE}), "the late answer is dropped"
+    commd.answers = ["the disk is full"] * 100
+    with pytest.raises(SendTimeout):
+        await me.ask("scout", QUESTION, patience=0.3)
 
 
-def test_who_asks_with_a_message_in_hand_has_the_answer_that_stands_behind_it(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@planner_test
+async def test_who_asks_with_a_message_in_hand_has_the_answer_that_stands_behind_it(
+    me: Client, commd: ScriptedCommd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 1000.0)
-
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        held = asyncio.create_task(commd.offer(mail(1), patience=1000))
-        reading = me.messages()
-        assert (await anext(reading)).content == 1
-        assert not held.done()
-        asking = asyncio.create_task(me.ask("scout", QUESTION, patience=240))
-        assert await asyncio.wait_for(held, 120) == Receipt(later={0: NOT_DONE}), "its commd may offer what is behind"
-        offer = commd.offer(mail(1), mail(2, in_reply_to=asked(commd)))
-        assert await asyncio.wait_for(offer, 120) == Receipt(later={0: NOT_DONE, 1: NOT_DONE})
-        assert await asking == 2
-
-    as_planner(endpoint, body)
+    held = asyncio.create_task(commd.offer(mail(1), patience=1000))
+    reading = me.messages()
+    assert (await anext(reading)).content == 1
+    assert not held.done()
+    asking = asyncio.create_task(me.ask("scout", QUESTION, patience=240))
+    assert await asyncio.wait_for(held, 120) == Receipt(later={0: NOT_DONE}), "its commd may offer what is behind"
+    offer = commd.offer(mail(1), mail(2, in_reply_to=asked(commd)))
+    assert await asyncio.wait_for(offer, 120) == Receipt(later={0: NOT_DONE, 1: NOT_DONE})
+    assert await asking == 2
 
 
-def test_an_answer_is_given_also_when_there_is_no_room_for_more_mail(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@planner_test
+async def test_an_answer_is_given_also_when_there_is_no_room_for_more_mail(
+    me: Client, commd: ScriptedCommd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(receive_mail, "ROOM", 2)
-
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        asking = asyncio.create_task(me.ask("scout", QUESTION, patience=240))
-        await until(lambda: commd.taken, "the question")
-        offer = commd.offer(*(mail(number) for number in (1, 2, 3)), mail(4, in_reply_to=asked(commd)), patience=1000)
-        offered = asyncio.create_task(offer)
-        assert await asyncio.wait_for(asking, 120) == 4
-        offered.cancel()
-
-    as_planner(endpoint, body)
+    asking = asyncio.create_task(me.ask("scout", QUESTION, patience=240))
+    await until(lambda: commd.taken, "the question")
+    offer = commd.offer(*(mail(number) for number in (1, 2, 3)), mail(4, in_reply_to=asked(commd)), patience=1000)
+    offered = asyncio.create_task(offer)
+    assert await asyncio.wait_for(asking, 120) == 4
+    offered.cancel()
 
 
-def test_who_reads_no_mail_is_told_that_an_answer_may_stand_behind_it(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        offered = asyncio.create_task(commd.offer(mail(1), mail(2), mail(1, sender="rescuer")))
-        with pytest.raises(Unanswered, match="no answer within 1 s; it may be behind 3 messages that are not done"):
-            await me.ask("scout", QUESTION, patience=1)
-        await offered
-
-    as_planner(endpoint, body)
+@planner_test
+async def test_who_reads_no_mail_is_told_that_an_answer_may_stand_behind_it(me: Client, commd: ScriptedCommd) -> None:
+    offered = asyncio.create_task(commd.offer(mail(1), mail(2), mail(1, sender="rescuer")))
+    with pytest.raises(Unanswered, match="no answer within 1 s; it may be behind 3 messages that are not done"):
+        await me.ask("scout", QUESTION, patience=1)
+    await offered
 
 
-def test_a_commd_that_says_nothing_is_no_agent_that_does_not_answer(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        commd.hangs = True
-        begun = asyncio.get_running_loop().time()
-        first, second = await asyncio.gather(
-            me.ask("scout", QUESTION, patience=1), me.ask("scout", QUESTION, patience=0.5), return_exceptions=True
-        )
-        assert in_time(asyncio.get_running_loop().time() - begun, 10)
-        assert isinstance(first, SendTimeout)
-        assert isinstance(second, NotSent)
-        assert str(second) == "askOne to scout: commd has not answered for a message before it (0.5 s)"
-        commd.hangs = False
-        await me.send_again(first)
-        assert commd.taken[-1] == first.message
-
-    as_planner(endpoint, body)
+@planner_test
+async def test_a_commd_that_says_nothing_is_no_agent_that_does_not_answer(me: Client, commd: ScriptedCommd) -> None:
+    commd.hangs = True
+    begun = asyncio.get_running_loop().time()
+    first, second = await asyncio.gather(
+        me.ask("scout", QUESTION, patience=1), me.ask("scout", QUESTION, patience=0.5), return_exceptions=True
+    )
+    assert in_time(asyncio.get_running_loop().time() - begun, 10)
+    assert isinstance(first, SendTimeout)
+    assert isinstance(second, NotSent)
+    assert str(second) == "askOne to scout: commd has not answered for a message before it (0.5 s)"
+    commd.hangs = False
+    await me.send_again(first)
+    assert commd.taken[-1] == first.message
 
 
-def test_an_answer_that_overtakes_the_word_of_commd_is_one(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        commd.answers = [None] * 100
-        asking = asyncio.create_task(me.ask("scout", QUESTION, patience=1))
-        await until(lambda: bool(commd.taken), "it has asked")
-        assert await commd.offer(mail(1, in_reply_to=asked(commd))) == Receipt(taken=1)
-        assert await asking == 1
-
-    as_planner(endpoint, body)
+@planner_test
+async def test_an_answer_that_overtakes_the_word_of_commd_is_one(me: Client, commd: ScriptedCommd) -> None:
+    commd.answers = [None] * 100
+    asking = asyncio.create_task(me.ask("scout", QUESTION, patience=1))
+    await until(lambda: bool(commd.taken), "it has asked")
+    assert await commd.offer(mail(1, in_reply_to=asked(commd))) == Receipt(taken=1)
+    assert await asking == 1
 
 
 def test_an_answer_is_done_with_only_when_what_its_sender_said_before_is(endpoint: str, tmp_path: Path) -> None:
@@ -165,15 +151,13 @@ def test_an_answer_is_done_with_only_when_what_its_sender_said_before_is(endpoin
     as_planner(endpoint, body, numbers=numbers)
 
 
-def test_an_answer_to_a_former_life_is_nobodys(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        former = mail(1, in_reply_to="sync:1.planner.before")
-        assert await commd.offer(former) == Receipt(taken=1)
-        messages = me.messages()
-        assert await commd.offer(mail(2), former, patience=10) == Receipt(taken=1, later={0: NOT_DONE})
-        assert (await anext(messages)).content == 2
-
-    as_planner(endpoint, body)
+@planner_test
+async def test_an_answer_to_a_former_life_is_nobodys(me: Client, commd: ScriptedCommd) -> None:
+    former = mail(1, in_reply_to="sync:1.planner.before")
+    assert await commd.offer(former) == Receipt(taken=1)
+    messages = me.messages()
+    assert await commd.offer(mail(2), former, patience=10) == Receipt(taken=1, later={0: NOT_DONE})
+    assert (await anext(messages)).content == 2
 
 
 def test_a_span_of_the_mission_is_shorter_where_it_is_flown_fast(endpoint: str) -> None:

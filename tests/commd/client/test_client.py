@@ -32,7 +32,7 @@ from schemas.wire import keys
 from schemas.wire.records import BoardServices, Header, Message, Receipt, Refusal
 from schemas.wire.terms import Atom, Map, Number, Structure
 from tests.commd.scripted_commd import ScriptedCommd
-from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, served, until
+from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, run_by, served, until
 
 NOT_DONE = receive_mail.ProgramInbox.NOT_DONE
 
@@ -50,6 +50,9 @@ def as_planner(endpoint: str, body: Body, **arguments: Any) -> None:
             await body(me, commd)
 
     on_a_bus(endpoint, everything)
+
+
+planner_test = run_by(lambda body, endpoint: as_planner(endpoint, body), "me", "commd", needs=("endpoint",))
 
 
 def mail(number: int, sender: str = "scout", boot: str = "life1", **more: Any) -> Message:
@@ -94,33 +97,31 @@ def test_a_speed_that_no_mission_may_have_is_none_for_a_program(speed: float) ->
         asyncio.run(body())
 
 
-def test_what_is_sent_is_numbered_per_receiver_and_returned_when_it_is_taken(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        sent = await me.send("scout", "achieve", parse("survey(north, [1, 2.5])"), ttl=5.0)
-        await me.send("rescuer", "tell", "a text")
-        await me.send("scout", "tell", Atom("go"), in_reply_to="q1")
-        assert commd.taken[0] == sent
-        assert [(one.receiver, one.header.seq, one.content, one.ttl, one.in_reply_to) for one in commd.taken] == [
-            ("scout", 1, Structure("survey", (Atom("north"), [1, 2.5])), 5.0, ""),
-            ("rescuer", 1, "a text", None, ""),
-            ("scout", 2, Atom("go"), None, "q1"),
-        ]
-        assert len({one.header.boot for one in commd.taken}) == 1
-        assert {one.sender for one in commd.taken} == {"planner"}
-        assert len({one.id for one in commd.taken}) == 3
+@planner_test
+async def test_what_is_sent_is_numbered_per_receiver_and_returned_when_it_is_taken(
+    me: Client, commd: ScriptedCommd
+) -> None:
+    sent = await me.send("scout", "achieve", parse("survey(north, [1, 2.5])"), ttl=5.0)
+    await me.send("rescuer", "tell", "a text")
+    await me.send("scout", "tell", Atom("go"), in_reply_to="q1")
+    assert commd.taken[0] == sent
+    assert [(one.receiver, one.header.seq, one.content, one.ttl, one.in_reply_to) for one in commd.taken] == [
+        ("scout", 1, Structure("survey", (Atom("north"), [1, 2.5])), 5.0, ""),
+        ("rescuer", 1, "a text", None, ""),
+        ("scout", 2, Atom("go"), None, "q1"),
+    ]
+    assert len({one.header.boot for one in commd.taken}) == 1
+    assert {one.sender for one in commd.taken} == {"planner"}
+    assert len({one.id for one in commd.taken}) == 3
 
-    as_planner(endpoint, body)
 
-
-def test_python_values_are_terms(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        await me.send("scout", "tell", [1, 2.5, True, "x", ("y",), {"k": float("inf")}, Atom("a")])
-        expected = [1, 2.5, True, "x", ["y"], Map((("k", Number("Infinity")),)), Atom("a")]
-        assert commd.taken[0].content == expected
-        with pytest.raises(TypeError, match="None cannot be a term"):
-            await me.send("scout", "tell", None)
-
-    as_planner(endpoint, body)
+@planner_test
+async def test_python_values_are_terms(me: Client, commd: ScriptedCommd) -> None:
+    await me.send("scout", "tell", [1, 2.5, True, "x", ("y",), {"k": float("inf")}, Atom("a")])
+    expected = [1, 2.5, True, "x", ["y"], Map((("k", Number("Infinity")),)), Atom("a")]
+    assert commd.taken[0].content == expected
+    with pytest.raises(TypeError, match="None cannot be a term"):
+        await me.send("scout", "tell", None)
 
 
 @pytest.mark.parametrize(
@@ -131,183 +132,164 @@ def test_python_values_are_terms(endpoint: str) -> None:
         (Receipt(refused={0: Refusal(code="no such thing")}), NotSent, "no such thing"),
     ],
 )
-def test_what_is_refused_for_good_raises_the_reason(
-    endpoint: str, answer: Receipt, error: type[NotSent], text: str
+@planner_test
+async def test_what_is_refused_for_good_raises_the_reason(
+    me: Client, commd: ScriptedCommd, answer: Receipt, error: type[NotSent], text: str
 ) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        commd.answers = [answer]
-        with pytest.raises(error) as raised:
-            await me.send("scout", "tell", 1)
-        assert str(raised.value) == f"tell to scout: {text}"
-        assert raised.value.message.content == 1
-        await me.send("scout", "tell", 2)
-        assert [one.content for one in commd.taken] == [2]
-
-    as_planner(endpoint, body)
-
-
-def test_a_message_that_is_too_large_or_too_deep_raises_before_it_leaves(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        with pytest.raises(TooLarge, match="expected at most 1048576"):
-            await me.send("scout", "tell", "x" * 2**20)
-        assert commd.taken == []
-
-    as_planner(endpoint, body)
-
-
-def test_a_full_mailbox_is_waited_for_and_then_said(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        full = Receipt(later={0: Refusal(code="mailbox_full")})
-        commd.answers = [full, full]
+    commd.answers = [answer]
+    with pytest.raises(error) as raised:
         await me.send("scout", "tell", 1)
-        commd.answers = [full] * 100
-        with pytest.raises(MailboxFull, match="tell to scout: mailbox_full"):
-            await me.send("scout", "tell", 2, patience=0.5)
-        assert [one.content for one in commd.taken] == [1]
-
-    as_planner(endpoint, body)
+    assert str(raised.value) == f"tell to scout: {text}"
+    assert raised.value.message.content == 1
+    await me.send("scout", "tell", 2)
+    assert [one.content for one in commd.taken] == [2]
 
 
-def test_without_an_answer_a_message_goes_again_under_its_own_number(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        commd.answers = [None, "busy", Receipt(taken=5), Receipt(taken=1)]
-        await me.send("scout", "tell", 1)
-        assert [(one.content, one.header.seq) for one in commd.taken] == [(1, 1), (1, 1), (1, 1)]
-        commd.taken.clear()
-        commd.answers = [None] * 100
-        with pytest.raises(SendTimeout) as raised:
-            await me.send("scout", "tell", 2, patience=0.5)
-        assert isinstance(raised.value, TimeoutError)
-        assert str(raised.value) == "tell to scout: commd: nobody answers (0.5 s)"
-        commd.answers = []
+@planner_test
+async def test_a_message_that_is_too_large_or_too_deep_raises_before_it_leaves(
+    me: Client, commd: ScriptedCommd
+) -> None:
+    with pytest.raises(TooLarge, match="expected at most 1048576"):
+        await me.send("scout", "tell", "x" * 2**20)
+    assert commd.taken == []
+
+
+@planner_test
+async def test_a_full_mailbox_is_waited_for_and_then_said(me: Client, commd: ScriptedCommd) -> None:
+    full = Receipt(later={0: Refusal(code="mailbox_full")})
+    commd.answers = [full, full]
+    await me.send("scout", "tell", 1)
+    commd.answers = [full] * 100
+    with pytest.raises(MailboxFull, match="tell to scout: mailbox_full"):
+        await me.send("scout", "tell", 2, patience=0.5)
+    assert [one.content for one in commd.taken] == [1]
+
+
+@planner_test
+async def test_without_an_answer_a_message_goes_again_under_its_own_number(me: Client, commd: ScriptedCommd) -> None:
+    commd.answers = [None, "busy", Receipt(taken=5), Receipt(taken=1)]
+    await me.send("scout", "tell", 1)
+    assert [(one.content, one.header.seq) for one in commd.taken] == [(1, 1), (1, 1), (1, 1)]
+    commd.taken.clear()
+    commd.answers = [None] * 100
+    with pytest.raises(SendTimeout) as raised:
+        await me.send("scout", "tell", 2, patience=0.5)
+    assert isinstance(raised.value, TimeoutError)
+    assert str(raised.value) == "tell to scout: commd: nobody answers (0.5 s)"
+    commd.answers = []
+    await me.send_again(raised.value)
+    assert {(one.content, one.header.seq) for one in commd.taken} == {(2, 2)}
+    await me.send("scout", "tell", 3)
+    with pytest.raises(ValueError, match="another message to scout has been sent since"):
         await me.send_again(raised.value)
-        assert {(one.content, one.header.seq) for one in commd.taken} == {(2, 2)}
-        await me.send("scout", "tell", 3)
-        with pytest.raises(ValueError, match="another message to scout has been sent since"):
-            await me.send_again(raised.value)
-
-    as_planner(endpoint, body)
 
 
-def test_messages_are_acknowledged_when_the_program_is_done_with_them(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        got: list[Message] = []
-        go_on = asyncio.Semaphore(0)
+@planner_test
+async def test_messages_are_acknowledged_when_the_program_is_done_with_them(me: Client, commd: ScriptedCommd) -> None:
+    got: list[Message] = []
+    go_on = asyncio.Semaphore(0)
 
-        async def work() -> None:
-            async for message in me.messages():
-                got.append(message)
-                await go_on.acquire()
+    async def work() -> None:
+        async for message in me.messages():
+            got.append(message)
+            await go_on.acquire()
 
-        working = asyncio.create_task(work())
-        asking = asyncio.create_task(commd.offer(mail(1), mail(2), mail(1, "rescuer")))
-        await until(lambda: len(got) == 1, "the first is in hand")
-        assert not asking.done()
-        for _ in range(3):
-            go_on.release()
-        assert await asking == Receipt(taken=3)
-        assert [(one.sender, one.content) for one in got] == [("scout", 1), ("scout", 2), ("rescuer", 1)]
-        assert await commd.offer(mail(2), mail(1)) == Receipt(taken=2)  # repeated
-        assert len(got) == 3
-        working.cancel()
-
-    as_planner(endpoint, body)
+    working = asyncio.create_task(work())
+    asking = asyncio.create_task(commd.offer(mail(1), mail(2), mail(1, "rescuer")))
+    await until(lambda: len(got) == 1, "the first is in hand")
+    assert not asking.done()
+    for _ in range(3):
+        go_on.release()
+    assert await asking == Receipt(taken=3)
+    assert [(one.sender, one.content) for one in got] == [("scout", 1), ("scout", 2), ("rescuer", 1)]
+    assert await commd.offer(mail(2), mail(1)) == Receipt(taken=2)  # repeated
+    assert len(got) == 3
+    working.cancel()
 
 
-def test_commd_hears_how_far_a_slow_program_has_come_and_offers_the_rest_again(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@planner_test
+async def test_commd_hears_how_far_a_slow_program_has_come_and_offers_the_rest_again(
+    me: Client, commd: ScriptedCommd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 0.3)
-
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        reading = me.messages()
-        later = {1: NOT_DONE, 2: NOT_DONE}
-        asking = asyncio.create_task(commd.offer(mail(1), mail(2), mail(3)))
-        assert (await anext(reading)).content == 1
-        assert (await anext(reading)).content == 2
-        assert await asking == Receipt(taken=1, later=later)
-        asking = asyncio.create_task(commd.offer(mail(2), mail(3)))
-        assert (await anext(reading)).content == 3
-        me.done(mail(3))  # not the one in hand: says nothing
-        assert await asking == Receipt(taken=1, later={1: later[1]})
-
-    as_planner(endpoint, body)
+    reading = me.messages()
+    later = {1: NOT_DONE, 2: NOT_DONE}
+    asking = asyncio.create_task(commd.offer(mail(1), mail(2), mail(3)))
+    assert (await anext(reading)).content == 1
+    assert (await anext(reading)).content == 2
+    assert await asking == Receipt(taken=1, later=later)
+    asking = asyncio.create_task(commd.offer(mail(2), mail(3)))
+    assert (await anext(reading)).content == 3
+    me.done(mail(3))  # not the one in hand: says nothing
+    assert await asking == Receipt(taken=1, later={1: later[1]})
 
 
-def test_a_message_that_a_loop_was_left_with_comes_again_unless_it_was_done(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        asking = asyncio.create_task(commd.offer(mail(1), mail(2)))
-        async for message in me.messages():
-            assert message.content == 1
-            break
-        async for message in me.messages():
-            assert message.content == 1
-            me.done(message)
-            break
-        async for message in me.messages():
-            assert message.content == 2
-            me.done(message)
-            break
-        assert await asking == Receipt(taken=2)
-
-    as_planner(endpoint, body)
-
-
-def test_one_loop_reads_at_a_time(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        first, second = me.messages(), me.messages()
-        with pytest.raises(RuntimeError, match="another loop reads the messages"):
-            await anext(first)
-        asking = asyncio.create_task(commd.offer(mail(1)))
-        me.done(await anext(second))
-        assert await asking == Receipt(taken=1)
-
-    as_planner(endpoint, body)
-
-
-def test_what_expires_while_it_waits_is_not_handed_out(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 0.1)
-
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        late = mail(1, ttl=0.001)
-        assert await commd.offer(late, mail(2)) == Receipt(later=dict.fromkeys((0, 1), NOT_DONE))
-        messages = me.messages()
-        message = await anext(messages)
+@planner_test
+async def test_a_message_that_a_loop_was_left_with_comes_again_unless_it_was_done(
+    me: Client, commd: ScriptedCommd
+) -> None:
+    asking = asyncio.create_task(commd.offer(mail(1), mail(2)))
+    async for message in me.messages():
+        assert message.content == 1
+        break
+    async for message in me.messages():
+        assert message.content == 1
+        me.done(message)
+        break
+    async for message in me.messages():
         assert message.content == 2
         me.done(message)
-        for _ in range(2):  # the first answer is lost
-            assert await commd.offer(replace(late, ttl=0.0), mail(2)) == Receipt(
-                taken=1, refused={0: Refusal(code="expired")}
-            )
-
-    as_planner(endpoint, body)
+        break
+    assert await asking == Receipt(taken=2)
 
 
-def test_what_comes_behind_a_message_that_is_too_late_waits_until_that_is_known(
-    endpoint: str, monkeypatch: pytest.MonkeyPatch
+@planner_test
+async def test_one_loop_reads_at_a_time(me: Client, commd: ScriptedCommd) -> None:
+    first, second = me.messages(), me.messages()
+    with pytest.raises(RuntimeError, match="another loop reads the messages"):
+        await anext(first)
+    asking = asyncio.create_task(commd.offer(mail(1)))
+    me.done(await anext(second))
+    assert await asking == Receipt(taken=1)
+
+
+@planner_test
+async def test_what_expires_while_it_waits_is_not_handed_out(
+    me: Client, commd: ScriptedCommd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 0.1)
-
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        for _ in range(2):  # the first answer is lost
-            told = await commd.offer(mail(1, ttl=0.0), mail(2))
-            assert told == Receipt(refused={0: Refusal(code="expired")}, later={1: OUT_OF_ORDER})
-        offered = asyncio.create_task(commd.offer(mail(2)))
-        message = await anext(me.messages())
-        assert message.content == 2
-        me.done(message)
-        assert await offered in (Receipt(taken=1), Receipt(later={0: NOT_DONE}))
-
-    as_planner(endpoint, body)
+    late = mail(1, ttl=0.001)
+    assert await commd.offer(late, mail(2)) == Receipt(later=dict.fromkeys((0, 1), NOT_DONE))
+    messages = me.messages()
+    message = await anext(messages)
+    assert message.content == 2
+    me.done(message)
+    for _ in range(2):  # the first answer is lost
+        assert await commd.offer(replace(late, ttl=0.0), mail(2)) == Receipt(
+            taken=1, refused={0: Refusal(code="expired")}
+        )
 
 
-def test_a_message_without_number_or_for_somebody_else_is_refused(endpoint: str) -> None:
-    async def body(me: Client, commd: ScriptedCommd) -> None:
-        receipt = await commd.offer(Message(id="x", sender="a", performative="tell", receiver="planner", content=1))
-        why = "expected a numbered message to planner, as commd hands it over"
-        assert receipt == Receipt(refused={0: Refusal(code="wrong_address", text=why)})
+@planner_test
+async def test_what_comes_behind_a_message_that_is_too_late_waits_until_that_is_known(
+    me: Client, commd: ScriptedCommd, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 0.1)
+    for _ in range(2):  # the first answer is lost
+        told = await commd.offer(mail(1, ttl=0.0), mail(2))
+        assert told == Receipt(refused={0: Refusal(code="expired")}, later={1: OUT_OF_ORDER})
+    offered = asyncio.create_task(commd.offer(mail(2)))
+    message = await anext(me.messages())
+    assert message.content == 2
+    me.done(message)
+    assert await offered in (Receipt(taken=1), Receipt(later={0: NOT_DONE}))
 
-    as_planner(endpoint, body)
+
+@planner_test
+async def test_a_message_without_number_or_for_somebody_else_is_refused(me: Client, commd: ScriptedCommd) -> None:
+    receipt = await commd.offer(Message(id="x", sender="a", performative="tell", receiver="planner", content=1))
+    why = "expected a numbered message to planner, as commd hands it over"
+    assert receipt == Receipt(refused={0: Refusal(code="wrong_address", text=why)})
 
 
 @bus_test

@@ -3,54 +3,46 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine
 from contextlib import suppress
-from typing import Any
 
 import pytest
 
 from commd.common.tasks import Tasks, wait_at_most
+from tests.support.buses import async_test
 
 
-def bounded(work: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(asyncio.wait_for(work, 240))
+@async_test
+async def test_a_loop_of_waits_ends_when_it_is_cancelled_with_its_event() -> None:
+    event = asyncio.Event()
+
+    async def forever() -> None:
+        while True:
+            event.clear()
+            await wait_at_most(event, 60.0)
+
+    for turns in range(6):  # the event comes so many turns of the loop before the cancel
+        task = asyncio.create_task(forever())
+        await asyncio.sleep(0.01)
+        event.set()
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        task.cancel()
+        done, _ = await asyncio.wait([task], timeout=5)
+        assert done, f"cancelled {turns} turns after the event, it goes on"
 
 
-def test_a_loop_of_waits_ends_when_it_is_cancelled_with_its_event() -> None:
-    async def main() -> None:
-        event = asyncio.Event()
-
-        async def forever() -> None:
-            while True:
-                event.clear()
-                await wait_at_most(event, 60.0)
-
-        for turns in range(6):  # the event comes so many turns of the loop before the cancel
-            task = asyncio.create_task(forever())
-            await asyncio.sleep(0.01)
-            event.set()
-            for _ in range(turns):
-                await asyncio.sleep(0)
-            task.cancel()
-            done, _ = await asyncio.wait([task], timeout=5)
-            assert done, f"cancelled {turns} turns after the event, it goes on"
-
-    bounded(main())
-
-
-def test_tasks_end_although_one_forgets_that_it_was_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def main() -> None:
-        async def forgets() -> None:
-            with suppress(asyncio.CancelledError):
-                await asyncio.Event().wait()
-            await asyncio.Event().wait()
-
-        tasks = Tasks("forgetting")
-        tasks.spawn(forgets())
-        tasks.spawn(asyncio.sleep(60))
-        await asyncio.sleep(0)
-        await tasks.end()
-        assert len(tasks) == 0
-
+@async_test
+async def test_tasks_end_although_one_forgets_that_it_was_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.common.tasks.TELL_AGAIN", 0.05)
-    bounded(main())
+
+    async def forgets() -> None:
+        with suppress(asyncio.CancelledError):
+            await asyncio.Event().wait()
+        await asyncio.Event().wait()
+
+    tasks = Tasks("forgetting")
+    tasks.spawn(forgets())
+    tasks.spawn(asyncio.sleep(60))
+    await asyncio.sleep(0)
+    await tasks.end()
+    assert len(tasks) == 0

@@ -24,7 +24,7 @@ from schemas.wire import keys
 from schemas.wire.records import BoardServices, Mail, Message, Receipt, Refusal, ServiceRequest
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import message, post
-from tests.support.buses import FLEET, session, subscribed, until
+from tests.support.buses import FLEET, async_test, session, subscribed, until
 from tests.support.notes import identities
 
 MISSION = """\
@@ -109,23 +109,17 @@ def fleet(tmp_path: Path, free_port: Callable[[], int]) -> Fleet:
     return Fleet(tmp_path, free_port)
 
 
-def run(body: AsyncIterator[None] | object, seconds: float = 90) -> None:
-    asyncio.run(asyncio.wait_for(body, seconds))  # type: ignore[arg-type]
-
-
-def test_a_service_is_found_and_told_of_on_the_other_board(fleet: Fleet) -> None:
-    async def body() -> None:
-        async with fleet.board("pi1"), fleet.board("pi2"), fleet.agent("a", "pi1") as a, fleet.agent("b", "pi2") as b:
-            assert (await a.ask("subscribe", "cook")).found == ()
-            assert (await b.ask("register", "cook")).problem == ""
-            await until(lambda: a.told == [provider("b", "cook")], "a is told of b")
-            assert (await a.ask("search", "cook")).found == ("b",)
-            await a.ask("register", "cook")
-            await until(lambda: a.told == [provider("b", "cook"), provider("a", "cook")], "a is told of itself")
-            await b.ask("deregister", "cook")
-            await until_found(a, "cook", ("a",))
-
-    run(body())
+@async_test
+async def test_a_service_is_found_and_told_of_on_the_other_board(fleet: Fleet) -> None:
+    async with fleet.board("pi1"), fleet.board("pi2"), fleet.agent("a", "pi1") as a, fleet.agent("b", "pi2") as b:
+        assert (await a.ask("subscribe", "cook")).found == ()
+        assert (await b.ask("register", "cook")).problem == ""
+        await until(lambda: a.told == [provider("b", "cook")], "a is told of b")
+        assert (await a.ask("search", "cook")).found == ("b",)
+        await a.ask("register", "cook")
+        await until(lambda: a.told == [provider("b", "cook"), provider("a", "cook")], "a is told of itself")
+        await b.ask("deregister", "cook")
+        await until_found(a, "cook", ("a",))
 
 
 async def until_found(agent: Agent, service: str, expected: tuple[str, ...]) -> None:
@@ -135,137 +129,118 @@ async def until_found(agent: Agent, service: str, expected: tuple[str, ...]) -> 
     await until(found, f"{service}: {expected}")
 
 
-def test_who_joins_one_board_is_known_on_the_other_until_it_leaves(fleet: Fleet) -> None:
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
-            assert pi1.board_of("kid") is None
-            assert (await kid.ask("join")).problem == ""
-            await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
-            assert list(pi1.names()) == list(pi2.names()) == ["a", "b", "c", "kid"]
-            async with fleet.agent("a", "pi1") as a:
-                answer = await a.ask("join", agent="kid")
-                assert answer.problem == "the name `kid` is taken on board pi2"
+@async_test
+async def test_who_joins_one_board_is_known_on_the_other_until_it_leaves(fleet: Fleet) -> None:
+    async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
+        assert pi1.board_of("kid") is None
+        assert (await kid.ask("join")).problem == ""
+        await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
+        assert list(pi1.names()) == list(pi2.names()) == ["a", "b", "c", "kid"]
+        async with fleet.agent("a", "pi1") as a:
+            answer = await a.ask("join", agent="kid")
+            assert answer.problem == "the name `kid` is taken on board pi2"
+        await kid.ask("leave")
+        await until(lambda: pi1.board_of("kid") is None, "pi1 has forgotten kid")
+
+
+@async_test
+async def test_what_is_known_of_a_board_outlives_its_absence_and_our_own_restart(fleet: Fleet) -> None:
+    async with fleet.board("pi1") as pi1, AsyncExitStack() as there:
+        await there.enter_async_context(fleet.board("pi2"))
+        kid = await there.enter_async_context(fleet.agent("kid", "pi2"))
+        await kid.ask("join")
+        await kid.ask("register", "cook")
+        await until(lambda: pi1.services.providers("cook") == ("kid",), "pi1 knows what kid offers")
+    async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+        assert pi1.board_of("kid") == "pi2"
+        assert (await a.ask("search", "cook")).found == ("kid",)
+        async with fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
+            assert pi2.board_of("kid") == "pi2", "it has not left"
             await kid.ask("leave")
-            await until(lambda: pi1.board_of("kid") is None, "pi1 has forgotten kid")
-
-    run(body())
+            await until(lambda: pi1.board_of("kid") is None, "pi1 hears that kid has left")
 
 
-def test_what_is_known_of_a_board_outlives_its_absence_and_our_own_restart(fleet: Fleet) -> None:
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1, AsyncExitStack() as there:
-            await there.enter_async_context(fleet.board("pi2"))
-            kid = await there.enter_async_context(fleet.agent("kid", "pi2"))
-            await kid.ask("join")
-            await kid.ask("register", "cook")
-            await until(lambda: pi1.services.providers("cook") == ("kid",), "pi1 knows what kid offers")
-        async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
-            assert pi1.board_of("kid") == "pi2"
-            assert (await a.ask("search", "cook")).found == ("kid",)
-            async with fleet.board("pi2") as pi2, fleet.agent("kid", "pi2") as kid:
-                assert pi2.board_of("kid") == "pi2", "it has not left"
-                await kid.ask("leave")
-                await until(lambda: pi1.board_of("kid") is None, "pi1 hears that kid has left")
-
-    run(body())
-
-
-def test_a_subscriber_is_told_once_of_what_began_while_the_boards_did_not_see_each_other(fleet: Fleet) -> None:
-    async def body() -> None:
-        async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:
-            await a.ask("subscribe", "cook")
-            async with fleet.board("pi2"), fleet.agent("b", "pi2") as b:
-                await b.ask("register", "cook")
-                await until(lambda: a.told == [provider("b", "cook")], "a is told of b")
+@async_test
+async def test_a_subscriber_is_told_once_of_what_began_while_the_boards_did_not_see_each_other(fleet: Fleet) -> None:
+    async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:
+        await a.ask("subscribe", "cook")
         async with fleet.board("pi2"), fleet.agent("b", "pi2") as b:
-            await b.ask("register", "sing")
-            async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
-                await until(lambda: pi1.services.providers("sing") == ("b",), "pi1 hears of the new service")
-                await a.ask("subscribe", "sing")
-                await until(lambda: provider("b", "sing") in a.told, "a is told of it")
-                assert a.told == [provider("b", "sing")], "and not again of what it had been told of"
+            await b.ask("register", "cook")
+            await until(lambda: a.told == [provider("b", "cook")], "a is told of b")
+    async with fleet.board("pi2"), fleet.agent("b", "pi2") as b:
+        await b.ask("register", "sing")
+        async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+            await until(lambda: pi1.services.providers("sing") == ("b",), "pi1 hears of the new service")
+            await a.ask("subscribe", "sing")
+            await until(lambda: provider("b", "sing") in a.told, "a is told of it")
+            assert a.told == [provider("b", "sing")], "and not again of what it had been told of"
 
-    run(body())
 
-
-def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_comes_back_is_not(
+@async_test
+async def test_who_joined_and_was_killed_is_forgotten_after_a_while_and_who_comes_back_is_not(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(directory_module, "FORGOTTEN_AFTER", 2.0)
     monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
-
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1:
-            async with (
-                fleet.agent("kid", "pi1") as kid,
-                fleet.agent("twin", "pi1") as twin,
-                fleet.agent("stays", "pi1") as stays,
-            ):
-                await kid.ask("join")
-                await twin.ask("join")
-                await stays.ask("join", stays=True)
-            async with fleet.agent("twin", "pi1"):
-                await until(lambda: pi1.board_of("kid") is None, "kid is forgotten")
-                assert (pi1.board_of("twin"), pi1.board_of("stays")) == ("pi1", "pi1")
-
-    run(body())
+    async with fleet.board("pi1") as pi1:
+        async with (
+            fleet.agent("kid", "pi1") as kid,
+            fleet.agent("twin", "pi1") as twin,
+            fleet.agent("stays", "pi1") as stays,
+        ):
+            await kid.ask("join")
+            await twin.ask("join")
+            await stays.ask("join", stays=True)
+        async with fleet.agent("twin", "pi1"):
+            await until(lambda: pi1.board_of("kid") is None, "kid is forgotten")
+            assert (pi1.board_of("twin"), pi1.board_of("stays")) == ("pi1", "pi1")
 
 
-def test_a_program_beside_us_asks_once_and_hears_of_all_boards_also_of_those_away(fleet: Fleet) -> None:
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
-            async with fleet.board("pi2"), fleet.agent("kid", "pi2") as kid:
-                await kid.ask("join")
-                await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
-            said: dict[str, object] = {}
-            key = keys.services(FLEET, "pi1")
-            await a.bus.ask_all(key, BoardServices, 10, lambda _, told: said.update({told.board: told.agents}))
-            assert said == {"pi1": {"a": (), "c": ()}, "pi2": {"b": (), "kid": ()}}
-
-    run(body())
+@async_test
+async def test_a_program_beside_us_asks_once_and_hears_of_all_boards_also_of_those_away(fleet: Fleet) -> None:
+    async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+        async with fleet.board("pi2"), fleet.agent("kid", "pi2") as kid:
+            await kid.ask("join")
+            await until(lambda: pi1.board_of("kid") == "pi2", "pi1 knows kid")
+        said: dict[str, object] = {}
+        key = keys.services(FLEET, "pi1")
+        await a.bus.ask_all(key, BoardServices, 10, lambda _, told: said.update({told.board: told.agents}))
+        assert said == {"pi1": {"a": (), "c": ()}, "pi2": {"b": (), "kid": ()}}
 
 
-def test_whoever_asks_all_boards_at_once_hears_each_of_itself(fleet: Fleet) -> None:
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1, fleet.board("pi2"), fleet.agent("a", "pi1") as a:
-            await until(lambda: "pi2" in pi1.services.others, "the boards see each other")
-            everybody = keys.services(FLEET, "*")
-            boards: list[str] = []
-            await a.bus.ask_all(everybody, BoardServices, 10, lambda _, told: boards.append(told.board))
-            assert sorted(boards) == ["pi1", "pi2"]
-            request = ServiceRequest(agent="a", do="register", service="cook")
-            async with aclosing(a.bus.query(everybody, request, BoardServices, 10)) as replies:
-                assert {reply.error async for reply in replies} == {
-                    "expected a concrete key: a request is for one board"
-                }
-
-    run(body())
+@async_test
+async def test_whoever_asks_all_boards_at_once_hears_each_of_itself(fleet: Fleet) -> None:
+    async with fleet.board("pi1") as pi1, fleet.board("pi2"), fleet.agent("a", "pi1") as a:
+        await until(lambda: "pi2" in pi1.services.others, "the boards see each other")
+        everybody = keys.services(FLEET, "*")
+        boards: list[str] = []
+        await a.bus.ask_all(everybody, BoardServices, 10, lambda _, told: boards.append(told.board))
+        assert sorted(boards) == ["pi1", "pi2"]
+        request = ServiceRequest(agent="a", do="register", service="cook")
+        async with aclosing(a.bus.query(everybody, request, BoardServices, 10)) as replies:
+            assert {reply.error async for reply in replies} == {"expected a concrete key: a request is for one board"}
 
 
-def test_what_cannot_be_done_is_answered_with_the_reason(fleet: Fleet) -> None:
-    async def body() -> None:
-        async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:
-            assert (await a.ask("register", "cook", "b")).problem == "`b` is no agent of board pi1 but of pi2"
-            assert (await a.ask("register", "")).problem.startswith("expected the name of a service")
-
-    run(body())
+@async_test
+async def test_what_cannot_be_done_is_answered_with_the_reason(fleet: Fleet) -> None:
+    async with fleet.board("pi1"), fleet.agent("a", "pi1") as a:
+        assert (await a.ask("register", "cook", "b")).problem == "`b` is no agent of board pi1 but of pi2"
+        assert (await a.ask("register", "")).problem.startswith("expected the name of a service")
 
 
-def test_two_boards_of_one_name_are_told_of(fleet: Fleet, tmp_path: Path, free_port: Callable[[], int]) -> None:
+@async_test
+async def test_two_boards_of_one_name_are_told_of(fleet: Fleet, tmp_path: Path, free_port: Callable[[], int]) -> None:
     other = Fleet(tmp_path / "other", free_port)
     other.link = fleet.link
     other.endpoints["pi2"] = f"tcp/127.0.0.1:{free_port()}"
-
-    async def body() -> None:
-        async with fleet.board("pi2") as pi2, other.board("pi2"):
-            async with fleet.board("pi1"):
-                await until(lambda: identities(pi2.notes()) == [("board_twice", "")], "both are seen")
-            await until(lambda: pi2.notes() == (), "they do not see each other any more")
-
-    run(body())
+    async with fleet.board("pi2") as pi2, other.board("pi2"):
+        async with fleet.board("pi1"):
+            await until(lambda: identities(pi2.notes()) == [("board_twice", "")], "both are seen")
+        await until(lambda: pi2.notes() == (), "they do not see each other any more")
 
 
-def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
+@async_test
+async def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(directory_module, "READ_AGAIN", 0.05)
@@ -279,105 +254,88 @@ def test_a_directory_that_cannot_be_read_for_long_does_not_begin_empty(
             raise StoreFailed("disk I/O error")
         return await real(store, question)
 
-    async def body() -> None:
-        async with fleet.board("pi1"), fleet.agent("kid", "pi1") as kid:
-            await kid.ask("join", stays=True)
-        monkeypatch.setattr(Store, "read", read)
-        async with fleet.board("pi1") as pi1, fleet.agent("twin", "pi1") as twin:
-            assert identities(pi1.notes()) == [("directory_unread", "")]
-            assert (await twin.ask("join")).problem == "", "nobody is served before it is read"
-            assert pi1.notes() == ()
-            assert failed == 5
-            assert sorted(pi1.names()) == ["a", "b", "c", "kid", "twin"]
-
-    run(body())
+    async with fleet.board("pi1"), fleet.agent("kid", "pi1") as kid:
+        await kid.ask("join", stays=True)
+    monkeypatch.setattr(Store, "read", read)
+    async with fleet.board("pi1") as pi1, fleet.agent("twin", "pi1") as twin:
+        assert identities(pi1.notes()) == [("directory_unread", "")]
+        assert (await twin.ask("join")).problem == "", "nobody is served before it is read"
+        assert pi1.notes() == ()
+        assert failed == 5
+        assert sorted(pi1.names()) == ["a", "b", "c", "kid", "twin"]
 
 
-def test_what_another_board_says_is_taken_as_far_as_it_can_be_meant(fleet: Fleet) -> None:
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1, fleet.agent("pi2", "pi1") as other:
-            names = {"kid": ("cook", "", "x" * 1001), "*": (), "": (), "a>b": (), "a/b": ()}
-            said = BoardServices(board="pi2", version=1, agents=names)
-            key = keys.services(FLEET, "pi2")
-            await subscribed(other.bus, key)
-            other.bus.put(key, said)
-            await until(lambda: pi1.board_of("kid") == "pi2", "what it says is heard")
-            assert sorted(pi1.names()) == ["a", "b", "c", "kid"]
-            assert pi1.services.others["pi2"].agents == {"kid": ("cook",)}
-
-    run(body())
+@async_test
+async def test_what_another_board_says_is_taken_as_far_as_it_can_be_meant(fleet: Fleet) -> None:
+    async with fleet.board("pi1") as pi1, fleet.agent("pi2", "pi1") as other:
+        names = {"kid": ("cook", "", "x" * 1001), "*": (), "": (), "a>b": (), "a/b": ()}
+        said = BoardServices(board="pi2", version=1, agents=names)
+        key = keys.services(FLEET, "pi2")
+        await subscribed(other.bus, key)
+        other.bus.put(key, said)
+        await until(lambda: pi1.board_of("kid") == "pi2", "what it says is heard")
+        assert sorted(pi1.names()) == ["a", "b", "c", "kid"]
+        assert pi1.services.others["pi2"].agents == {"kid": ("cook",)}
 
 
-def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_a_board_takes_no_more_than_other_boards_hear(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(directory_module, "MOST_SAID", 2_000)
-
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
-            assert (await a.ask("register", "x" * 1_000)).problem == ""
-            problem = (await a.ask("register", "y" * 1_000)).problem
-            assert problem.endswith("bytes, the limit is 2000")
-            assert pi1.services.providers("y" * 1_000) == ()
-            assert (await a.ask("deregister", "x" * 1_000)).problem == ""
-            assert (await a.ask("register", "y" * 1_000)).problem == ""
-
-    run(body())
+    async with fleet.board("pi1") as pi1, fleet.agent("a", "pi1") as a:
+        assert (await a.ask("register", "x" * 1_000)).problem == ""
+        problem = (await a.ask("register", "y" * 1_000)).problem
+        assert problem.endswith("bytes, the limit is 2000")
+        assert pi1.services.providers("y" * 1_000) == ()
+        assert (await a.ask("deregister", "x" * 1_000)).problem == ""
+        assert (await a.ask("register", "y" * 1_000)).problem == ""
 
 
-def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
+@async_test
+async def test_a_program_that_stays_keeps_its_name_however_long_it_is_away(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(directory_module, "FORGOTTEN_AFTER", 0.5)
     monkeypatch.setattr(directory_module, "LOOK_EVERY", 0.1)
-
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1:
-            async with join("planner", fleet=FLEET, board="pi1", router=fleet.endpoints["pi1"], stays=True):
-                assert pi1.board_of("planner") == "pi1"
-            async with fleet.agent("kid", "pi1") as kid:
-                await kid.ask("join")
-            await until(lambda: pi1.board_of("kid") is None, "who does not stay is forgotten")
+    async with fleet.board("pi1") as pi1:
+        async with join("planner", fleet=FLEET, board="pi1", router=fleet.endpoints["pi1"], stays=True):
             assert pi1.board_of("planner") == "pi1"
+        async with fleet.agent("kid", "pi1") as kid:
+            await kid.ask("join")
+        await until(lambda: pi1.board_of("kid") is None, "who does not stay is forgotten")
+        assert pi1.board_of("planner") == "pi1"
 
-    run(body())
 
-
-def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_its_mail_up(
+@async_test
+async def test_the_other_boards_hear_who_has_left_though_the_disk_does_not_give_its_mail_up(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def unhost(mail_service: MailService, name: str) -> None:
         raise StoreFailed("the disk is full")
 
-    async def body() -> None:
-        async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi1") as kid:
-            await kid.ask("join")
-            await until(lambda: pi2.board_of("kid") == "pi1", "pi2 knows kid")
-            monkeypatch.setattr(MailService, "unhost", unhost)
-            assert (await kid.ask("leave")).problem == ""
-            assert pi1.board_of("kid") is None
-            await until(lambda: pi2.board_of("kid") is None, "pi2 hears that kid has left")
-
-    run(body())
+    async with fleet.board("pi1") as pi1, fleet.board("pi2") as pi2, fleet.agent("kid", "pi1") as kid:
+        await kid.ask("join")
+        await until(lambda: pi2.board_of("kid") == "pi1", "pi2 knows kid")
+        monkeypatch.setattr(MailService, "unhost", unhost)
+        assert (await kid.ask("leave")).problem == ""
+        assert pi1.board_of("kid") is None
+        await until(lambda: pi2.board_of("kid") is None, "pi2 hears that kid has left")
 
 
-def test_mail_for_who_has_just_joined_another_board_is_not_refused_though_this_board_has_not_heard_of_it(
+@async_test
+async def test_mail_for_who_has_just_joined_another_board_is_not_refused_though_this_board_has_not_heard_of_it(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def body() -> None:
-        async with (
-            fleet.board("pi1") as pi1,
-            fleet.board("pi2") as pi2,
-            fleet.agent("a", "pi1") as a,
-            fleet.agent("kid", "pi2") as kid,
-        ):
-            await until(lambda: {"pi1", "pi2"} <= set(pi1.services.others) | {"pi1"}, "pi1 has heard of pi2")
-            monkeypatch.setattr(pi1, "_concerns_us", lambda _: False)  # what pi2 puts is lost
-            await kid.ask("join")
-            assert pi2.board_of("kid") == "pi2"
-            assert pi1.board_of("kid") is None
-            assert await post(a.bus, message(1, "a", "kid")) == Receipt(taken=1)
-            assert await post(a.bus, message(1, "a", "nobody")) == Receipt(
-                refused={0: Refusal(code="receiver_not_found")}
-            )
-            await until(lambda: [one.content for one in kid.mail] == [1], "it arrives")
-
-    run(body())
+    async with (
+        fleet.board("pi1") as pi1,
+        fleet.board("pi2") as pi2,
+        fleet.agent("a", "pi1") as a,
+        fleet.agent("kid", "pi2") as kid,
+    ):
+        await until(lambda: {"pi1", "pi2"} <= set(pi1.services.others) | {"pi1"}, "pi1 has heard of pi2")
+        monkeypatch.setattr(pi1, "_concerns_us", lambda _: False)  # what pi2 puts is lost
+        await kid.ask("join")
+        assert pi2.board_of("kid") == "pi2"
+        assert pi1.board_of("kid") is None
+        assert await post(a.bus, message(1, "a", "kid")) == Receipt(taken=1)
+        assert await post(a.bus, message(1, "a", "nobody")) == Receipt(refused={0: Refusal(code="receiver_not_found")})
+        await until(lambda: [one.content for one in kid.mail] == [1], "it arrives")

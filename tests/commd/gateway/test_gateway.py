@@ -24,7 +24,7 @@ from schemas.mission.model import Mission, read_mission
 from schemas.wire.records import Message, Refusal
 from schemas.wire.terms import Atom, Structure, Term
 from tests.commd.old_comm import OldCommNode, PostOffice
-from tests.support.buses import until
+from tests.support.buses import run_by, until
 
 MISSION = """
 mission: mixed
@@ -86,116 +86,103 @@ def in_the_field(port: int, body: Callable[[Field], Coroutine[Any, Any, None]]) 
     asyncio.run(everything())
 
 
+field_test = run_by(lambda body, free_port: in_the_field(free_port(), body), "field", needs=("free_port",))
+
+
 def message(content: Term, receiver: str = "old1", identity: str = "m1", **more: Any) -> Message:
     return Message(id=identity, sender="uav", performative="tell", receiver=receiver, content=content, **more)
 
 
-def test_what_an_old_node_sends_is_mail(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        field.say("<mid1,old1,tell,uav,victim_in_need(1,-27.603683,-48.518052)>")
-        field.say("<mid2->m7,old1,achieve,ugv,go>\n")
-        await until(lambda: len(field.post.taken) == 2, "both are taken")
-        assert field.post.taken == [
-            Message(
-                id="mid1",
-                sender="old1",
-                performative="tell",
-                receiver="uav",
-                content=Structure("victim_in_need", (1, -27.603683, -48.518052)),
-            ),
-            Message(
-                id="mid2", sender="old1", performative="achieve", receiver="ugv", content=Atom("go"), in_reply_to="m7"
-            ),
-        ]
-
-    in_the_field(free_port(), body)
+@field_test
+async def test_what_an_old_node_sends_is_mail(field: Field) -> None:
+    field.say("<mid1,old1,tell,uav,victim_in_need(1,-27.603683,-48.518052)>")
+    field.say("<mid2->m7,old1,achieve,ugv,go>\n")
+    await until(lambda: len(field.post.taken) == 2, "both are taken")
+    assert field.post.taken == [
+        Message(
+            id="mid1",
+            sender="old1",
+            performative="tell",
+            receiver="uav",
+            content=Structure("victim_in_need", (1, -27.603683, -48.518052)),
+        ),
+        Message(id="mid2", sender="old1", performative="achieve", receiver="ugv", content=Atom("go"), in_reply_to="m7"),
+    ]
 
 
-def test_mail_reaches_an_old_node_as_it_reads_it(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        batch = (message(Structure("at", (1, Atom("north")))), message("a, b", identity="m2", in_reply_to="mid1"))
-        receipt = await field.post.deliver["old1"](batch)
-        assert receipt is not None
-        assert (receipt.taken, receipt.refused, receipt.later) == (2, {}, {})
-        await until(lambda: len(field.one.heard) == 2, "the node hears both")
-        assert field.one.heard == ["<m1,uav,tell,old1,at(1,north)>", '<m2->mid1,uav,tell,old1,"a, b">']
-        assert field.other.heard == []
-        assert field.gateway.counters["gateway_out"] == 2
-
-    in_the_field(free_port(), body)
+@field_test
+async def test_mail_reaches_an_old_node_as_it_reads_it(field: Field) -> None:
+    batch = (message(Structure("at", (1, Atom("north")))), message("a, b", identity="m2", in_reply_to="mid1"))
+    receipt = await field.post.deliver["old1"](batch)
+    assert receipt is not None
+    assert (receipt.taken, receipt.refused, receipt.later) == (2, {}, {})
+    await until(lambda: len(field.one.heard) == 2, "the node hears both")
+    assert field.one.heard == ["<m1,uav,tell,old1,at(1,north)>", '<m2->mid1,uav,tell,old1,"a, b">']
+    assert field.other.heard == []
+    assert field.gateway.counters["gateway_out"] == 2
 
 
-def test_the_receiver_null_is_everybody_else(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        field.say("<mid1,old1,tell,null,ready>")
-        await until(lambda: len(field.post.taken) == 3, "all have it")
-        assert [one.receiver for one in field.post.taken] == ["uav", "ugv", "old2"]
-
-    in_the_field(free_port(), body)
+@field_test
+async def test_the_receiver_null_is_everybody_else(field: Field) -> None:
+    field.say("<mid1,old1,tell,null,ready>")
+    await until(lambda: len(field.post.taken) == 3, "all have it")
+    assert [one.receiver for one in field.post.taken] == ["uav", "ugv", "old2"]
 
 
-def test_what_would_not_fit_into_what_an_old_node_reads_is_refused_whole(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        room = module.MAX_DATAGRAM - len('<m1,uav,tell,old1,"">')
-        batch = (message("x" * room), message("é" * room, identity="m2"), message("last", identity="m3"))
-        receipt = await field.post.deliver["old1"](batch)
-        assert receipt is not None
-        assert receipt.refused == {
-            1: Refusal(code="not_sendable", text=f"a datagram of {1024 + room} bytes: Comm nodes read 1024")
-        }
-        assert receipt.taken == 2
-        await until(lambda: len(field.one.heard) == 2, "the others arrive")
-        assert [len(text) for text in field.one.heard] == [1024, len('<m3,uav,tell,old1,"last">')]
-
-    in_the_field(free_port(), body)
+@field_test
+async def test_what_would_not_fit_into_what_an_old_node_reads_is_refused_whole(field: Field) -> None:
+    room = module.MAX_DATAGRAM - len('<m1,uav,tell,old1,"">')
+    batch = (message("x" * room), message("é" * room, identity="m2"), message("last", identity="m3"))
+    receipt = await field.post.deliver["old1"](batch)
+    assert receipt is not None
+    assert receipt.refused == {
+        1: Refusal(code="not_sendable", text=f"a datagram of {1024 + room} bytes: Comm nodes read 1024")
+    }
+    assert receipt.taken == 2
+    await until(lambda: len(field.one.heard) == 2, "the others arrive")
+    assert [len(text) for text in field.one.heard] == [1024, len('<m3,uav,tell,old1,"last">')]
 
 
-def test_a_message_that_no_datagram_can_carry_is_refused_with_the_reason(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        receipt = await field.post.deliver["old1"]((message(1, identity="a b"),))
-        assert receipt is not None
-        refusal = receipt.refused[0]
-        assert refusal.code == "not_sendable"
-        assert refusal.text.startswith("cannot be written as a datagram: id: expected a text without blanks")
-
-    in_the_field(free_port(), body)
+@field_test
+async def test_a_message_that_no_datagram_can_carry_is_refused_with_the_reason(field: Field) -> None:
+    receipt = await field.post.deliver["old1"]((message(1, identity="a b"),))
+    assert receipt is not None
+    refusal = receipt.refused[0]
+    assert refusal.code == "not_sendable"
+    assert refusal.text.startswith("cannot be written as a datagram: id: expected a text without blanks")
 
 
-def test_a_node_hears_that_its_message_will_not_arrive(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        field.post.full.add("ugv")
-        field.say("<mid1,old1,tell,Nobody,ready(1)>")
-        field.say("<mid2,old1,tell,ugv,ready(2)>")
-        await until(lambda: len(field.one.heard) == 2, "the node is told")
-        assert field.one.heard == [
-            '<undelivered.mid1,mail,signal,old1,undelivered("Nobody",tell,ready(1),"receiver_not_found")>',
-            '<undelivered.mid2,mail,signal,old1,undelivered(ugv,tell,ready(2),"mailbox_full")>',
-        ]
-        assert field.gateway.counters["gateway_refused"] == 2
-
-    in_the_field(free_port(), body)
+@field_test
+async def test_a_node_hears_that_its_message_will_not_arrive(field: Field) -> None:
+    field.post.full.add("ugv")
+    field.say("<mid1,old1,tell,Nobody,ready(1)>")
+    field.say("<mid2,old1,tell,ugv,ready(2)>")
+    await until(lambda: len(field.one.heard) == 2, "the node is told")
+    assert field.one.heard == [
+        '<undelivered.mid1,mail,signal,old1,undelivered("Nobody",tell,ready(1),"receiver_not_found")>',
+        '<undelivered.mid2,mail,signal,old1,undelivered(ugv,tell,ready(2),"mailbox_full")>',
+    ]
+    assert field.gateway.counters["gateway_refused"] == 2
 
 
-def test_only_nodes_of_the_mission_are_heard_and_each_stranger_is_told_once(
-    free_port: Callable[[], int], caplog: pytest.LogCaptureFixture
+@field_test
+async def test_only_nodes_of_the_mission_are_heard_and_each_stranger_is_told_once(
+    field: Field, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(field: Field) -> None:
-        with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as elsewhere:
-            elsewhere.bind(("127.0.0.2", 0))
-            for number in range(5):
-                elsewhere.sendto(f"<m{number},old1,tell,uav,lie>".encode(), ("127.0.0.1", int(field.listen[10:])))
-        field.say("<mid1,spy,tell,uav,lie>")
-        await field.counted("strangers", 6)
-        field.say("<mid2,old1,tell,uav,truth>")
-        await until(lambda: len(field.post.taken) == 1, "the node is heard")
-        assert field.post.taken[0].content == Atom("truth")
-        told = [record.getMessage() for record in caplog.records if record.getMessage().startswith("refused")]
-        assert told == [
-            "refused datagrams from 127.0.0.2: no node of the mission is there",
-            "refused sender=spy from 127.0.0.1: no node of the mission",
-        ]
-
-    in_the_field(free_port(), body)
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as elsewhere:
+        elsewhere.bind(("127.0.0.2", 0))
+        for number in range(5):
+            elsewhere.sendto(f"<m{number},old1,tell,uav,lie>".encode(), ("127.0.0.1", int(field.listen[10:])))
+    field.say("<mid1,spy,tell,uav,lie>")
+    await field.counted("strangers", 6)
+    field.say("<mid2,old1,tell,uav,truth>")
+    await until(lambda: len(field.post.taken) == 1, "the node is heard")
+    assert field.post.taken[0].content == Atom("truth")
+    told = [record.getMessage() for record in caplog.records if record.getMessage().startswith("refused")]
+    assert told == [
+        "refused datagrams from 127.0.0.2: no node of the mission is there",
+        "refused sender=spy from 127.0.0.1: no node of the mission",
+    ]
 
 
 BAD = [
@@ -214,37 +201,33 @@ BAD = [
 ]
 
 
-def test_malformed_datagrams_are_counted_and_told_and_end_nothing(
-    free_port: Callable[[], int], caplog: pytest.LogCaptureFixture
+@field_test
+async def test_malformed_datagrams_are_counted_and_told_and_end_nothing(
+    field: Field, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(field: Field) -> None:
-        for payload in BAD:
-            field.say(payload)
+    for payload in BAD:
+        field.say(payload)
+    field.say("<mid1,old1,tell,uav,a>")
+    await until(lambda: len(field.post.taken) == 1, "the gateway still hears")
+    assert field.gateway.health().bad_input == len(BAD)
+    told = [one.getMessage() for one in caplog.records if one.getMessage().startswith("malformed")]
+    assert len(told) == 10
+    assert all(text.isprintable() for text in told)
+    assert told[2] == (
+        f"malformed count=3 source={field.one.address} 20 bytes: "
+        "expected five fields `<id,sender,itlforce,receiver,data>`, got 4"
+    )
+    assert not [one for one in caplog.records if one.exc_info]
+
+
+@field_test
+async def test_a_repeated_datagram_is_one_message_and_an_id_used_anew_is_another(field: Field) -> None:
+    for _ in range(3):
         field.say("<mid1,old1,tell,uav,a>")
-        await until(lambda: len(field.post.taken) == 1, "the gateway still hears")
-        assert field.gateway.health().bad_input == len(BAD)
-        told = [one.getMessage() for one in caplog.records if one.getMessage().startswith("malformed")]
-        assert len(told) == 10
-        assert all(text.isprintable() for text in told)
-        assert told[2] == (
-            f"malformed count=3 source={field.one.address} 20 bytes: "
-            "expected five fields `<id,sender,itlforce,receiver,data>`, got 4"
-        )
-        assert not [one for one in caplog.records if one.exc_info]
-
-    in_the_field(free_port(), body)
-
-
-def test_a_repeated_datagram_is_one_message_and_an_id_used_anew_is_another(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        for _ in range(3):
-            field.say("<mid1,old1,tell,uav,a>")
-        field.say("<mid1,old1,tell,uav,b>")
-        await until(lambda: len(field.post.taken) == 2, "two are taken")
-        assert [one.content for one in field.post.taken] == [Atom("a"), Atom("b")]
-        await field.counted("repeated", 2)
-
-    in_the_field(free_port(), body)
+    field.say("<mid1,old1,tell,uav,b>")
+    await until(lambda: len(field.post.taken) == 2, "two are taken")
+    assert [one.content for one in field.post.taken] == [Atom("a"), Atom("b")]
+    await field.counted("repeated", 2)
 
 
 def test_a_node_that_starts_again_and_says_the_same_later_is_heard() -> None:
@@ -318,24 +301,22 @@ def test_what_waits_for_the_mail_is_bounded_and_the_excess_counted(
     in_the_field(free_port(), body)
 
 
-def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
-    free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
+@field_test
+async def test_a_mail_that_fails_is_told_to_the_node_and_ends_nothing(
+    field: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def body(field: Field) -> None:
-        take = field.post.take
+    take = field.post.take
 
-        async def fails_once(messages: Any) -> Any:
-            monkeypatch.setattr(field.post, "take", take)
-            raise RuntimeError("closed")
+    async def fails_once(messages: Any) -> Any:
+        monkeypatch.setattr(field.post, "take", take)
+        raise RuntimeError("closed")
 
-        monkeypatch.setattr(field.post, "take", fails_once)
-        field.say("<mid1,old1,tell,uav,a>")
-        await until(lambda: len(field.one.heard) == 1, "the node is told")
-        assert field.one.heard[0].endswith('undelivered(uav,tell,a,"defect")[detail("RuntimeError: closed")]>')
-        field.say("<mid2,old1,tell,uav,b>")
-        await until(lambda: len(field.post.taken) == 1, "the next one is taken")
-
-    in_the_field(free_port(), body)
+    monkeypatch.setattr(field.post, "take", fails_once)
+    field.say("<mid1,old1,tell,uav,a>")
+    await until(lambda: len(field.one.heard) == 1, "the node is told")
+    assert field.one.heard[0].endswith('undelivered(uav,tell,a,"defect")[detail("RuntimeError: closed")]>')
+    field.say("<mid2,old1,tell,uav,b>")
+    await until(lambda: len(field.post.taken) == 1, "the next one is taken")
 
 
 def test_what_a_full_disk_does_not_take_waits_until_it_does(
@@ -381,12 +362,10 @@ def test_a_node_whose_host_is_not_found_keeps_its_mail_waiting(
     in_the_field(free_port(), body)
 
 
-def test_an_address_that_is_not_to_be_had_is_said_at_its_place_in_the_mission(free_port: Callable[[], int]) -> None:
-    async def body(field: Field) -> None:
-        with pytest.raises(Findings) as raised:
-            async with opened(field):
-                pass
-        why = f"gateway.listen: cannot listen at {field.listen}: "
-        assert str(raised.value).startswith(f"mixed.yaml:5:11: error: {why}")
-
-    in_the_field(free_port(), body)
+@field_test
+async def test_an_address_that_is_not_to_be_had_is_said_at_its_place_in_the_mission(field: Field) -> None:
+    with pytest.raises(Findings) as raised:
+        async with opened(field):
+            pass
+    why = f"gateway.listen: cannot listen at {field.listen}: "
+    assert str(raised.value).startswith(f"mixed.yaml:5:11: error: {why}")

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import sqlite3
 from contextlib import ExitStack
-from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from commd.bus.bus import Bus, Query, open_bus
-from commd.mail import queries
-from commd.mail.message import LARGEST, stored
-from commd.mail.schema import migrate
+from commd.mail.message import LARGEST
 from schemas.mission.model import MailRules
 from schemas.wire import keys
 from schemas.wire.codec import TooDeep
@@ -359,65 +355,6 @@ async def test_the_age_of_what_waits_goes_on_over_a_restart(connect: Connect, tm
     async with board(connect, "pi1", tmp_path, now=now):
         await served(sender, keys.mailboxes(FLEET, "pi1"))
         assert [queue.oldest for queue in (await listed(sender, "pi1")).queues] == [25.0]
-
-
-def test_dead_letters_are_kept_up_to_a_bound_the_newest_ones(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(queries, "DEAD", 3)
-    db, tally = memory()
-    letters = [stored(message(number), "a>b", None) for number in range(1, 6)]
-    assert queries.put(db, tally, letters, 0.0, None) == [queries.TAKEN] * 5
-    noticed = queries.move_to_dead_letters(
-        db, tally, dict.fromkeys(range(1, 6), Refusal(code="unknown")), {"a": "a"}, 0.0
-    )
-    assert noticed == ["a"]
-    assert db.execute("SELECT count(*), min(place) FROM dead").fetchone() == (3, 3)
-    assert (tally.dead, dict(tally.lines)) == (3, {"a": 5})
-    monkeypatch.setattr(queries, "DEAD_BYTES", 200)
-    queries.move_to_dead_letters(db, tally, {6: Refusal(code="unknown")}, {}, 0.0)
-    assert tally.dead_bytes <= 200
-    counted = queries.Tally()
-    counted.count(db)
-    assert (counted.dead, counted.dead_bytes, counted.lines) == (tally.dead, tally.dead_bytes, tally.lines)
-
-
-def test_the_last_numbers_of_a_few_numberings_of_a_pair_are_kept_and_always_this_boards_own(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(queries, "NUMBERINGS", 8)
-    db, tally = memory()
-
-    def put(*messages: Message) -> list[str]:
-        return queries.put(db, tally, [stored(one, "b", None) for one in messages], 0.0, None)
-
-    by_hand = Message(id="1", sender="a", performative="tell", receiver="b", content=1)
-    assert put(by_hand) == [queries.TAKEN]
-    for life in range(20):
-        assert put(message(1, life=f"life{life}"), message(3, life=f"life{life}")) == [queries.TAKEN] * 2
-    assert put(message(3, life="life19"), message(2, life="life12")) == [queries.AGAIN] * 2
-    assert put(message(1, life="life11")) == [queries.TAKEN], "so long ago that nobody remembers"
-    assert put(by_hand) == [queries.TAKEN]
-    own = db.execute("SELECT number FROM mail WHERE numbering = ?", (tally.numbering,)).fetchall()
-    assert own == [(1,), (2,)]
-    assert db.execute("SELECT count(*) FROM numbers").fetchone() == (queries.NUMBERINGS + 1,)
-
-
-def test_a_batch_that_is_rolled_back_leaves_no_trace_in_what_is_counted() -> None:
-    db, tally = memory()
-    before = deepcopy(vars(tally))
-    db.execute("BEGIN")
-    queries.put(db, tally, [stored(message(1, ttl=5.0), "b", 5.0)], 0.0, None)
-    assert (tally.messages, tally.expiring) == ({"b": 1}, 1)
-    db.execute("ROLLBACK")
-    tally.count(db)
-    assert vars(tally) == before | {"next": 2}
-
-
-def memory() -> tuple[sqlite3.Connection, queries.Tally]:
-    """The tables in memory."""
-    db, tally = sqlite3.connect(":memory:", isolation_level=None), queries.Tally()
-    migrate(db)
-    tally.count(db)
-    return db, tally
 
 
 def test_mail_survives_a_commd_that_is_killed_and_one_that_is_told_to_go(endpoint: str, tmp_path: Path) -> None:

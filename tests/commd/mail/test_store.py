@@ -21,7 +21,7 @@ from commd.mail import schema
 from commd.mail import store as store_module
 from commd.mail.store import QUEUE, Store, StoreFailed, open_store
 from schemas.files.findings import Findings
-from tests.support.buses import until
+from tests.support.buses import run_by, until
 
 
 def in_store(path: Path, body: Callable[[Store], Coroutine[Any, Any, None]], synchronous: Any = "full") -> None:
@@ -32,6 +32,9 @@ def in_store(path: Path, body: Callable[[Store], Coroutine[Any, Any, None]], syn
             await body(store)
 
     asyncio.run(everything())
+
+
+store_test = run_by(lambda body, path: in_store(path, body), "store", needs=("path",))
 
 
 @pytest.fixture
@@ -76,64 +79,56 @@ def test_the_file_is_written_as_the_mission_says(path: Path, synchronous: str, n
     in_store(path, body, synchronous)
 
 
-def test_what_waits_at_the_same_time_shares_a_commit(path: Path) -> None:
-    async def body(store: Store) -> None:
-        await asyncio.gather(*(store.write(keep(f"n{number:03}")) for number in range(200)))
-        assert len(await store.read(kept)) == 200
-        assert store.counters["commits"] <= 3
-
-    in_store(path, body)
+@store_test
+async def test_what_waits_at_the_same_time_shares_a_commit(store: Store) -> None:
+    await asyncio.gather(*(store.write(keep(f"n{number:03}")) for number in range(200)))
+    assert len(await store.read(kept)) == 200
+    assert store.counters["commits"] <= 3
 
 
-def test_a_transaction_that_fails_undoes_nothing_but_itself(path: Path) -> None:
+@store_test
+async def test_a_transaction_that_fails_undoes_nothing_but_itself(store: Store) -> None:
     def fails(db: Connection) -> None:
         keep("bad")(db)
         raise ValueError("a defect")
 
-    async def body(store: Store) -> None:
-        outcomes = await asyncio.gather(
-            store.write(keep("before")), store.write(fails), store.write(keep("after")), return_exceptions=True
-        )
-        assert [str(one) for one in outcomes] == ["None", "a defect", "None"]
-        assert list(await store.read(kept)) == ["after", "before"]
-        with pytest.raises(sqlite3.OperationalError, match="no such table"):
-            await store.write(lambda db: db.execute("SELECT * FROM nowhere"))
-        assert not store.note, "a defect is nothing that is wrong with the disk"
-
-    in_store(path, body)
+    outcomes = await asyncio.gather(
+        store.write(keep("before")), store.write(fails), store.write(keep("after")), return_exceptions=True
+    )
+    assert [str(one) for one in outcomes] == ["None", "a defect", "None"]
+    assert list(await store.read(kept)) == ["after", "before"]
+    with pytest.raises(sqlite3.OperationalError, match="no such table"):
+        await store.write(lambda db: db.execute("SELECT * FROM nowhere"))
+    assert not store.note, "a defect is nothing that is wrong with the disk"
 
 
-def test_the_event_loop_goes_on_while_the_disk_is_slow(path: Path) -> None:
-    async def body(store: Store) -> None:
-        slow = threading.Event()
-        writing = asyncio.create_task(store.write(lambda db: slow.wait(20)))
-        reading = asyncio.create_task(store.read(lambda db: slow.wait(20)))
-        await asyncio.sleep(0.05)
-        slow.set()  # if the loop had to wait for the disk nobody would come here
-        assert await writing
-        assert await reading
-
-    in_store(path, body)
+@store_test
+async def test_the_event_loop_goes_on_while_the_disk_is_slow(store: Store) -> None:
+    slow = threading.Event()
+    writing = asyncio.create_task(store.write(lambda db: slow.wait(20)))
+    reading = asyncio.create_task(store.read(lambda db: slow.wait(20)))
+    await asyncio.sleep(0.05)
+    slow.set()  # if the loop had to wait for the disk nobody would come here
+    assert await writing
+    assert await reading
 
 
-def test_more_transactions_than_may_wait_are_turned_away_at_once(path: Path) -> None:
-    async def body(store: Store) -> None:
-        slow, began = threading.Event(), threading.Event()
+@store_test
+async def test_more_transactions_than_may_wait_are_turned_away_at_once(store: Store) -> None:
+    slow, began = threading.Event(), threading.Event()
 
-        def hang(db: Connection) -> None:
-            began.set()
-            slow.wait(20)
+    def hang(db: Connection) -> None:
+        began.set()
+        slow.wait(20)
 
-        first = asyncio.create_task(store.write(hang))
-        await until(began.is_set, "the disk hangs")
-        waiting = [asyncio.create_task(store.write(keep("a"))) for _ in range(QUEUE)]
-        await asyncio.sleep(0)
-        with pytest.raises(StoreFailed, match="busy: 1000 transactions wait for the disk"):
-            await store.write(keep("b"))
-        slow.set()
-        await asyncio.gather(first, *waiting)
-
-    in_store(path, body)
+    first = asyncio.create_task(store.write(hang))
+    await until(began.is_set, "the disk hangs")
+    waiting = [asyncio.create_task(store.write(keep("a"))) for _ in range(QUEUE)]
+    await asyncio.sleep(0)
+    with pytest.raises(StoreFailed, match="busy: 1000 transactions wait for the disk"):
+        await store.write(keep("b"))
+    slow.set()
+    await asyncio.gather(first, *waiting)
 
 
 def test_a_disk_that_hangs_keeps_nobody_waiting_for_ever(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,26 +143,24 @@ def test_a_disk_that_hangs_keeps_nobody_waiting_for_ever(path: Path, monkeypatch
     in_store(path, body)
 
 
-def test_a_full_disk_keeps_nothing_says_so_once_and_goes_on_when_there_is_room(
-    path: Path, caplog: pytest.LogCaptureFixture
+@store_test
+async def test_a_full_disk_keeps_nothing_says_so_once_and_goes_on_when_there_is_room(
+    store: Store, path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(store: Store) -> None:
-        await store.write(keep("before"))
-        (pages,) = await store.write(lambda db: db.execute("PRAGMA page_count").fetchone())
-        await store.write(lambda db: db.execute(f"PRAGMA max_page_count = {pages + 2}").fetchone())
-        for _ in range(3):
-            with pytest.raises(StoreFailed, match=r"^the disk is full$"):
-                await store.write(keep("big", bytes(100_000)))
-        assert store.counters["db_errors"] == 3
-        assert store.note == f"no mail is accepted: the disk is full ({path})"
-        assert caplog.text.count("mail_store_failing") == 1
-        await store.write(lambda db: db.execute("PRAGMA max_page_count = 1000000").fetchone())
-        await store.write(keep("big", bytes(100_000)))
-        assert list(await store.read(kept)) == ["before", "big"]
-        assert store.note == ""
-        assert caplog.text.count("mail_store_well") == 1
-
-    in_store(path, body)
+    await store.write(keep("before"))
+    (pages,) = await store.write(lambda db: db.execute("PRAGMA page_count").fetchone())
+    await store.write(lambda db: db.execute(f"PRAGMA max_page_count = {pages + 2}").fetchone())
+    for _ in range(3):
+        with pytest.raises(StoreFailed, match=r"^the disk is full$"):
+            await store.write(keep("big", bytes(100_000)))
+    assert store.counters["db_errors"] == 3
+    assert store.note == f"no mail is accepted: the disk is full ({path})"
+    assert caplog.text.count("mail_store_failing") == 1
+    await store.write(lambda db: db.execute("PRAGMA max_page_count = 1000000").fetchone())
+    await store.write(keep("big", bytes(100_000)))
+    assert list(await store.read(kept)) == ["before", "big"]
+    assert store.note == ""
+    assert caplog.text.count("mail_store_well") == 1
 
 
 @pytest.fixture
@@ -314,36 +307,35 @@ def test_a_file_with_a_damaged_page_is_found_at_the_start(path: Path) -> None:
     in_store(path, body)
 
 
-def test_a_file_that_is_damaged_while_it_is_used_is_set_aside_too(path: Path) -> None:
-    async def body(store: Store) -> None:
-        for number in range(200):
-            await store.write(keep(f"n{number:03}", bytes(3000)))
-        await store.write(keep("last"))
-        checkpointed = sqlite3.connect(path)
-        checkpointed.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-        checkpointed.close()
-        with path.open("r+b") as file:
-            size = file.seek(0, os.SEEK_END)
-            file.seek(4096)
-            file.write(os.urandom(size - 4096))
+@store_test
+async def test_a_file_that_is_damaged_while_it_is_used_is_set_aside_too(store: Store, path: Path) -> None:
+    for number in range(200):
+        await store.write(keep(f"n{number:03}", bytes(3000)))
+    await store.write(keep("last"))
+    checkpointed = sqlite3.connect(path)
+    checkpointed.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    checkpointed.close()
+    with path.open("r+b") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(4096)
+        file.write(os.urandom(size - 4096))
 
-        async def read() -> dict[str, bytes]:
-            return await store.read(kept)
+    async def read() -> dict[str, bytes]:
+        return await store.read(kept)
 
-        with pytest.raises(StoreFailed, match=r"malformed|not a database"):
-            await read()
-        await until(lambda: store.set_aside == ["pi1.mail.corrupt-1"], "the writer sets it aside")
-        with suppress(StoreFailed):
-            await store.write(keep("lost"))  # may be of the commit that finds the damage
-        await store.write(keep("new"))
-        assert "new" in await read()
-        assert "n000" not in await read()
-
-    in_store(path, body)
+    with pytest.raises(StoreFailed, match=r"malformed|not a database"):
+        await read()
+    await until(lambda: store.set_aside == ["pi1.mail.corrupt-1"], "the writer sets it aside")
+    with suppress(StoreFailed):
+        await store.write(keep("lost"))  # may be of the commit that finds the damage
+    await store.write(keep("new"))
+    assert "new" in await read()
+    assert "n000" not in await read()
 
 
-def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
-    path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@store_test
+async def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
+    store: Store, path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def damaged(db: Connection) -> None:
         error = sqlite3.DatabaseError("database disk image is malformed")
@@ -354,41 +346,36 @@ def test_a_damaged_file_that_cannot_be_set_aside_now_is_set_aside_later(
         path.write_bytes(os.urandom(8192))
         raise OSError("read-only file system")
 
-    async def body(store: Store) -> None:
-        await store.write(keep("before"))
-        with monkeypatch.context() as patched:
-            patched.setattr("commd.mail.store.set_aside", read_only)
-            with pytest.raises(StoreFailed, match="malformed"):
-                await store.write(damaged)
-            with pytest.raises(StoreFailed, match="read-only file system"):
-                await store.write(keep("lost"))
-            assert "read-only file system" in caplog.text
-        await store.write(keep("new"))
-        assert store.set_aside == ["pi1.mail.corrupt-1"]
-        assert list(await store.read(kept)) == ["new"]
-        assert store.note == ""
-
-    in_store(path, body)
+    await store.write(keep("before"))
+    with monkeypatch.context() as patched:
+        patched.setattr("commd.mail.store.set_aside", read_only)
+        with pytest.raises(StoreFailed, match="malformed"):
+            await store.write(damaged)
+        with pytest.raises(StoreFailed, match="read-only file system"):
+            await store.write(keep("lost"))
+        assert "read-only file system" in caplog.text
+    await store.write(keep("new"))
+    assert store.set_aside == ["pi1.mail.corrupt-1"]
+    assert list(await store.read(kept)) == ["new"]
+    assert store.note == ""
 
 
-def test_a_disk_that_was_away_for_a_while_is_used_again(path: Path) -> None:
+@store_test
+async def test_a_disk_that_was_away_for_a_while_is_used_again(store: Store) -> None:
     def fails(db: Connection) -> None:
         error = sqlite3.OperationalError("disk I/O error")
         error.sqlite_errorcode = sqlite3.SQLITE_IOERR
         raise error
 
-    async def body(store: Store) -> None:
-        await store.write(keep("before"))
-        before = await store.write(id)
-        with pytest.raises(StoreFailed, match="disk I/O error"):
-            await store.write(fails)
-        with pytest.raises(StoreFailed, match="disk I/O error"):
-            await store.read(fails)
-        await store.write(keep("after"))
-        assert await store.write(id) != before, "by a connection of its own"
-        assert list(await store.read(kept)) == ["after", "before"]
-
-    in_store(path, body)
+    await store.write(keep("before"))
+    before = await store.write(id)
+    with pytest.raises(StoreFailed, match="disk I/O error"):
+        await store.write(fails)
+    with pytest.raises(StoreFailed, match="disk I/O error"):
+        await store.read(fails)
+    await store.write(keep("after"))
+    assert await store.write(id) != before, "by a connection of its own"
+    assert list(await store.read(kept)) == ["after", "before"]
 
 
 def test_a_defect_in_what_counts_the_file_ends_no_writing(path: Path, caplog: pytest.LogCaptureFixture) -> None:

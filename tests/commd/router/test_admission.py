@@ -20,7 +20,7 @@ from commd.router import admission as module
 from commd.router.admission import ALLOWANCE, FORGED, Admission, open_admission
 from commd.router.relay import counted_as
 from schemas.mission.model import read_mission
-from tests.support.buses import until
+from tests.support.buses import run_by, until
 from tests.support.fleet_keys import FleetKeys
 
 HELLO = bytes((22, 3, 1, 0, 4, 1, 0, 0, 0))
@@ -113,6 +113,9 @@ def run(free_port: Port, body: Callable[[Front], Awaitable[None]]) -> None:
     asyncio.run(asyncio.wait_for(all_of_it(), 240))
 
 
+front_test = run_by(lambda body, free_port: run(free_port, body), "made", needs=("free_port",))
+
+
 async def closed(streams: Streams) -> bytes:
     """Wait until the other side has closed a connection, and return what it said."""
     try:
@@ -121,16 +124,14 @@ async def closed(streams: Streams) -> bytes:
         return b""
 
 
-def test_what_a_session_says_is_passed_on_both_ways_and_takes_nothing_of_the_allowance(free_port: Port) -> None:
-    async def body(made: Front) -> None:
-        for _ in range(3 * int(ALLOWANCE)):
-            (reader, writer), (there_reader, there_writer) = await made.session("pi2")
-            writer.write(b"there")
-            assert await there_reader.readexactly(5) == b"there"
-            there_writer.write(b"and back")
-            assert await reader.readexactly(8) == b"and back"
-
-    run(free_port, body)
+@front_test
+async def test_what_a_session_says_is_passed_on_both_ways_and_takes_nothing_of_the_allowance(made: Front) -> None:
+    for _ in range(3 * int(ALLOWANCE)):
+        (reader, writer), (there_reader, there_writer) = await made.session("pi2")
+        writer.write(b"there")
+        assert await there_reader.readexactly(5) == b"there"
+        there_writer.write(b"and back")
+        assert await reader.readexactly(8) == b"and back"
 
 
 def test_who_says_no_client_hello_never_reaches_the_router(free_port: Port, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,51 +205,45 @@ def test_known_addresses_share_an_allowance_beyond_their_own(
 
 
 @pytest.mark.parametrize(("owner", "whose"), [("pi2", "of `pi2`"), ("", "of this board's daemons")])
-def test_who_comes_with_another_machines_id_is_cut_off_and_told(free_port: Port, owner: str, whose: str) -> None:
-    async def body(made: Front) -> None:
-        own, _ = await made.session("eye", session_id("eye"))
-        false, _ = await made.session("eye", session_id(owner))
-        assert await closed(false) == b""
-        (note,) = made.admission.health().notes
-        assert note.identity == (FORGED, f"eye 127.0.0.1 {owner or 'board'}")
-        assert f"came with the session id {whose}" in note.text
-        assert made.admission.health().counters[FORGED] == 1
-        assert not own[0].at_eof()
-
-    run(free_port, body)
+@front_test
+async def test_who_comes_with_another_machines_id_is_cut_off_and_told(made: Front, owner: str, whose: str) -> None:
+    own, _ = await made.session("eye", session_id("eye"))
+    false, _ = await made.session("eye", session_id(owner))
+    assert await closed(false) == b""
+    (note,) = made.admission.health().notes
+    assert note.identity == (FORGED, f"eye 127.0.0.1 {owner or 'board'}")
+    assert f"came with the session id {whose}" in note.text
+    assert made.admission.health().counters[FORGED] == 1
+    assert not own[0].at_eof()
 
 
 @pytest.mark.parametrize(("name", "comes_again"), [("eye", False), ("ops", True)])
-def test_who_does_not_read_loses_the_session_and_an_observer_comes_no_more_for_a_while(
-    free_port: Port, name: str, comes_again: bool
+@front_test
+async def test_who_does_not_read_loses_the_session_and_an_observer_comes_no_more_for_a_while(
+    made: Front, name: str, comes_again: bool
 ) -> None:
-    async def body(made: Front) -> None:
-        (reader, writer), (_, router) = await made.session(name)
-        reader._transport.pause_reading()  # type: ignore[attr-defined]
-        router.write(bytes(40_000_000))
-        await until(lambda: made.admission.health().counters.get("stalled") == 1, "it is cut off")
-        writer.close()
-        again, (_, router) = await made.session(name)
-        if comes_again:
-            router.write(b"welcome")
-            assert await again[0].readexactly(7) == b"welcome"
-        else:
-            assert await closed(again) == b""
-
-    run(free_port, body)
+    (reader, writer), (_, router) = await made.session(name)
+    reader._transport.pause_reading()  # type: ignore[attr-defined]
+    router.write(bytes(40_000_000))
+    await until(lambda: made.admission.health().counters.get("stalled") == 1, "it is cut off")
+    writer.close()
+    again, (_, router) = await made.session(name)
+    if comes_again:
+        router.write(b"welcome")
+        assert await again[0].readexactly(7) == b"welcome"
+    else:
+        assert await closed(again) == b""
 
 
-def test_a_board_that_does_not_read_for_a_while_keeps_its_session(free_port: Port) -> None:
-    async def body(made: Front) -> None:
-        (reader, writer), (_, router) = await made.session("pi2")
-        reader._transport.pause_reading()  # type: ignore[attr-defined]
-        router.write(bytes(40_000_000))
-        await asyncio.sleep(3 * module.STALLED)
-        reader._transport.resume_reading()  # type: ignore[attr-defined]
-        assert len(await reader.readexactly(40_000_000)) == 40_000_000
-        writer.close()
-
-    run(free_port, body)
+@front_test
+async def test_a_board_that_does_not_read_for_a_while_keeps_its_session(made: Front) -> None:
+    (reader, writer), (_, router) = await made.session("pi2")
+    reader._transport.pause_reading()  # type: ignore[attr-defined]
+    router.write(bytes(40_000_000))
+    await asyncio.sleep(3 * module.STALLED)
+    reader._transport.resume_reading()  # type: ignore[attr-defined]
+    assert len(await reader.readexactly(40_000_000)) == 40_000_000
+    writer.close()
 
 
 def test_one_certificate_has_so_many_sessions_and_no_more(free_port: Port, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -267,13 +262,11 @@ def test_one_certificate_has_so_many_sessions_and_no_more(free_port: Port, monke
     run(free_port, body)
 
 
-def test_another_program_at_the_boards_address_is_an_error(free_port: Port) -> None:
-    async def body(made: Front) -> None:
-        other = Admission([f"tls/127.0.0.1:{made.port}"], read_mission(MISSION, Path("m.yaml")))
-        with pytest.raises(BusClosed, match="Address already in use: is another router running there"):
-            await other.begin()
-
-    run(free_port, body)
+@front_test
+async def test_another_program_at_the_boards_address_is_an_error(made: Front) -> None:
+    other = Admission([f"tls/127.0.0.1:{made.port}"], read_mission(MISSION, Path("m.yaml")))
+    with pytest.raises(BusClosed, match="Address already in use: is another router running there"):
+        await other.begin()
 
 
 def test_ids_say_whose_they_are(fleet_keys: FleetKeys) -> None:

@@ -16,6 +16,7 @@ from schemas.files.shipped_files import shipped
 from schemas.files.toml_positions import line_of, toml_lines
 from schemas.manifest.loader import load_manifest, read_manifest
 from schemas.manifest.text import write_value
+from tests.schemas.manifest.test_manifest_mistakes import problems
 
 WORDS = """robot percepts actions orders driver vehicle source args key buf rate ttl params name type each field fields
 topic call pose go hold x a.b"""
@@ -30,15 +31,6 @@ documents = st.fixed_dictionaries(
     {}, optional={"robot": VALUES, "percepts": ENTRIES, "actions": ENTRIES, "orders": ENTRIES, "rest": VALUES}
 )
 """Data in the shape of a manifest, or nearly."""
-
-
-def problems(text: str) -> list[str]:
-    """What reading and the driver's check find, as `line: message`."""
-    try:
-        found = check_manifest(read_manifest(text, "m.toml", check_manifest))
-    except Findings as findings:
-        found = findings.findings
-    return [f"{one.line}: {one.message}" for one in found]
 
 
 def test_the_shipped_copter_has_the_papers_percepts_and_actions() -> None:
