@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks import plots
-from benchmarks.bridge.traffic import Talker, talk
+from benchmarks.traffic import Talker, talk
 from benchmarks.looking import bursts
 from benchmarks.looking.bursts import (
     CONTROL,

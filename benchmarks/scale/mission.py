@@ -13,7 +13,7 @@ from typing import Final, Literal
 import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from benchmarks.bridge.traffic import RATES, Talker
+from benchmarks.traffic import RATES, Talker
 from tests.support.ports import free_port
 
 FLEET: Final = "scale"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from benchmarks import plots
 from benchmarks import spread as fits
-from benchmarks.bridge.traffic import POSITIONS, RATES
+from benchmarks.traffic import POSITIONS, RATES
 from benchmarks.peers import BEAGLEBONE_MB, PI_MB
 from benchmarks.results import Origin
 from benchmarks.scale.mission import ASK_EVERY

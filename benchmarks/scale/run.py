@@ -16,7 +16,7 @@ from typing import Final
 import msgspec
 
 from argosy.processes.process_table import Setup, places, plan
-from benchmarks.bridge.traffic import POSITIONS
+from benchmarks.traffic import POSITIONS
 from benchmarks.processes import BenchmarkFailed, memory, pss
 from benchmarks.scale import health as scale_health
 from benchmarks.scale.mission import FLEET, Field, Told, Vehicles, write_mission

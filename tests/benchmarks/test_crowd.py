@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from benchmarks.crowd import part as crowds
-from benchmarks.crowd.part import Crowd, Loaded, crowd
+from benchmarks import crowd as crowds
+from benchmarks.crowd import Crowd, Loaded, crowd
 from benchmarks.results import Origin
 from benchmarks.spread import Spread
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.earlier.part import PAIRS, REVISION, Costs, Figures, goals, table, trees
-from benchmarks.earlier.probes import PROBES
+from benchmarks.earlier import PAIRS, REVISION, Costs, Figures, goals, table, trees
+from benchmarks.probes import PROBES
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.results import ROOT
 

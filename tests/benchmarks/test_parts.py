@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import pages, results, summary
 from benchmarks.board import Figures, Flown, Row, blocks, goals, pictures
-from benchmarks.looking import webpage as page
+from benchmarks import webpage as page
 from benchmarks.parts import Part
 from benchmarks.processes import BenchmarkFailed
 from benchmarks.spread import Spread, spread

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchmarks import results
 from benchmarks.serving import KINDS, copied
-from benchmarks.startup import part as startup
+from benchmarks import startup
 
 
 def test_every_kind_of_process_is_started_and_serves() -> None:

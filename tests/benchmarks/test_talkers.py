@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from benchmarks.bridge.traffic import RATES, Talker
+from benchmarks.traffic import RATES, Talker
 from benchmarks.results import ROOT
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.bridge.part import VEHICLES, blocks, goals, measure
+from benchmarks.bridge import VEHICLES, blocks, goals, measure
 from benchmarks.results import here
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.bridge.traffic import RATES, Talker, talk
+from benchmarks.traffic import RATES, Talker, talk
 from benchmarks.parts import Goal, line_of_goals, tell
 from benchmarks.processes import BenchmarkFailed, memory
 from benchmarks.results import Origin

@@ -1,9 +1,9 @@
 """Part `earlier`: what reasoner, loop, footprint, bridge and mail cost beside an earlier revision, in one run.
 
-The tree of that revision is taken from git; it and this tree run the same probes (`benchmarks.earlier.probes`) in turn,
+The tree of that revision is taken from git; it and this tree run the same probes (`benchmarks.probes`) in turn,
 in changing order. A ratio is the median over neighbouring runs.
 
-    python -m benchmarks.earlier.part loop mail --pairs 6 --revision HEAD~3       some probes; nothing is written
+    python -m benchmarks.earlier loop mail --pairs 6 --revision HEAD~3       some probes; nothing is written
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ PAIRS: Final = {"reasoner": 3, "loop": 3, "footprint": 2, "bridge": 3, "mail": 3
 """How often each probe runs in both trees."""
 LIMIT: Final = 1.05
 """Times the earlier cost that a cost may have."""
-_PROBES: Final = "benchmarks/earlier"
-"""The folder that is taken as it is now."""
+_PROBES: Final = "benchmarks/probes.py"
+"""The file that is taken as it is now."""
 
 
 @dataclass
@@ -99,8 +99,7 @@ def trees(revision: str) -> Iterator[tuple[Path, Path]]:
             if (ROOT / file).is_file():
                 (now / file).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(ROOT / file, now / file)
-        shutil.rmtree(then / _PROBES, ignore_errors=True)
-        shutil.copytree(now / _PROBES, then / _PROBES)
+        shutil.copy2(now / _PROBES, then / _PROBES)
         # otherwise each process that is started there would compile everything
         subprocess.run([sys.executable, "-m", "compileall", "-q", "-x", "/tests/", str(then), str(now)], check=False)
         yield then, now
@@ -113,7 +112,7 @@ def _git(*arguments: str) -> str:
 def probed(where: Path, name: str, quick: bool) -> dict[str, float]:
     """Run a probe with the product and the benchmarks of a folder. Raises BenchmarkFailed."""
     # as a module of that folder: it finds the packages of that folder first, and so does what it starts
-    module = (sys.executable, "-m", "benchmarks.earlier.probes", name, *(["--quick"] if quick else []))
+    module = (sys.executable, "-m", "benchmarks.probes", name, *(["--quick"] if quick else []))
     with started(["env", "-C", str(where), *module]) as process:
         said = list(lines(process))
     for line in said:
@@ -170,14 +169,9 @@ def _figure(runs: list[float]) -> str:
     return f"{median:,.0f}" if median >= 1000 else f"{median:.3g}"
 
 
-def pictures(figures: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}
-
-
 def main() -> int:
     """Compare some probes, and print the table. Returns the exit code: 1 when a probe failed."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.earlier.part")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.earlier")
     parser.add_argument("probes", nargs="*", choices=[*PAIRS, []], help="all of them if none is named")
     parser.add_argument("--revision", default=REVISION, help="default: %(default)s")
     parser.add_argument("--pairs", type=int, help="runs in each tree; default: 2 or 3")

@@ -1,9 +1,10 @@
 """Costs of one revision: reasoner, loop, footprint, bridge and mail, each as figures of which less is better.
 
-python -m benchmarks.earlier.probes NAME [--quick]     in the folder of that revision; prints `FOUND {...}`
+python -m benchmarks.probes NAME [--quick]     in the folder of that revision; prints `FOUND {...}`
 
-The file is copied into the tree of the earlier revision and drives the benchmarks of that tree, so it imports only
-names that both revisions have. Processor time is preferred to elapsed time: other load on the machine disturbs it less.
+The file is copied into the tree of the earlier revision and drives the benchmarks of that tree, so it uses only names
+that both revisions have, in modules that may have moved since. Processor time is preferred to elapsed time: other load
+on the machine disturbs it less.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
-from benchmarks.bridge import part as bridge_part
 from benchmarks.loop import flood, latency
 from benchmarks.loop.board import board
 from benchmarks.mail import agents, boards
@@ -33,8 +35,19 @@ from benchmarks.reasoner.instructions import counted
 from benchmarks.reasoner.rows import PROGRAMS, ROWS
 from benchmarks.reasoner.subjects import Agentd
 from benchmarks.results import ROOT
-from benchmarks.startup import footprints
-from benchmarks.watched import Watched
+
+
+def _first_of(*names: str) -> Any:
+    """Import the first of some modules that the tree has."""
+    for name in names:
+        with suppress(ModuleNotFoundError):
+            return import_module(name)
+    raise ModuleNotFoundError(f"none of {', '.join(names)}")
+
+
+bridge_part = _first_of("benchmarks.bridge.part", "benchmarks.bridge")
+footprints = _first_of("benchmarks.startup.footprints", "benchmarks.footprint")
+Watched = _first_of("benchmarks.watched", "benchmarks.processes").Watched
 
 Found = dict[str, float]
 """By title, with the unit in brackets."""
@@ -198,14 +211,14 @@ PROBES: Final[dict[str, Callable[[bool], Found]]] = {
 }
 
 
-def _exact_cpu(one: Watched) -> float:
+def _exact_cpu(one: Any) -> float:
     """Return the processor time of a process in seconds, by its clock (`clock_getcpuclockid`) and not in ticks."""
     return time.clock_gettime(~one.process.pid << 3 | 2)
 
 
 def main() -> None:
     """Run one probe."""
-    Watched.cpu = _exact_cpu  # type: ignore[method-assign, assignment]
+    Watched.cpu = _exact_cpu
     found = PROBES[sys.argv[1]]("--quick" in sys.argv)
     print("FOUND", msgspec.json.encode(found).decode(), flush=True)
 

@@ -1,1 +1,0 @@
-"""What a bridge of three vehicles costs."""

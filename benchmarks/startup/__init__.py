@@ -1,1 +1,0 @@
-"""How daemons start, and what they hold at rest."""
