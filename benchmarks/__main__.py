@@ -8,7 +8,6 @@ python -m benchmarks --pages          nothing is measured: pages and pictures ar
 from __future__ import annotations
 
 import argparse
-import contextlib
 import signal
 import sys
 from collections.abc import Sequence
@@ -18,14 +17,11 @@ from types import FrameType
 import msgspec
 
 from benchmarks import apart, pages, results, summary
-from benchmarks.parts import PARTS, Goal, Part, Told, line_of_goals, table_of_goals
-
-BUSY = 0.5
-"""Cores that others may keep busy before it is told that figures will be worse for it."""
+from benchmarks.parts import PARTS, Goal, Part, line_of_goals
 
 
 def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
-    """Returns the exit code: 1 when a part could not be measured; a goal that is missed is told, and no error."""
+    """Returns the exit code: 1 when a part could not be measured; a goal that is missed is reported, and no error."""
     known = [one.name for one in table]
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -42,7 +38,7 @@ def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
     chosen = [one for one in table if not args.parts or one.name in args.parts]
     if args.pages:
         shown = [_shown(one) for one in chosen]
-        _all_shown(table)
+        _told(pages.write(summary.blocks(table)))
         return 0 if all(shown) else 1
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -55,7 +51,7 @@ def main(argv: list[str] | None = None, table: Sequence[Part] = PARTS) -> int:
 
 
 def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
-    if (load := results.load_before(0.2 if quick else 2.0)) > BUSY:
+    if (load := results.load_before(0.2 if quick else 2.0)) > summary.BUSY:
         _tell(f"note: others keep {load:.1f} cores of this machine busy: figures will be worse than on a quiet one")
     failed = []
     for number, one in enumerate(chosen):
@@ -65,8 +61,8 @@ def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
         if not apart.measured(one, quick) or (not quick and not _shown(one)):
             failed.append(one.name)
     if not quick:
-        _all_shown(table)
-        goals = [goal for one in chosen if one.name not in failed for goal in goals_of(one)]
+        _told(pages.write(summary.blocks(table)))
+        goals = [goal for one in chosen if one.name not in failed for goal in _goals(one)]
         print("\n".join(line_of_goals(goals)))
     if failed:
         print(f"error: not measured: {', '.join(failed)}", file=sys.stderr)
@@ -74,11 +70,11 @@ def _measured(chosen: list[Part], table: Sequence[Part], quick: bool) -> int:
 
 
 def _shown(one: Part) -> bool:
-    """Write blocks and pictures of a part from its results; says so if that cannot be."""
+    """Write blocks and pictures of a part from its results; reports if that cannot be."""
     try:
         module = one.module()
         origin, figures = results.load(one.name, module.Figures)
-        pages.write_pictures(module.pictures(figures))
+        pages.write_pictures(one.pictures(figures))
         _told(pages.write(module.blocks(origin, figures)))
     except FileNotFoundError:
         _tell(f"{one.name}: no results yet")
@@ -88,43 +84,9 @@ def _shown(one: Part) -> bool:
     return True
 
 
-def _all_shown(table: Sequence[Part]) -> None:
-    _told(pages.write({"goals": all_goals(table), **summary.blocks(table)}))
-
-
-def all_goals(table: Sequence[Part] = PARTS) -> str:
-    """Return the table of all goals of all parts that have results: the block `goals` of
-    docs/measurements/benchmarks.md."""
-    return "\n".join(table_of_goals([_told_of(one) for one in table]))
-
-
-def _told_of(one: Part) -> Told:
-    measured = summary.figures_of(one) is not None
-    return Told(one.name, section_of(one), goals_of(one), busy(one), measured)
-
-
-def goals_of(one: Part) -> list[Goal]:
-    """Return the goals of a part; none when it has no results of the shape that it has now."""
-    figures = summary.figures_of(one)
-    found: list[Goal] = [] if figures is None else one.module().goals(figures)
-    return found
-
-
-def section_of(one: Part) -> str:
-    """Return where the first block of a part stands, as a link from docs/measurements/benchmarks.md; empty without
-    results."""
-    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError, KeyError):
-        blocks = one.module().blocks(*results.load(one.name, one.module().Figures))
-        return pages.section(next(iter(blocks)))
-    return ""
-
-
-def busy(one: Part) -> bool:
-    """Return whether others were at work on the machine while the results of a part were measured."""
-    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
-        origin, _ = results.load(one.name, one.module().Figures)
-        return max(origin.load, origin.others) > BUSY
-    return False
+def _goals(one: Part) -> list[Goal]:
+    found = summary.load(one)
+    return [] if found is None else one.goals(found[1])
 
 
 def _told(changed: list[Path]) -> None:

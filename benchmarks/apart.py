@@ -1,7 +1,11 @@
-"""A part of the benchmarks in a process of its own: it is given its time, and nothing that it started outlives it."""
+"""A part of the benchmarks in a process of its own: it is given its time, and nothing that it started outlives it.
+
+python -m benchmarks.apart NAME MODULE [--quick]     measures a part in this process, and saves what it found
+"""
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import ctypes
 import os
@@ -13,8 +17,9 @@ from typing import Final
 
 import psutil
 
-from benchmarks.parts import Part
-from benchmarks.results import ROOT
+from benchmarks import results
+from benchmarks.parts import Part, line_of_goals
+from benchmarks.processes import BenchmarkFailed
 
 PATIENCE: Final = 4.0
 """Times the minutes that a part says it takes: then it is ended."""
@@ -33,11 +38,11 @@ def patience(part: Part) -> float:
 
 def measured(part: Part, quick: bool) -> bool:
     """Measure a part; what went wrong it has told itself, or is told here. On Ctrl-C all is ended, too."""
-    command = [sys.executable, "-m", "benchmarks.measuring", part.name, part.where, *(["--quick"] if quick else [])]
+    command = [sys.executable, "-m", "benchmarks.apart", part.name, part.where, *(["--quick"] if quick else [])]
     _guard(True)
     others = set(psutil.Process().children(recursive=True))
     begun = time.monotonic()
-    process = subprocess.Popen(command, cwd=ROOT, start_new_session=True)
+    process = subprocess.Popen(command, cwd=results.ROOT, start_new_session=True)
     try:
         code = process.wait(patience(part))
     except subprocess.TimeoutExpired:
@@ -91,11 +96,46 @@ def _guard(wanted: bool) -> None:
     _prctl(_SET_CHILD_SUBREAPER, int(wanted))
 
 
-def end_with_parent() -> None:
-    """Be interrupted when the process that has started this one is killed (Linux)."""
-    _prctl(_SET_DEATH_SIGNAL, signal.SIGINT)
-
-
 def _prctl(option: int, value: int) -> None:
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Return the exit code: 1 when the part could not be measured."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.apart")
+    parser.add_argument("name")
+    parser.add_argument("where")
+    parser.add_argument("--quick", action="store_true")
+    args = parser.parse_args(argv)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # it may have been started where that is ignored
+    _prctl(_SET_DEATH_SIGNAL, signal.SIGINT)  # be interrupted when the process that has started this one is killed
+    try:
+        return measured_here(Part(args.name, args.where, 0), args.quick)
+    except KeyboardInterrupt:
+        return 130
+
+
+def measured_here(part: Part, quick: bool) -> int:
+    """Measure a part. With `quick` nothing is saved, but all that would be made of it is made, and shown."""
+    try:
+        module = part.module()
+        load = results.load_before(0.1 if quick else 2.0)
+        before, revision = results.moment(), results.revision()
+        figures = module.measure(quick)
+        wanted = f'"{part.name} --quick"' if quick else part.name
+        origin = results.here(f"make bench ARGS={wanted}", load, results.others(before), revision)
+    except (BenchmarkFailed, ImportError) as error:
+        print(f"error: {part.name}: {error}", file=sys.stderr)
+        return 1
+    if quick:
+        part.pictures(figures)
+        print("\n\n".join([*module.blocks(origin, figures).values(), "\n".join(line_of_goals(part.goals(figures)))]))
+        return 0
+    path = results.save(part.name, origin, figures)
+    print(f"{part.name}: {path.relative_to(results.ROOT)}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -11,17 +11,16 @@ import statistics
 import tempfile
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from argosy.processes.process_table import Process, plan
-from benchmarks import plots
 from benchmarks.flights import setup_in, start_all, with_one_process
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, alone, pss
+from benchmarks.processes import BenchmarkFailed, Watched
 from benchmarks.results import Origin
-from benchmarks.watched import Watched
+from benchmarks.sampling import Sampler
 
 GOAL: Final = 60.0
 """MB of PSS."""
@@ -55,11 +54,12 @@ class Flown:
     """What the processes of a board used in flight."""
 
     processes: int
-    threads: int = 0
-    pss: list[float] = field(default_factory=list)
-    alone: list[float] = field(default_factory=list)
+    threads: int
+    pss: list[float]
     """MB, one per sample."""
-    cpu: float = 0.0
+    alone: list[float]
+    """MB, now and then."""
+    cpu: float
     """Per cent of a core."""
 
 
@@ -100,7 +100,20 @@ def flown(subject: Subject, *, one_process: bool, seconds: float) -> Flown:
         start_all(stack, with_one_process(setup, subject.board, planned) if one_process else planned, started)
         ours = [one for process, one in started if process.board == subject.board and process.kind.measured]
         _until_it_flies(ours)
-        return _sampled(ours, seconds)
+        pids = {(subject.board, one.name): one.process.pid for one in ours}
+        threads = sum(len(os.listdir(f"/proc/{pid}/task")) for pid in pids.values())
+        sampler = Sampler(pids, EVERY)
+        with sampler.sampling():
+            time.sleep(seconds)
+        samples = sampler.until(time.monotonic(), 0.5)
+        last = samples[-1]
+        return Flown(
+            len(pids),
+            threads,
+            [sum(one.pss.values()) for one in samples],
+            [one.alone[subject.board] for one in samples if one.alone],
+            100 * sum(last.spent.values()) / last.at,
+        )
 
 
 def _until_it_flies(ours: list[Watched]) -> None:
@@ -111,19 +124,6 @@ def _until_it_flies(ours: list[Watched]) -> None:
             last = "\n".join(line for one in ours for _, line in one.said[-3:])
             raise BenchmarkFailed(f"it does not fly; ended: {ended}; last:\n{last}")
         time.sleep(0.05)
-
-
-def _sampled(ours: list[Watched], seconds: float) -> Flown:
-    pids = [one.process.pid for one in ours]
-    flown = Flown(len(pids), threads=sum(len(os.listdir(f"/proc/{pid}/task")) for pid in pids))
-    begun, used = time.monotonic(), sum(one.cpu() for one in ours)
-    while time.monotonic() < begun + seconds:
-        flown.pss.append(pss(pids))
-        if (held := alone(pids)) is not None:
-            flown.alone.append(held)
-        time.sleep(EVERY)
-    flown.cpu = 100 * (sum(one.cpu() for one in ours) - used) / (time.monotonic() - begun)
-    return flown
 
 
 def goals(figures: Figures) -> list[Goal]:
@@ -139,20 +139,6 @@ def goals(figures: Figures) -> list[Goal]:
         )
         for row in figures.rows
     ]
-
-
-def pictures(figures: Figures) -> dict[str, str]:
-    """Draw the memory of each board in both forms, beside the goal."""
-    with plots.figure(height=1.2 + 0.6 * len(figures.rows)) as (made, axes):
-        names: list[str] = []
-        for row in reversed(figures.rows):
-            for what, one, colour in (("one process", row.together, "agentd"), ("three daemons", row.apart, "paper")):
-                axes.barh(len(names), statistics.median(one.pss), color=plots.COLOURS[colour])
-                names.append(f"{row.title.partition(',')[0]}: {what}")
-        axes.axvline(GOAL, color="black", linestyle="--")
-        axes.set_yticks(range(len(names)), names)
-        axes.set_xlabel("MB in flight (PSS); dashed: goal of one process")
-        return {"board": plots.svg(made)}
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:

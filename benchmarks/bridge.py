@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.traffic import RATES, Talker, talk
 from benchmarks.parts import Goal, line_of_goals, tell
-from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.processes import BenchmarkFailed, Watched, memory, watched
 from benchmarks.results import Origin
+from benchmarks.serving import Site
 from benchmarks.serving import bare as bare_process
 from benchmarks.spread import Spread, spread
-from benchmarks.watched import Watched, watched
+from benchmarks.traffic import RATES, Talker, talk
 from tests.support.ports import free_port
 
 SECONDS: Final = 45.0
@@ -32,14 +32,6 @@ GOAL_CPU, GOAL_RSS, GOAL_P99 = 5.0, 15.0, 5.0
 VEHICLES: Final = 3
 
 _DIALECT: Final = "pymavlink.dialects.v20.ardupilotmega"
-_MISSION = """\
-mission: bench
-agents:
-{agents}
-robots:
-{robots}
-router: {{endpoint: {endpoint}}}
-"""
 _PROGRAM = "+altitude(A) <- .print(A).\n"
 _EVERY: Final = ("asyncio", "msgspec")
 """What each daemon has imported, and the bare process as well."""
@@ -68,29 +60,23 @@ def measure(quick: bool) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
     seconds, warm_up = (2.0, 3.0) if quick else (SECONDS, WARM_UP)
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
-        mission = folder / "bench.yaml"
-        (folder / "bench.asl").write_text(_PROGRAM)
+        folder, port = Path(stack.enter_context(tempfile.TemporaryDirectory())), free_port()
         names = [f"uav{number}" for number in range(1, VEHICLES + 1)]
         agents = "\n".join(f"  agent{index}: {{program: bench.asl, robot: {n}}}" for index, n in enumerate(names, 1))
         robots = "\n".join(
             f"  {name}: {{manifest: arducopter, link: 'udpin:127.0.0.1:{port}', sysid: {index}}}"
             for index, name in enumerate(names, 1)
         )
-        mission.write_text(_MISSION.format(agents=agents, robots=robots, endpoint=endpoint))
-        state = ("--state", str(folder / "state"))
-        router = stack.enter_context(watched("commd", "-m", "commd", "serve", str(mission)))
-        router.says("commd")
-        bare = stack.enter_context(watched("bare", *bare_process(endpoint, *_EVERY)))
-        dialect = stack.enter_context(watched("bare with dialect", *bare_process(endpoint, *_EVERY, _DIALECT)))
+        site = Site.written(folder, f"mission: bench\nagents:\n{agents}\nrobots:\n{robots}", bench=_PROGRAM)
+        site.serve(stack, "commd")
+        bare = stack.enter_context(watched("bare", *bare_process(site.router, *_EVERY)))
+        dialect = stack.enter_context(watched("bare with dialect", *bare_process(site.router, *_EVERY, _DIALECT)))
         bare.says("open")
         dialect.says("open")
-        bridge = stack.enter_context(watched("bridged", "-m", "bridged", "serve", str(mission), *names, *state))
+        bridge = site.serve(stack, "bridged", *names)
         for name in names:
             bridge.says(f"serving {name}")
-        agentd = stack.enter_context(watched("agentd", "-m", "agentd", "serve", str(mission), *state))
-        agentd.says("agents=")
+        agentd = site.serve(stack, "agentd")
         talkers = [Talker(number, ("127.0.0.1", port)) for number in range(1, VEHICLES + 1)]
         for talker in talkers:
             stack.callback(talker.close)
@@ -163,11 +149,6 @@ def goals(figures: Figures) -> list[Goal]:
             "tried: a second of rest before the count, and nothing else yet",
         ),
     ]
-
-
-def pictures(_: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:

@@ -16,15 +16,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks import plots
 from benchmarks import spread as fits
 from benchmarks.mail.boards import FLEET, Member, fsync, member, until
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.processes import BenchmarkFailed, Watched, memory
 from benchmarks.results import Origin
+from benchmarks.serving import Site
 from benchmarks.spread import NOTHING, Spread, spread
-from benchmarks.watched import Watched, watched
-from tests.support.ports import free_port
 
 STARTING: Final = 120.0
 """Seconds that an agentd has to start, and to end."""
@@ -36,8 +34,6 @@ SETTLE_EACH: Final = 0.01
 AT_ONCE: Final = 200
 """Agents that are told in one batch to begin."""
 BOARD: Final = "b1"
-SERVES: Final = "agents="
-"""What an agentd says when all its agents are there."""
 _PROGRAM: Final = """\
 secret(42).
 +ask(N, Pause)[source(S)] <- -ask(N, Pause)[source(S)]; .random(R); .wait(R * Pause); !ask(N, []).
@@ -107,14 +103,10 @@ async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) 
     Raises BenchmarkFailed.
     """
     with ExitStack() as stack:
-        mission = mission_of(folder, agents)
-        router = f"tcp/127.0.0.1:{free_port()}"
-        where = ("serve", str(mission), "--router", router, "--state", str(folder / "state"), "--board", BOARD)
-        commd = stack.enter_context(watched("commd", "-m", "commd", *where))
-        await asyncio.to_thread(commd.says, "router board=")
+        site = site_of(folder, agents)
+        commd = await asyncio.to_thread(site.serve, stack, "commd", "--board", BOARD)
         begun = time.monotonic()
-        agentd = stack.enter_context(watched("agentd", "-m", "agentd", *where))
-        await asyncio.to_thread(agentd.says, SERVES, STARTING)
+        agentd = await asyncio.to_thread(site.serve, stack, "agentd", "--board", BOARD, patience=STARTING)
         started = time.monotonic() - begun
         found = Crowd(agents, started, agentd.cpu(), 0, 0, 0, 0, 0)
         await asyncio.sleep(SETTLE + SETTLE_EACH * agents)
@@ -123,7 +115,7 @@ async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) 
         passed = time.monotonic() - since
         found.idle, found.commd_idle = (100 * (agentd.cpu() - used[0]) / passed, 100 * (commd.cpu() - used[1]) / passed)
         found.rss, found.commd_rss = memory(agentd.process.pid, "VmRSS"), memory(commd.process.pid, "VmRSS")
-        async with member(router, "probe") as probe:
+        async with member(site.router, "probe") as probe:
             if agents > 1:
                 found.hurried = await _loaded(probe, commd, agentd, agents, each, 0)
             if found.hurried is not None and found.hurried.all_answered:
@@ -135,18 +127,16 @@ async def crowd(folder: Path, agents: int, idle: float, each: int, pace: float) 
         return found
 
 
-def mission_of(folder: Path, agents: int) -> Path:
-    """Write the mission and its program to a folder. Returns its file."""
-    (folder / "asker.asl").write_text(_PROGRAM)
+def site_of(folder: Path, agents: int) -> Site:
+    """Write the mission of so many agents into a folder."""
     ring = "\n".join(
         f"  a{one}: {{program: asker.asl, board: {BOARD}, beliefs: [behind(a{(one + 1) % agents})]}}"
         for one in range(agents)
     )
-    file = folder / "crowd.yaml"
-    file.write_text(
-        f"mission: {FLEET}\nboards: {{{BOARD}: {{}}}}\nagents:\n{ring}\nclients: {{probe: {{board: {BOARD}}}}}\n"
+    clients = f"clients: {{probe: {{board: {BOARD}}}}}"
+    return Site.written(
+        folder, f"mission: {FLEET}\nboards: {{{BOARD}: {{}}}}\nagents:\n{ring}\n{clients}", asker=_PROGRAM
     )
-    return file
 
 
 async def _loaded(probe: Member, commd: Watched, agentd: Watched, agents: int, each: int, pause: float) -> Loaded:
@@ -185,8 +175,6 @@ async def _loaded(probe: Member, commd: Watched, agentd: Watched, agents: int, e
         100 * (commd.cpu() - used[1]) / seconds,
     )
 
-
-__all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
 
 SIZES: Final = (1, 10, 100, 300, 1000)
 QUICK: Final = (1, 10)
@@ -285,12 +273,10 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"An fsync of this disk takes {figures.fsync:.2f} ms. Per cent are of one core.",
         _at_rest(figures.crowds),
         _grows(figures.crowds),
-        "![what a crowd costs by its size](figures/crowd-cost.svg)",
         "At once (the time in which all are told to begin counts too):",
         _talking([(one, one.hurried) for one in figures.crowds if one.hurried]),
         f"At ease, one question of each agent within {figures.pace:g} s:",
         _talking([(one, one.eased) for one in figures.crowds if one.eased]),
-        "![messages and latency by the size of the crowd](figures/crowd-mail.svg)",
         _outgrown(figures),
     ]
     return {"crowd": "\n\n".join(part for part in parts if part)}
@@ -382,45 +368,3 @@ def _outgrown(figures: Figures) -> str:
         f"Of the sizes measured ({sizes}), {first.agents:,} agents are the smallest that do not keep up with "
         f"{criterion}. There {why}: one agentd and one board are outgrown at that size."
     )
-
-
-def pictures(figures: Figures) -> dict[str, str]:
-    """Draw what a crowd costs, and how it talks."""
-    crowds = figures.crowds
-    sizes = [one.agents for one in crowds]
-    with plots.figure(2) as (made, axes):
-        axes[0].plot(sizes, [one.rss for one in crowds], "o-", color=plots.COLOURS["agentd"], label="agentd, MB")
-        axes[1].plot(
-            sizes, [one.cpu_start for one in crowds], "o-", color="#666666", label="start, s of processor time"
-        )
-        axes[1].plot(
-            sizes, [one.idle for one in crowds], "o-", color=plots.COLOURS["agentd"], label="agentd, % at rest"
-        )
-        axes[1].plot(
-            sizes, [one.commd_idle for one in crowds], "o-", color=plots.COLOURS["commd"], label="commd, % at rest"
-        )
-        if len(crowds) >= fits.SIZES:
-            for one, what in ((axes[0], "rss"), (axes[1], "cpu_start"), (axes[1], "idle"), (axes[1], "commd_idle")):
-                growth = fits.power(_points(crowds, what))
-                one.plot(sizes, [growth.at(size) for size in sizes], ":", color="black", linewidth=0.9)
-        for one in axes:
-            one.set_xlabel("agents")
-            one.legend(fontsize=7)
-        made.suptitle("dotted: fitted", fontsize=9)
-        cost = plots.svg(made)
-    talking = [one for one in crowds if one.hurried and one.eased]
-    with plots.figure(2) as (made, axes):
-        sizes = [one.agents for one in talking]
-        axes[0].plot(sizes, [one.hurried.rate for one in talking if one.hurried], "o-", label="messages/s, at once")
-        for load, style in (("hurried", "o-"), ("eased", "s--")):
-            shown = "at once" if load == "hurried" else "at ease"
-            axes[1].plot(sizes, [getattr(one, load).took.p50 for one in talking], style, label=f"p50, {shown}")
-            axes[1].plot(sizes, [getattr(one, load).took.p99 for one in talking], style, label=f"p99, {shown}")
-        axes[1].set_yscale("log")
-        axes[1].set_ylabel("ms from question to answer")
-        for one in axes:
-            one.set_xscale("log")
-            one.set_xlabel("agents")
-            if talking:
-                one.legend(fontsize=7)
-        return {"crowd-cost": cost, "crowd-mail": plots.svg(made)}

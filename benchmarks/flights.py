@@ -20,8 +20,8 @@ from typing import Final, Literal
 
 from argosy.processes.process_table import Kind, Process, Setup, places, plan, python_command
 from argosy.simulate.referee import judge_run
-from benchmarks.processes import BenchmarkFailed
-from benchmarks.watched import Watched, watched_command
+from benchmarks.processes import SPEAKS, BenchmarkFailed, Watched, watched_command
+from benchmarks.serving import READY
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import QueryFailed
 from schemas.mission.model import Mission, load_mission
@@ -37,8 +37,6 @@ SLACK: Final = 30.0
 
 Approach = Literal["agentspeak", "python"]
 APPROACHES: Final[tuple[Approach, ...]] = ("agentspeak", "python")
-Wrap = Callable[[Process, list[str]], list[str]]
-"""Makes of a process and its command the command that is started; that must end by an exec, to keep the pid."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +58,6 @@ RESCUE: Final = Course("search and rescue", "search_and_rescue.yaml", "all are r
 PROGRAM: Final = Kind("program", lambda setup: [], lambda setup, client: [])
 """An imperative program in the place of an agent's daemon."""
 AGENTS: Final = ("agentd", PROGRAM.name)
-READY: Final = {"commd": "router board=", "simulator": "simulated", "bridged": "serving", "agentd": "agents="}
-"""What each kind of process says when it is there; a program says anything at all."""
 
 
 def setup_in(folder: Path, file: str, speed: float) -> Setup:
@@ -124,10 +120,10 @@ class Flight:
     over: float = 0.0
     """When the mission was done."""
 
-    def until_up(self) -> None:
-        """Wait until every process has said that it is there. Raises BenchmarkFailed."""
+    def until_up(self, patience: float = SPEAKS) -> None:
+        """Wait until every process is there; a program has printed anything then. Raises BenchmarkFailed."""
         for process, watched in self.watched:
-            watched.says(READY.get(process.kind.name, ""))
+            watched.says(READY.get(process.kind.name, ""), patience)
         self.up = time.monotonic()
 
     def until_done(self, patience: float | None = None) -> None:
@@ -211,7 +207,7 @@ class Flight:
 
 
 @contextmanager
-def flying(course: Course, approach: Approach, speed: float, wrap: Wrap | None = None) -> Iterator[Flight]:
+def flying(course: Course, approach: Approach, speed: float) -> Iterator[Flight]:
     """Start all processes of a mission and wait until they are there; they are ended with the block.
 
     Raises BenchmarkFailed.
@@ -225,28 +221,32 @@ def flying(course: Course, approach: Approach, speed: float, wrap: Wrap | None =
         if approach == "python":
             setup, planned, last = with_programs(setup, folder)
         flight = Flight(course, approach, setup, last)
-        start_all(stack, planned, flight.watched, wrap)
+        start_all(stack, planned, flight.watched)
         flight.until_up()
         yield flight
 
 
 def start_all(
-    stack: ExitStack, planned: list[Process], started: list[tuple[Process, Watched]], wrap: Wrap | None = None
+    stack: ExitStack,
+    planned: list[Process],
+    started: list[tuple[Process, Watched]],
+    command: Callable[[list[str]], list[str]] = lambda argv: argv,
+    patience: float = SPEAKS,
 ) -> None:
     """Start processes in their order: the others when the routers are there, the agents when the bridges are.
 
-    Raises BenchmarkFailed.
+    `command` makes of a command line the one that is started; it must end by an exec, to keep the pid. `patience` is
+    in seconds, for each process. Raises BenchmarkFailed.
     """
     for process in planned:
         if process.kind.name in AGENTS:
             for before, bridge in started:
                 if before.kind.name == "bridged":
-                    bridge.says(READY["bridged"])
-        command = list(process.argv) if wrap is None else wrap(process, list(process.argv))
-        watched = stack.enter_context(watched_command(process.name, command))
+                    bridge.says(READY["bridged"], patience)
+        watched = stack.enter_context(watched_command(process.name, command(list(process.argv))))
         started.append((process, watched))
         if process.kind.name == "commd":
-            watched.says(READY["commd"])
+            watched.says(READY["commd"], patience)
 
 
 ANSWER: Final = 2.0

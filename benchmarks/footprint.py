@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, alone, memory, pss
+from benchmarks.processes import BenchmarkFailed, Watched, alone, memory, pss
 from benchmarks.results import Origin
 from benchmarks.serving import NAMES, Site, copied, environment, serving
-from benchmarks.watched import Watched
 
 REPEATS: Final = 3
 SETTLED: Final = 8.0
@@ -132,11 +131,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             f"{figures.in_one:.1f} MB.",
         ]
     return {"footprint": "\n".join(lines)}
-
-
-def pictures(figures: Figures) -> dict[str, str]:
-    """None."""
-    return {}
 
 
 _WHY: Final = (

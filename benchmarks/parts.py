@@ -6,8 +6,13 @@ A part is a module with
 - `measure(quick) -> Figures`: with `quick` each thing is tried, in little time: for tests, never for pages.
   Raises BenchmarkFailed;
 - `blocks(origin, figures) -> dict[str, str]`: Markdown for the blocks of pages (`benchmarks.pages`), by their names;
+
+and, where it has some,
+
 - `pictures(figures) -> dict[str, str]`: SVG texts, by the names of their files;
-- `goals(figures) -> list[Goal]`: what is asked of the figures.
+- `goals(figures) -> list[Goal]`: what is asked of the figures;
+- `in_short(figures) -> list[str]`, `in_comparison(figures) -> list[str]`: its rows in tables of several parts
+  (`benchmarks.summary`).
 """
 
 from __future__ import annotations
@@ -16,7 +21,7 @@ import sys
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 
 @dataclass(frozen=True)
@@ -48,11 +53,23 @@ class Part:
         """Import it; it may need packages that others do not."""
         return import_module(self.where)
 
+    def pictures(self, figures: Any) -> dict[str, str]:
+        """Return its pictures."""
+        return dict(self.module().pictures(figures)) if hasattr(self.module(), "pictures") else {}
+
+    def goals(self, figures: Any) -> list[Goal]:
+        """Return what is asked of it."""
+        return list(self.module().goals(figures)) if hasattr(self.module(), "goals") else []
+
+    def rows(self, table: str, figures: Any) -> list[str]:
+        """Return its rows in a table of several parts: `in_short` or `in_comparison`."""
+        return list(getattr(self.module(), table)(figures)) if hasattr(self.module(), table) else []
+
 
 PARTS: Final[tuple[Part, ...]] = (
     Part("sizes", "benchmarks.paper.sizes", 0.1),
     Part("usage", "benchmarks.paper.usage_page", 30),
-    Part("scale", "benchmarks.scale.part", 9),
+    Part("scale", "benchmarks.scale.part", 6),
     Part("crowd", "benchmarks.crowd", 5),
     Part("loop", "benchmarks.loop.part", 4),
     Part("startup", "benchmarks.startup", 2),
@@ -62,17 +79,12 @@ PARTS: Final[tuple[Part, ...]] = (
     Part("bridge", "benchmarks.bridge", 1.2),
     Part("mail", "benchmarks.mail.part", 3),
     Part("board", "benchmarks.board", 1.5),
-    Part("looking", "benchmarks.looking.part", 5.5),
+    Part("looking", "benchmarks.looking", 2.5),
     Part("page", "benchmarks.webpage", 1.5),
     Part("viewers", "benchmarks.viewers", 1.2),
     Part("earlier", "benchmarks.earlier", 16),
 )
 """In the order in which they run."""
-
-
-def part(name: str) -> Part:
-    """Return the part of that name. Raises KeyError."""
-    return {one.name: one for one in PARTS}[name]
 
 
 @dataclass(frozen=True)

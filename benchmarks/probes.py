@@ -151,7 +151,7 @@ def footprint(quick: bool) -> Found:
 
 def bridge(quick: bool) -> Found:
     """Three vehicles on one link in one bridge."""
-    bridge_part.SECONDS = 15.0  # type: ignore[misc]
+    bridge_part.SECONDS = 15.0
     figures = bridge_part.measure(quick)
     return {
         "processor time a message (µs)": 1e4 * figures.cpu / figures.messages,

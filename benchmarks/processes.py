@@ -1,4 +1,4 @@
-"""Running one process of a benchmark: its lines as they come, and how much memory it held."""
+"""Processes of a benchmark: how they are started, what they print, how much processor time and memory they take."""
 
 from __future__ import annotations
 
@@ -9,15 +9,21 @@ import select
 import signal
 import statistics
 import subprocess
+import sys
+import threading
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 PATIENCE: Final = 600.0
 """Seconds after which a process that has not ended is killed and the run is called failed."""
+SPEAKS: Final = 30.0
+"""Seconds for words that a process is to print."""
+LONGEST: Final = 86_400.0
+"""Seconds for which a process is read: longer than any part may take, which ends it."""
 
 _LINE: Final = re.compile(r"BENCH\s+(?P<bench>\S+)\s+round\s+\d+\s+ops\s+(?P<ops>\d+)\s+ns\s+(?P<ns>\d+)")
 
@@ -146,6 +152,61 @@ def until_line(command: list[str], word: str, settle: float = 0.0) -> tuple[floa
                     time.sleep(settle)
                 return spent, memory(process.pid, "VmRSS")
     raise BenchmarkFailed(f"{' '.join(command)}: ended without printing {word}")
+
+
+@dataclass
+class Watched:
+    """A process of the run and the lines that it has written, each with the moment at which it came."""
+
+    name: str
+    process: subprocess.Popen[bytes]
+    said: list[tuple[float, str]] = field(default_factory=list)
+
+    def read(self) -> None:
+        """Read until it ends; runs in a thread of its own."""
+        for line in lines(self.process, LONGEST):
+            self.said.append((time.monotonic(), line))
+
+    def says(self, words: str, patience: float = SPEAKS) -> None:
+        """Wait until it has said `words`. Raises BenchmarkFailed."""
+        until = time.monotonic() + patience
+        while not any(words in line for _, line in self.said):
+            if self.process.poll() is not None or time.monotonic() > until:
+                last = "\n".join(line for _, line in self.said[-5:])
+                raise BenchmarkFailed(f"{self.name} did not say `{words}` within {patience:g} s; last:\n{last}")
+            time.sleep(0.02)
+
+    def cpu(self) -> float:
+        """Seconds of processor time used so far."""
+        return processor_time(self.process.pid)
+
+
+def watched(name: str, *arguments: str) -> AbstractContextManager[Watched]:
+    """Run `python ARGUMENTS` while the block lasts."""
+    return watched_command(name, [sys.executable, *arguments])
+
+
+@contextmanager
+def watched_command(name: str, command: list[str]) -> Iterator[Watched]:
+    """Run a command while the block lasts."""
+    with started(command) as process:
+        found = Watched(name, process)
+        reader = threading.Thread(target=found.read, daemon=True)
+        reader.start()
+        try:
+            yield found
+        finally:
+            process.kill()
+            process.wait()
+            reader.join(5)
+
+
+def processor_time(pid: int) -> float:
+    """Return the seconds of processor time of a process, all its threads included, also those that have ended.
+
+    Read from its clock (clock_getcpuclockid(3)), to the nanosecond. Raises OSError for one that has ended.
+    """
+    return time.clock_gettime((~pid << 3) | 2)
 
 
 MEGABYTE: Final = 1_000_000

@@ -81,7 +81,7 @@ def moment() -> Moment:
     """Return the present one."""
     own, ended = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = own.ru_utime + own.ru_stime + ended.ru_utime + ended.ru_stime
-    return Moment(time.monotonic(), _busy(), spent)
+    return Moment(time.monotonic(), busy_seconds(), spent)
 
 
 def others(since: Moment) -> float:
@@ -94,8 +94,12 @@ def others(since: Moment) -> float:
     return round(max(0.0, cores), 2)
 
 
-def _busy() -> float:
-    """Seconds, those included in which the machine below this one gave its time to others (steal)."""
+def busy_seconds() -> float:
+    """Return the seconds for which cores of this machine were busy since it started.
+
+    Those are included in which the machine below this one gave its time to others (steal). To wait for a disk is not
+    to be busy.
+    """
     fields = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()[1:]
     user, nice, system, _, _, irq, softirq, steal, *_ = map(int, fields)
     return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")

@@ -1,4 +1,4 @@
-"""What the daemons of a flight use, asked now and then, while nothing but the asking is added to the machine."""
+"""What processes of boards use, sampled at a steady rate while they run."""
 
 from __future__ import annotations
 
@@ -12,16 +12,12 @@ from typing import Final
 import psutil
 
 from benchmarks import processes
-from benchmarks.flights import Flight
 from benchmarks.processes import BenchmarkFailed
 
 ALONE_EVERY: Final = 10
 """Of so many samples one tells what a board would hold alone: the question is dear."""
 END: Final = 1.0
 """Wall seconds before the end of a flight from which on a process may have ended: a program that is through goes."""
-AGENT: Final = "agent"
-ROLES: Final = {"commd": "commd", "bridged": "bridged", "agentd": AGENT, "program": AGENT}
-"""What each kind of process is on its board."""
 
 
 @dataclass
@@ -44,25 +40,20 @@ class Sample:
 
 
 class Sampler:
-    """Asks psutil for what the processes of the boards use; simulators are none of them."""
+    """Asks psutil what processes use, in a thread of its own: their numbers by board and who."""
 
-    def __init__(self, flight: Flight, every: float) -> None:
+    def __init__(self, pids: dict[tuple[str, str], int], every: float) -> None:
         self.samples: list[Sample] = []
         self.begun = 0.0
         self.problem: tuple[float, str] | None = None
         """When a process could be asked no more, and why."""
-        self._every = every
-        self._pids = {
-            (process.board, ROLES[process.kind.name]): watched.process.pid
-            for process, watched in flight.watched
-            if process.kind.name in ROLES
-        }
-        self._processes = {key: psutil.Process(pid) for key, pid in self._pids.items()}
+        self._every, self._pids = every, pids
+        self._processes = {key: psutil.Process(pid) for key, pid in pids.items()}
         self._stopped = threading.Event()
 
     @contextmanager
     def sampling(self) -> Iterator[None]:
-        """Sample while the block runs, in a thread of its own."""
+        """Sample while the block runs."""
         self.begun = time.monotonic()
         self._first = {key: _spent(process) for key, process in self._processes.items()}
         for process in self._processes.values():

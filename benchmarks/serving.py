@@ -1,8 +1,4 @@
-"""The daemons of a board at rest: one of each, and a bare process with a Zenoh session to compare them with.
-
-The mission is the paper's first one, without a vehicle: the bridge serves and waits for it, the agent's own goals wait
-for the bridge's word. What is measured is what they hold and do before anything flies.
-"""
+"""The daemons of a board, started for a mission in a folder, and a bare process with a Zenoh session beside them."""
 
 from __future__ import annotations
 
@@ -10,14 +6,14 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
 from argosy.processes.process_table import python_command
+from benchmarks.processes import SPEAKS, Watched, watched, watched_command
 from benchmarks.results import ROOT
-from benchmarks.watched import Watched, watched_command
 from tests.support.ports import free_port
 
 CODE: Final = ("schemas", "commd", "bridged", "agentd", "argosy", "missions", "manifests")
@@ -100,6 +96,10 @@ def kind(name: str) -> Kind:
     return {one.name: one for one in KINDS}[name]
 
 
+READY: Final = {"commd": "router board=", "simulator": "simulated", "bridged": "serving", "agentd": "agents="}
+"""What each kind of process prints when it is there."""
+
+
 @dataclass(frozen=True)
 class Site:
     """A mission in a folder, and the router that it is run on."""
@@ -109,8 +109,31 @@ class Site:
     state: Path
 
     @classmethod
+    def written(cls, folder: Path, mission: str, **programs: str) -> Site:
+        """Write a mission's text into a folder, with a router of its own, and its programs by their names."""
+        router = f"tcp/127.0.0.1:{free_port()}"
+        file = folder / "mission.yaml"
+        file.write_text(f"{mission}\nrouter: {{endpoint: {router}}}\n")
+        for name, program in programs.items():
+            (folder / f"{name}.asl").write_text(program)
+        return cls(file, router, folder / "state")
+
+    def serve(self, stack: ExitStack, name: str, *more: str, says: str = "", patience: float = SPEAKS) -> Watched:
+        """Run a daemon until the stack ends. Returns when it serves, or prints `says`.
+
+        Raises BenchmarkFailed when it has not after `patience` seconds.
+        """
+        command = ("-m", name, "serve", str(self.mission), *more, "--state", str(self.state / name))
+        found = stack.enter_context(watched(name, *command))
+        found.says(says or READY[name], patience)
+        return found
+
+    @classmethod
     def made(cls, folder: Path, code: Path = ROOT) -> Site:
-        """Write the mission into a folder, with ports of its own."""
+        """Write the paper's first mission into a folder, with ports of its own, but without a vehicle.
+
+        The bridge serves and waits for it, the agent's own goals wait for the bridge: nothing flies.
+        """
         source = code / "missions"
         (folder / "single_uav").mkdir(parents=True)
         (folder / "single_uav" / "uav.asl").write_text((source / "single_uav" / "uav.asl").read_text())

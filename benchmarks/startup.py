@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.parts import Goal, tell
+from benchmarks.parts import tell
+from benchmarks.processes import watched_command
 from benchmarks.results import Origin
 from benchmarks.serving import FIRST, KINDS, NAMES, Site, copied, environment, kind, serving
-from benchmarks.watched import watched_command
 
 REPEATS: Final = 5
 WARM, COMPILED = "warm", "first start"
@@ -108,13 +108,3 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 def _cell(figures: Figures, name: str, state: str) -> str:
     seconds = f"{figures.of(name, state).median:.2f} s"
     return seconds if name == "bare" else f"{seconds} ({figures.ratio(name, state):.1f})"
-
-
-def pictures(figures: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}
-
-
-def goals(figures: Figures) -> list[Goal]:
-    """Nothing is asked of the seconds: `tests/test_imports.py` keeps what is imported."""
-    return []

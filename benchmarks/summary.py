@@ -1,4 +1,4 @@
-"""The blocks that are made of several parts' results: what README tells in short, and boards beside the paper's."""
+"""The blocks that are made of several parts' results: all goals, README's table, boards beside the paper's."""
 
 from __future__ import annotations
 
@@ -8,27 +8,50 @@ from typing import Any
 
 import msgspec
 
-from benchmarks import peers, results
-from benchmarks.parts import PARTS, Part
+from benchmarks import pages, peers, results
+from benchmarks.parts import PARTS, Part, Told, table_of_goals
+
+BUSY = 0.5
+"""Cores that others may keep busy before figures are marked as those of a busy machine."""
+Found = tuple[results.Origin, Any]
+"""Where the figures of a part come from, and the figures."""
 
 
 def blocks(table: Sequence[Part] = PARTS) -> dict[str, str]:
     """Return them, of those parts that have results."""
-    return {"in-short": in_short(table), "comparison-board": comparison_board(table)}
+    found = {one: loaded for one in table if (loaded := load(one)) is not None}
+    return {
+        "goals": "\n".join(table_of_goals([_goals(one, found.get(one)) for one in table])),
+        "in-short": in_short(found),
+        "comparison-board": comparison_board(found),
+    }
 
 
-def in_short(table: Sequence[Part] = PARTS) -> str:
-    """Return the table of README: the rows `| what | Argosy | others |` of every part that has some (`in_short`)."""
-    rows = [
-        row
-        for one in table
-        if (figures := figures_of(one)) is not None and hasattr(one.module(), "in_short")
-        for row in one.module().in_short(figures)
-    ]
+def load(one: Part) -> Found | None:
+    """Return what a part found; None when it has no results of the shape that it has now."""
+    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
+        return results.load(one.name, one.module().Figures)
+    return None
+
+
+def _goals(one: Part, found: Found | None) -> Told:
+    """Return the goals of a part, with a link to its first block."""
+    if found is None:
+        return Told(one.name, "", [], measured=False)
+    origin, figures = found
+    link = ""
+    with contextlib.suppress(KeyError):
+        link = pages.section(next(iter(one.module().blocks(origin, figures))))
+    return Told(one.name, link, one.goals(figures), busy=max(origin.load, origin.others) > BUSY)
+
+
+def in_short(found: dict[Part, Found]) -> str:
+    """Return the table of README: the rows `| what | Argosy | others |` of every part that has some."""
+    rows = [row for one, (_, figures) in found.items() for row in one.rows("in_short", figures)]
     return "\n".join(["| measured | Argosy | others |", "|---|---|---|", *rows])
 
 
-def comparison_board(table: Sequence[Part] = PARTS) -> str:
+def comparison_board(found: dict[Part, Found]) -> str:
     """Return the table of docs/measurements/comparison.md about the memory of a board, beside what the paper's
     authors published."""
     low, high, python_low, python_high, agent_low, agent_high = (
@@ -45,15 +68,5 @@ def comparison_board(table: Sequence[Part] = PARTS) -> str:
         f"{jason.cpu.mean:.2f} % CPU; {python.memory.mean:.2f} %, {python.cpu.mean:.2f} % | Raspberry Pi 3 "
         "| the paper, table 3 |",
     ]
-    for one in table:
-        figures = figures_of(one)
-        if figures is not None and hasattr(one.module(), "in_comparison"):
-            rows += one.module().in_comparison(figures)
+    rows += [row for one, (_, figures) in found.items() for row in one.rows("in_comparison", figures)]
     return "\n".join(["| what | figure | machine | source |", "|---|---|---|---|", *rows])
-
-
-def figures_of(one: Part) -> Any:
-    """Return what a part found; None when it has no results of the shape that it has now."""
-    with contextlib.suppress(FileNotFoundError, msgspec.DecodeError, ImportError):
-        return results.load(one.name, one.module().Figures)[1]
-    return None

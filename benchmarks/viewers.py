@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.looking.bursts import used
-from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, pss
+from benchmarks.parts import tell
+from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import ROOT, Origin
 from commd.bus.bus import open_bus
 from tests.support.ports import free_port
@@ -82,27 +81,17 @@ async def _beside(crowd: int, seconds: float) -> list[Seen]:
 def _seen(what: str, options: tuple[str, ...], crowd: int, seconds: float, file: Path) -> Seen:
     with in_a_terminal("argosy", what, "--fleet", "crowd", *options) as process:
         time.sleep(SETTLE)
-        begun, before, size = time.monotonic(), used(process.pid), _size(file)
+        begun, before, size = time.monotonic(), processor_time(process.pid), _size(file)
         time.sleep(seconds)
         if process.poll() is not None:
             raise BenchmarkFailed(f"argosy {what} ended with exit code {process.returncode}")
         took = time.monotonic() - begun
-        cpu, written = 100 * (used(process.pid) - before) / took, (_size(file) - size) / took / 1000
+        cpu, written = 100 * (processor_time(process.pid) - before) / took, (_size(file) - size) / took / 1000
         return Seen(what, crowd, cpu, pss([process.pid]), written)
 
 
 def _size(file: Path) -> int:
     return file.stat().st_size if file.exists() else 0
-
-
-def goals(_: Figures) -> list[Goal]:
-    """Return none."""
-    return []
-
-
-def pictures(_: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
@@ -113,29 +102,18 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"Over {figures.seconds:g} s, beside agents and robots that publish what flying copters do:",
         "",
     ]
-    watch = [one for one in figures.seen if one.what == "watch"]
-    record = [one for one in figures.seen if one.what == "record"]
-    return {
-        "watch": "\n".join(
-            [
-                *head,
-                "| agents and robots | `argosy watch`, % of a core | memory (PSS) |",
-                "|---|---|---|",
-                *(f"| {one.crowd} | {one.cpu:.1f} % | {one.memory:.0f} MB |" for one in watch),
-            ]
-        ),
-        "recorder": "\n".join(
-            [
-                *head,
-                "| agents and robots | `argosy record`, % of a core | memory (PSS) | on the disk, `lz4` |",
-                "|---|---|---|---|",
-                *(
-                    f"| {one.crowd} | {one.cpu:.1f} % | {one.memory:.0f} MB | {one.written:.1f} kB/s |"
-                    for one in record
-                ),
-            ]
-        ),
-    }
+    watch = ["| agents and robots | `argosy watch`, % of a core | memory (PSS) |", "|---|---|---|"]
+    record = [
+        "| agents and robots | `argosy record`, % of a core | memory (PSS) | on the disk, `lz4` |",
+        "|---|---|---|---|",
+    ]
+    for one in figures.seen:
+        row = f"| {one.crowd} | {one.cpu:.1f} % | {one.memory:.0f} MB |"
+        if one.what == "watch":
+            watch.append(row)
+        else:
+            record.append(f"{row} {one.written:.1f} kB/s |")
+    return {"watch": "\n".join([*head, *watch]), "recorder": "\n".join([*head, *record])}
 
 
 @contextmanager

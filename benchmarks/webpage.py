@@ -7,18 +7,16 @@ page is open in a headless chromium on the same machine, which paints without a 
 from __future__ import annotations
 
 import asyncio
-import os
 import re
 import shutil
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, pss
+from benchmarks.parts import tell
+from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import Origin
 from commd.bus.bus import open_bus
 from tests.support.ports import free_port
@@ -81,15 +79,12 @@ class Stretch:
         """Return a row of the table."""
         cells = [f"{self.crowd} agents and robots" if self.crowd else "nobody", "one" if self.page else "none"]
         cells += [f"{self.cpu:.1f} %", f"{self.memory:.0f} MB"]
-        if (page := self.page) is not None:
-            cells += [
-                f"{page.wire:.1f} kB/s",
-                f"{page.message:.1f} kB",
-                f"{page.main_thread:.0f} %",
-                f"{page.frame:.0f} ms",
-            ]
-        else:
+        page = self.page
+        if page is None:
             cells += [""] * 4
+        else:
+            cells += [f"{page.wire:.1f} kB/s", f"{page.message:.1f} kB"]
+            cells += [f"{page.main_thread:.0f} %", f"{page.frame:.0f} ms"]
         return f"| {' | '.join(cells)} |"
 
 
@@ -103,12 +98,6 @@ class Figures:
     loaded: float
     leaflet: float
     """kB in so many files, and of it the map."""
-
-
-def cpu_of(pid: int) -> float:
-    """Return the processor seconds that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @contextmanager
@@ -131,11 +120,11 @@ async def stretch(server: Daemon, seconds: float, crowd: int, page: Any, sizes: 
         devtools = await page.context.new_cdp_session(page)
         await devtools.send("Performance.enable", {"timeDomain": "threadTicks"})
     busy = await _busy(devtools)
-    began, used = time.monotonic(), cpu_of(server.process.pid)
+    began, used = time.monotonic(), processor_time(server.process.pid)
     gaps = await page.evaluate(_FRAMES % (seconds * 1000)) if page is not None else []
     await asyncio.sleep(max(0.0, seconds - (time.monotonic() - began)))
     took = time.monotonic() - began
-    cpu, held, opened = (cpu_of(server.process.pid) - used) / took * 100, pss([server.process.pid]), None
+    cpu, held, opened = (processor_time(server.process.pid) - used) / took * 100, pss([server.process.pid]), None
     if page is not None:
         thread = (await _busy(devtools) - busy) / took * 100
         frame = sorted(gaps)[int(len(gaps) * 0.95)]
@@ -204,16 +193,6 @@ async def _measured(seconds: float, crowds: tuple[int, ...]) -> Figures:
                     found.append(await stretch(server, seconds, crowd, page, sizes))
     total, leaflet = sum(size for _, size in loaded), sum(size for name, size in loaded if "leaflet" in name)
     return Figures(seconds, found, len(loaded), total / 1000, leaflet / 1000)
-
-
-def goals(_: Figures) -> list[Goal]:
-    """Return none: what is asked of the page is that it works with 50 agents, and that is a test."""
-    return []
-
-
-def pictures(_: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:

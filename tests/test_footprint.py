@@ -9,10 +9,10 @@ import sys
 
 import pytest
 
+from benchmarks import footprint as footprints
 from benchmarks import results
 from benchmarks.processes import lines, memory, started
 from benchmarks.serving import NAMES, copied
-from benchmarks import footprint as footprints
 
 BARE = 3.3
 """Times a Python that does nothing: what a session with a router takes."""

@@ -19,9 +19,9 @@ from typing import Final
 import pytest
 
 from argosy.processes.process_table import python_command
+from benchmarks.processes import Watched, watched_command
 from benchmarks.results import ROOT
 from benchmarks.serving import Site, kind
-from benchmarks.watched import Watched, watched_command
 
 COMMAND_LINE: Final = {"argparse", "gettext"}
 MISSION: Final = {"copy", "dataclasses", "fnmatch", "ipaddress", "ntpath", "pathlib", "tomllib", "urllib", "yaml"}

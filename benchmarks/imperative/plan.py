@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -38,11 +38,10 @@ class Program:
     done: str
 
 
-def variant(original: Path, folder: Path, *, speed: float, ports: Mapping[str, str] | None = None) -> Path:
+def variant(original: Path, folder: Path, *, speed: float) -> Path:
     """Write a mission into a folder with its agents as clients, and all else as it was; returns the file.
 
-    A client knows the speed only from the file. `ports` are pieces of the file's text and what stands for them.
-    Raises Findings for a bad mission.
+    A client knows the speed only from the file. Raises Findings for a bad mission.
     """
     mission = load_mission(original)
     raw: dict[str, Any] = yaml.safe_load(mission.path.read_text(encoding="utf-8"))
@@ -53,11 +52,8 @@ def variant(original: Path, folder: Path, *, speed: float, ports: Mapping[str, s
     for robot in raw["robots"].values():
         if (file := mission.relative(robot["manifest"])).is_file():
             robot["manifest"] = str(file.resolve())
-    written = yaml.safe_dump(raw, sort_keys=False)
-    for old, new in (ports or {}).items():
-        written = written.replace(old, new)
     file = folder / mission.path.name
-    file.write_text(written, encoding="utf-8")
+    file.write_text(yaml.safe_dump(raw, sort_keys=False), encoding="utf-8")
     return file
 
 

@@ -18,10 +18,9 @@ from typing import Final
 
 import zenoh
 
-from benchmarks.processes import BenchmarkFailed
-from benchmarks.watched import Watched, watched
+from benchmarks.processes import BenchmarkFailed, Watched
+from benchmarks.serving import Site
 from commd.bus.session import session_config
-from tests.support.ports import free_port
 
 PATIENCE: Final = 20.0
 """Seconds for anything that takes milliseconds."""
@@ -32,7 +31,6 @@ agents:
   thinker: {{program: loop.asl, robot: bot{restart}}}
 robots:
   bot: {{manifest: loop.toml, prefix: robot}}
-router: {{endpoint: {endpoint}}}
 """
 _MANIFEST: Final = """\
 [robot]
@@ -146,21 +144,11 @@ def board(*, kept: bool = True) -> Iterator[Board]:
     """
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
-        mission = folder / "loop.yaml"
-        mission.write_text(_MISSION.format(endpoint=endpoint, restart="" if kept else ", on_restart: fresh"))
         (folder / "loop.toml").write_text(_MANIFEST)
-        (folder / "loop.asl").write_text(PROGRAM)
-
-        def daemon(name: str, words: str, *more: str) -> Watched:
-            one = stack.enter_context(watched(name, "-m", name, "serve", str(mission), *more))
-            one.says(words)
-            return one
-
-        state = ("--state", str(folder / "state"))
-        router = daemon("commd", "router")
-        bridge = daemon("bridged", "serving bot", *state)
-        agent = daemon("agentd", "bridge_up", *state)
+        site = Site.written(folder, _MISSION.format(restart="" if kept else ", on_restart: fresh"), loop=PROGRAM)
+        endpoint, router = site.router, site.serve(stack, "commd")
+        bridge = site.serve(stack, "bridged")
+        agent = site.serve(stack, "agentd", says="bridge_up")
         session = stack.enter_context(zenoh.open(session_config("client", endpoint, "robot")))
         pong, seen = Receiver(session, "robot/pong"), Receiver(session, "robot/seen")
         stack.callback(pong.close)

@@ -46,7 +46,7 @@ def sizes() -> Sizes:
     return Sizes(len(payload(1000)), *(len(msgspec.json.encode(record)) for record in records))
 
 
-def measure(turns: int, *, kept: bool = True, pause: float = PAUSE) -> Turns:
+def measure(turns: int, *, kept: bool = True) -> Turns:
     """Run the loop and the bare exchanges so often, one after the other. Raises BenchmarkFailed."""
     found = Turns()
     with board(kept=kept) as ours, raw(ours.endpoint, ours.session, sizes()) as bare:
@@ -56,13 +56,13 @@ def measure(turns: int, *, kept: bool = True, pause: float = PAUSE) -> Turns:
             _loop(ours, number)
         for number in range(WARM_UP + 1, WARM_UP + turns + 1):
             found.put.append(bare.put_and_back() / 1000)
-            time.sleep(pause)
+            time.sleep(PAUSE)
             found.ask.append(bare.ask() / 1000)
-            time.sleep(pause)
+            time.sleep(PAUSE)
             begun, pong, seen = _loop(ours, number)
             found.pong.append((pong - begun) / 1000)
             found.seen.append((seen - begun) / 1000)
-            time.sleep(pause)
+            time.sleep(PAUSE)
     return found
 
 

@@ -32,7 +32,7 @@ _NOTES: Final = f"""\
   sample is smaller.
 * *Times* are percentiles of the loop over those of what the bare exchanges of each turn take together.
 * There is a pause of {1000 * PAUSE:g} ms between two exchanges: what a decision leaves to be done, as to sync the id
-  of its action to the disk, is over when the next begins. *Without a pause* is without that."""
+  of its action to the disk, is over when the next begins."""
 PERCENTILES: Final = (0.5, 0.99, 1.0)
 
 
@@ -45,8 +45,6 @@ class Figures:
     """An agent that is kept on disk, which is the default."""
     fresh: Turns
     """An agent with `on_restart: fresh`: no action is written down before its request."""
-    hurried: Turns
-    """As `kept`, without a pause between two turns."""
     replaced: list[Flood]
     added: list[Flood]
 
@@ -64,7 +62,6 @@ def measure(quick: bool) -> Figures:
         },
         kept=latency.measure(count),
         fresh=latency.measure(count, kept=False),
-        hurried=latency.measure(count, pause=0.0),
         replaced=list(_floods("tick", [100.0] if quick else RATES, seconds)),
         added=list(_floods("mark", [100.0] if quick else RATES, seconds)),
     )
@@ -168,7 +165,6 @@ def _latencies(figures: Figures) -> Iterator[str]:
         ("percept → action at the robot", figures.kept, "pong"),
         ("percept → action → status → next action at the robot", figures.kept, "seen"),
         ("the same, agent with `on_restart: fresh`", figures.fresh, "seen"),
-        ("the same, without a pause between turns", figures.hurried, "seen"),
     ):
         contains = {"seen": "1.5 puts, 1.5 queries", "pong": "1.5 puts, 0.5 queries"}[ways]
         ratios = f"{times(turns, 0.5, ways=ways):.1f} | {times(turns, 0.99, ways=ways):.1f}"
@@ -206,8 +202,3 @@ def in_short(figures: Figures) -> list[str]:
         "| from a percept, through all daemons, to the action that follows the first action's success, p50 "
         f"| {loop:.2f} ms, {times(figures.kept):.1f} times the bare Zenoh exchanges in it | |"
     ]
-
-
-def pictures(figures: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}

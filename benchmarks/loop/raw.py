@@ -16,8 +16,7 @@ from typing import Final
 
 import zenoh
 
-from benchmarks.processes import BenchmarkFailed
-from benchmarks.watched import watched
+from benchmarks.processes import BenchmarkFailed, watched
 from commd.bus.session import session_config
 
 PUT, BACK, ASK = "raw/put", "raw/back", "raw/ask"

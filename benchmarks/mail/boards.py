@@ -13,8 +13,7 @@ from contextlib import ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Final, Literal
 
-from benchmarks.processes import BenchmarkFailed
-from benchmarks.watched import Watched, watched
+from benchmarks.processes import BenchmarkFailed, Watched, watched
 from commd.bus.bus import Bus, Query, Token, boot_id, open_bus
 from schemas.wire import keys
 from schemas.wire.records import Header, Mail, Message, Receipt

@@ -16,14 +16,13 @@ from functools import partial
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
-from benchmarks.mail.agents import Talk, presence, talk
+from benchmarks.mail.agents import Talk, talk
 from benchmarks.mail.boards import Member, boards, fsync, member, until
 from benchmarks.parts import Goal, line_of_goals, tell
-from benchmarks.processes import BenchmarkFailed, memory
+from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin
 from benchmarks.serving import bare as bare_process
 from benchmarks.spread import Spread, spread
-from benchmarks.watched import watched
 from schemas.wire.records import Message
 from tests.support.ports import free_port
 
@@ -70,7 +69,6 @@ class Figures:
     """For which the throughput was measured."""
     backlog: int
     queued: int
-    tokens: int
     rate_full: float
     rate_normal: float
     """Messages a second."""
@@ -81,8 +79,6 @@ class Figures:
     board_away: Caught
     memory: Resident
     talk: Talk
-    presence: float
-    """Seconds until an agent of another board believed all tokens that were declared at once."""
     fsync: float
     """Milliseconds of this machine's disk."""
 
@@ -122,11 +118,6 @@ def goals(figures: Figures) -> list[Goal]:
     return found
 
 
-def pictures(_: Figures) -> dict[str, str]:
-    """Return none."""
-    return {}
-
-
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the figures of docs/measurements/daemons.md."""
     rows = (
@@ -138,10 +129,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             f"{figures.agent_away.seconds:.1f} s",
         ),
         (f"{figures.backlog:,} messages for one whose whole board was away", f"{figures.board_away.seconds:.1f} s"),
-        (
-            f"{figures.tokens:,} tokens declared at once: told to an agent of another board that asks for presence in",
-            f"{figures.presence:.1f} s",
-        ),
     )
     lines = [
         origin.line() + f" A write and fsync of its disk takes {figures.fsync:.2f} ms.",
@@ -159,8 +146,6 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     return {"mail": "\n".join(lines)}
 
 
-__all__ = ["Figures", "blocks", "goals", "measure", "pictures"]
-
 Synchronous = Literal["full", "normal"]
 T = TypeVar("T")
 
@@ -172,7 +157,6 @@ BACKLOG: Final = 36_000
 QUEUED: Final = 100_000
 SETTLE: Final = 3.0
 """Wall seconds until the memory of a daemon is looked at."""
-TOKENS: Final = 1_000
 _HAS: Final = ("asyncio", "msgspec", "sqlite3")
 """What commd has imported, and the bare process as well."""
 
@@ -311,7 +295,6 @@ def in_folder(measure: Callable[[Path], Awaitable[T]]) -> T:
 def measure(quick: bool) -> Figures:
     """Run everything once. Raises BenchmarkFailed."""
     seconds, letters, backlog, queued = (1.0, 20, 2_400, 2_000) if quick else (SECONDS, LETTERS, BACKLOG, QUEUED)
-    tokens = 600 if quick else TOKENS
     tell("throughput")
     full = in_folder(lambda at: throughput(at, "full", seconds))
     normal = in_folder(lambda at: throughput(at, "normal", seconds))
@@ -324,12 +307,11 @@ def measure(quick: bool) -> Figures:
     board_away = in_folder(lambda at: away(at, "full", backlog, board_away=True))
     tell("memory")
     held = in_folder(lambda at: resident(at, queued, 0.5 if quick else SETTLE))
-    tell("agents that write to one another, and one that asks who is there")
+    tell("agents that write to one another")
     return Figures(
         seconds=seconds,
         backlog=backlog // BATCH * BATCH,
         queued=queued,
-        tokens=tokens,
         rate_full=full,
         rate_normal=normal,
         latency_full=latency_full,
@@ -338,6 +320,5 @@ def measure(quick: bool) -> Figures:
         board_away=board_away,
         memory=held,
         talk=in_folder(lambda at: talk(at, backlog // 12)),
-        presence=in_folder(lambda at: presence(at, tokens)),
         fsync=fsync(),
     )

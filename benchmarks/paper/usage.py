@@ -11,16 +11,19 @@ import statistics
 from dataclasses import dataclass, field
 from typing import Final
 
-from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Course, flying
+from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Course, Flight, flying
 from benchmarks.parts import tell
 from benchmarks.processes import BenchmarkFailed
-from benchmarks.sampling import ROLES, Sample, Sampler
+from benchmarks.sampling import Sample, Sampler
 
 ALL: Final = "ALL"
 """The boards of a mission together: each sample of each board counts, as in the paper's table 5."""
 BOARD: Final = "board"
 """The processes of a board together."""
-WHO: Final = (*dict.fromkeys(ROLES.values()), BOARD)
+AGENT: Final = "agent"
+ROLES: Final = {"commd": "commd", "bridged": "bridged", "agentd": AGENT, "program": AGENT}
+"""What each kind of process is on its board; others are not counted."""
+WHO: Final = ("commd", "bridged", AGENT, BOARD)
 BDI, IMPERATIVE = "agentspeak", "python"
 
 
@@ -81,25 +84,10 @@ class Usage:
 
 
 @dataclass
-class Drawn:
-    """The samples of one flight: means over its boards."""
-
-    mission: str
-    speed: float
-    approach: str
-    at: list[float]
-    """Seconds since all processes were there."""
-    cpu: dict[str, list[float]]
-    """By who: agent, bridged, commd, board."""
-    rss: dict[str, list[float]]
-
-
-@dataclass
 class Figures:
     """All that this part measures."""
 
     usages: list[Usage] = field(default_factory=list)
-    drawn: list[Drawn] = field(default_factory=list)
 
     def of(self, mission: str, speed: float, approach: str) -> Usage:
         """Return what a mission used. Raises StopIteration if it was not flown."""
@@ -173,23 +161,6 @@ def _of(values: dict[tuple[str, str], float], board: str, who: str) -> float:
     return sum(value for (where, whose), value in values.items() if where == board and who in (whose, BOARD))
 
 
-def drawn(course: Course, speed: float, approach: str, samples: list[Sample]) -> Drawn:
-    """Return the course of one flight."""
-
-    def means(field: str) -> dict[str, list[float]]:
-        return {
-            who: [
-                round(statistics.mean(_of(getattr(sample, field), board, who) for board in sample.boards), 2)
-                for sample in samples
-            ]
-            for who in WHO
-        }
-
-    return Drawn(
-        course.mission, speed, approach, [round(sample.at, 2) for sample in samples], means("cpu"), means("rss")
-    )
-
-
 EVERY: Final = 1.0
 """Wall seconds between two samples: as the paper's."""
 ENOUGH: Final = 0.9
@@ -199,8 +170,6 @@ TRIED: Final = 0.5
 FLIGHTS: Final = ((SINGLE, 1.0, 2), (SINGLE, 5.0, 3), (RESCUE, 1.0, 1), (RESCUE, 5.0, 3))
 """Mission, speed, and pairs of flights. That of search and rescue at speed 1 takes a quarter of an hour."""
 QUICK: Final = ((SINGLE, 20.0, 1), (RESCUE, 25.0, 1))
-COURSES: Final = {(SINGLE.mission, 1.0), (RESCUE.mission, 1.0)}
-"""Whose samples are kept, to be drawn."""
 
 
 def measure(quick: bool) -> Figures:
@@ -217,8 +186,6 @@ def measure(quick: bool) -> Figures:
         for approach, found in flights.items():
             figures.usages.append(usage(course, speed, approach, found))
             figures.usages[-1].again = lost[approach]
-            if (course.mission, speed) in COURSES:
-                figures.drawn.append(drawn(course, speed, approach, found[0][1]))
     return figures
 
 
@@ -236,10 +203,19 @@ def _once_more(
     return flown(course, approach, speed, every, enough)
 
 
+def daemons(flight: Flight) -> dict[tuple[str, str], int]:
+    """Return the number of each process that counts, by its board and what it is there."""
+    return {
+        (process.board, ROLES[process.kind.name]): watched.process.pid
+        for process, watched in flight.watched
+        if process.kind.name in ROLES
+    }
+
+
 def flown(course: Course, approach: Approach, speed: float, every: float, enough: float = ENOUGH) -> Sampled:
     """Fly a mission once: return how long it took, and what was sampled. Raises BenchmarkFailed."""
     with flying(course, approach, speed) as flight:
-        sampler = Sampler(flight, every)
+        sampler = Sampler(daemons(flight), every)
         with sampler.sampling():
             flight.until_done()
         try:

@@ -7,11 +7,10 @@ from typing import Any, Final
 
 from benchmarks import peers
 from benchmarks.flights import RESCUE, SINGLE
-from benchmarks.paper.usage import ALL, BDI, BOARD, IMPERATIVE, Figures, Measured, Usage, measure
+from benchmarks.paper.usage import AGENT, ALL, BDI, BOARD, IMPERATIVE, ROLES, Figures, Measured, Usage, measure
 from benchmarks.parts import Goal
 from benchmarks.plots import COLOURS, figure, svg
 from benchmarks.results import Origin
-from benchmarks.sampling import AGENT, ROLES
 
 __all__ = ["Figures", "blocks", "goals", "in_comparison", "in_short", "measure", "pictures"]
 
@@ -181,7 +180,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         if any(one.mission == mission for one in figures.usages):
             lines += [f"### {'Table 3' if mission == SINGLE.mission else 'Table 5'}: {title}", ""]
             lines += [*_paper_table(figures, mission), "", *_daemons(figures, mission), "", *_flights(figures, mission)]
-            lines += ["", f"![{title}: processor and memory over one flight](figures/{picture_of(mission)}.svg)", ""]
+            lines.append("")
     lines += ["### The two approaches", "", *_approaches(figures), ""]
     lines += ["![AgentSpeak beside Python: ours and the paper's](figures/usage-ratios.svg)"]
     return {"paper-usage": "\n".join(lines)}
@@ -298,11 +297,6 @@ def paper_ratios() -> list[tuple[str, tuple[float, float], str]]:
     return found
 
 
-def picture_of(mission: str) -> str:
-    """Return the name of the plot of a mission's flight."""
-    return "usage-single" if mission == SINGLE.mission else "usage-rescue"
-
-
 def _usages(figures: Figures, mission: str, approach: str) -> list[Usage]:
     return [one for one in figures.usages if (one.mission, one.approach) == (mission, approach)]
 
@@ -326,45 +320,8 @@ def _middle(ends: tuple[float, float]) -> float:
     return sum(ends) / 2
 
 
-SMOOTH: Final = 15
-"""Samples of which a line of the plots is the mean."""
-
-
 def pictures(figures: Figures) -> dict[str, str]:
-    """Return the plots: one flight of each mission by both approaches, and the ratios."""
-    found = {
-        picture_of(mission): _flight(figures, mission) for mission in dict.fromkeys(d.mission for d in figures.drawn)
-    }
-    return {**found, "usage-ratios": _bars(figures)}
-
-
-def _flight(figures: Figures, mission: str) -> str:
-    with figure(columns=2) as (made, (cpu, memory)):
-        for one in (drawn for drawn in figures.drawn if drawn.mission == mission):
-            colour = COLOURS["agentd" if one.approach == BDI else "python"]
-            title = APPROACHES[one.approach]
-            for who, style in ((BOARD, "-"), (AGENT, ":")):
-                label = f"{title}, {'board' if who == BOARD else 'agent'}"
-                if who == BOARD:
-                    cpu.plot(one.at, one.cpu[who], color=colour, linewidth=0.5, alpha=0.4)
-                cpu.plot(one.at, _smooth(one.cpu[who]), style, color=colour, linewidth=1, label=label)
-                memory.plot(one.at, one.rss[who], style, color=colour, linewidth=1, label=label)
-        several = " (mean of the boards)" if mission == RESCUE.mission else ""
-        made.suptitle(
-            f"{TITLES[mission]}, speed 1{several}; CPU: each sample of a board, and means of {SMOOTH}", fontsize=9
-        )
-        cpu.set(xlabel="s", ylabel="CPU, % of a core", ylim=(0, None))
-        memory.set(xlabel="s", ylabel="RSS, MB", ylim=(0, None))
-        memory.legend(fontsize=7)
-        return svg(made)
-
-
-def _smooth(values: list[float]) -> list[float]:
-    around = [values[max(0, place - SMOOTH // 2) : place + SMOOTH // 2 + 1] for place in range(len(values))]
-    return [sum(some) / len(some) for some in around]
-
-
-def _bars(figures: Figures) -> str:
+    """Return the plot of the ratios, ours and the paper's."""
     bars: list[tuple[str, float, float, str]] = []
     for title, (cpu, memory), _ in paper_ratios():
         bars.append((title, cpu, memory, COLOURS["paper"]))
@@ -376,7 +333,7 @@ def _bars(figures: Figures) -> str:
         for axes, index, title in ((panels[0], 1, "CPU"), (panels[1], 2, "memory")):
             _panel(axes, bars, index, f"a board's {title}: BDI / imperative")
         panels[1].set_yticklabels([])
-        return svg(made)
+        return {"usage-ratios": svg(made)}
 
 
 def _panel(axes: Any, bars: list[tuple[str, float, float, str]], index: int, title: str) -> None:

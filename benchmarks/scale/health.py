@@ -116,10 +116,3 @@ def gaps(times: list[float], begun: float, ended: float, limit: float) -> int:
     """
     within = [at for at in times if begun <= at <= ended]
     return sum(after - before > limit for before, after in pairwise([begun, *within, ended]))
-
-
-def worst_lag(records: Records, daemon: str, begun: float, ended: float) -> float:
-    """Return the seconds by which a daemon of a kind was behind at worst."""
-    of_all = records.of_all().items()
-    lags = (one.lag for (_, kind), told in of_all if kind == daemon for at, one in told if begun <= at <= ended)
-    return max(lags, default=0.0)

@@ -1,4 +1,4 @@
-"""A mission of any number of UAVs with their agents on one board: what `benchmarks.scale.part` flies."""
+"""A mission of any number of vehicles that only talk, with their agents on one board, and the vehicles' process."""
 
 from __future__ import annotations
 
@@ -8,30 +8,23 @@ import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from benchmarks.traffic import RATES, Talker
+from benchmarks.traffic import POSITIONS, RATES, Talker
 from tests.support.ports import free_port
 
 FLEET: Final = "scale"
-Vehicles = Literal["copters", "talkers"]
-"""Simulated copters that fly, or what only talks as copters do."""
 MOST_POSITIONS: Final = 100
 """Positions a second, of all agents together, that plans print: their reader must not be what is measured."""
 ASK_EVERY: Final = 1000
 """Milliseconds between the answer to an agent's question and its next one."""
-SPACING: Final = 2e-4
-"""Degrees between two homes, some 20 m."""
-FIELD: Final = (-27.604033, -48.518363, 21.0)
-_WATCHER: Final = """\
+_PROGRAM: Final = """\
 !begin.
 +!begin <- .wait(bridge(up), 300000); .print("serves"); !!ask_on.
 +altitude(A) : every(K) & A mod K == 0 <- .print("at ", A).
-"""
-_ASKS: Final = """\
 +!ask_on <- .random(R); .wait(1000 * R); !!ask.
 +!ask : pause(P)
   <- .nano_time(B);
@@ -41,20 +34,6 @@ _ASKS: Final = """\
      .wait(P);
      !!ask.
 -!ask[error_msg(Why)] : pause(P) <- .print("not told: ", Why); .wait(P); !!ask.
-"""
-_FLYER: Final = """\
-!begin.
-+!begin
-  <- .wait(bridge(up), 300000);
-     set_mode("GUIDED");
-     arm_motors(true);
-     takeoff(10);
-     .print("serves");
-     !!ask_on;
-     !!patrol.
--!begin[error_msg(Why)] <- .print("begins again: ", Why); .wait(2000); !!begin.
-+!patrol : post(Lat, Lon, Away) <- goto(Away, Lon, 10); goto(Lat, Lon, 10); !!patrol.
--!patrol[error_msg(Why)] <- .print("turned back: ", Why); .wait(1000); !!patrol.
 """
 
 
@@ -70,35 +49,20 @@ class Field:
     """So many metres lie between two altitudes that a plan prints."""
 
 
-def name_of(number: int) -> str:
-    """Return the name of a vehicle's agent by the vehicle's system id."""
-    return f"agent{number}"
-
-
-def write_mission(folder: Path, vehicles: Vehicles, size: int, *, own_links: bool, talker: int = 0) -> Field:
-    """Write a mission of `size` UAVs. `talker` is the system id of one more, which only talks; 0: there is none."""
-    (folder / "watcher.asl").write_text(_WATCHER + _ASKS)
-    (folder / "flyer.asl").write_text(_FLYER + _ASKS)
+def write_mission(folder: Path, size: int, *, own_links: bool) -> Field:
+    """Write a mission of `size` vehicles, which share a link or have one each."""
+    (folder / "watcher.asl").write_text(_PROGRAM)
     router = f"tcp/127.0.0.1:{free_port()}"
-    ids = [*range(1, size + 1), *([talker] if talker else [])]
     shared = free_port()
-    ports = [free_port() if own_links else shared for _ in ids]
-    talk = {one for one in ids if vehicles == "talkers" or one == talker}
-    every = max(1, len(talk) * 10 // MOST_POSITIONS)
-    agents, robots = [], []
-    for number, port in zip(ids, ports, strict=True):
-        flies = number not in talk
-        lat, lon = FIELD[0] + SPACING * (number // 16), FIELD[1] + SPACING * (number % 16)
-        told = f'"post({lat:.7f}, {lon:.7f}, {lat + SPACING / 2:.7f})"' if flies else f'"every({every})"'
-        program = "flyer" if flies else "watcher"
-        agents.append(
-            f"  {name_of(number)}: {{program: {program}.asl, robot: uav{number}, "
-            f'beliefs: ["pause({ASK_EVERY})", {told}]}}'
-        )
-        simulate = f", simulate: {{home: [{lat:.7f}, {lon:.7f}, {FIELD[2]}]}}" if flies else ""
-        link = f"link: 'udpin:127.0.0.1:{port}', sysid: {number}"
-        robots.append(f"  uav{number}: {{manifest: arducopter, {link}{simulate}}}")
-    lines = ["mission: scale", "agents:", *agents, "robots:", *robots, f"router: {{endpoint: {router}}}", ""]
+    ports = [free_port() if own_links else shared for _ in range(size)]
+    every = max(1, size * POSITIONS // MOST_POSITIONS)
+    beliefs = f'beliefs: ["pause({ASK_EVERY})", "every({every})"]'
+    agents = [f"  agent{one}: {{program: watcher.asl, robot: uav{one}, {beliefs}}}" for one in range(1, size + 1)]
+    robots = [
+        f"  uav{one}: {{manifest: arducopter, link: 'udpin:127.0.0.1:{port}', sysid: {one}}}"
+        for one, port in enumerate(ports, 1)
+    ]
+    lines = [f"mission: {FLEET}", "agents:", *agents, "robots:", *robots, f"router: {{endpoint: {router}}}", ""]
     mission = folder / "scale.yaml"
     mission.write_text("\n".join(lines))
     return Field(mission, router, ports, every)
@@ -116,8 +80,6 @@ class Told:
     """By system id and altitude in metres: when it was handed to the socket."""
     beats: dict[int, list[float]] = field(default_factory=dict)
     """By system id: when HEARTBEATs of the bridge came."""
-    late: list[float] = field(default_factory=list)
-    """Of each second: its time, and the seconds by which the vehicles were late at worst."""
 
 
 class Vehicle(Talker):
@@ -149,16 +111,13 @@ def talk(vehicles: list[Vehicle], every: int) -> Told:
     )
     told, begun = Told(), time.monotonic()
     while not ended:
-        worst = 0.0
         for at, number, kind in second:
             while (wait := begun + at - time.monotonic()) > 0:
                 for one in select.select(vehicles, [], [], wait)[0]:
                     one.answer()
-            worst = max(worst, -wait)
             vehicles[number].tell(kind)
             if ended:
                 break
-        told.late += [time.monotonic(), worst]
         begun += 1.0
     for one in vehicles:
         told.sent[one.system] = {metres: at for metres, at in one.sent.items() if metres % every == 0}

@@ -1,24 +1,17 @@
-"""The block of the part "scale": its tables, and what was missed. What follows from them: `benchmarks.scale.page`."""
+"""The page of the part "scale": what vehicles cost, what was missed, at which size something is outgrown."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from benchmarks import plots
 from benchmarks import spread as fits
-from benchmarks.traffic import POSITIONS, RATES
 from benchmarks.peers import BEAGLEBONE_MB, PI_MB
 from benchmarks.results import Origin
 from benchmarks.scale.mission import ASK_EVERY
-from benchmarks.scale.run import BEAT_LATE, IN_TIME, PATIENCE, Run
+from benchmarks.scale.run import BEAT_LATE, DAEMONS, IN_TIME, PATIENCE, Run
+from benchmarks.traffic import POSITIONS, RATES
 
-if TYPE_CHECKING:
-    from benchmarks.scale.part import Figures
-
-
-DAEMONS: Final = ("commd", "bridged", "agentd")
 FULL: Final = 95.0
 """Per cent of the machine's cores from which on processes wait for one: what they use then is what they get."""
 READY: Final = 70.0
@@ -38,7 +31,7 @@ def first_missed(row: list[Run]) -> Run | None:
 
 
 def outgrown(row: list[Run], origin: Origin) -> list[str]:
-    """Say at which measured size something was outgrown, how the cost grows, and what that means for more UAVs."""
+    """Return at which measured size something was outgrown, how the cost grows, and what that means for more UAVs."""
     told = easy(row)
     found = [_measured(row)]
     if len(told) < 2:
@@ -137,30 +130,25 @@ _REMEDY: Final = {
 }
 
 
-def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
-    """Return the text of the page's block."""
-    talkers, apart, copters = figures.of("talkers"), figures.of("talkers", own_links=True), figures.of("copters")
+def page(origin: Origin, shared: list[Run], apart: list[Run]) -> str:
+    """Return the text of the page's block, of vehicles that share a link and of those that have one each."""
     parts = [
         origin.line(),
-        _sizes(talkers),
+        _sizes(shared),
         "### What it costs",
-        "UAVs that only talk, all on one link and so in one bridge, as robots are that share a link:",
-        _costs(talkers),
+        "All on one link and so in one bridge, as robots are that share a link:",
+        _costs(shared),
         "The same, each on a link of its own, and so with a bridge of its own:",
         _costs(apart),
-        "Simulated copters in flight, all on one link, and one UAV more that only talks, for the latency:",
-        _costs(copters),
-        _beside(copters),
         "![processor time and memory by the number of UAVs](figures/scale-cost.svg)",
         "### How late it is",
-        _lateness([*talkers, *apart, *copters]),
-        "![latency by the number of UAVs](figures/scale-latency.svg)",
+        _lateness([*shared, *apart]),
         "### What is missed",
-        _missed([*talkers, *apart, *copters]),
+        _missed([*shared, *apart]),
         "### What is outgrown, and when",
-        *outgrown(talkers, origin),
+        *outgrown(shared, origin),
     ]
-    return {"scale": "\n\n".join(part for part in parts if part)}
+    return "\n\n".join(parts)
 
 
 def _sizes(row: list[Run]) -> str:
@@ -175,72 +163,39 @@ def _sizes(row: list[Run]) -> str:
 
 
 def _costs(row: list[Run]) -> str:
-    if not row:
-        return ""
     head = (
         "| UAVs | bridges | messages/s | percepts/s of a UAV | commd | bridged | agentd | daemons "
         "| vehicles | cores busy | PSS of the daemons, MB | of it commd, bridged, agentd | ready after |"
     )
     lines = [head, "|" + "---|" * (head.count("|") - 1)]
     for one in row:
-        vehicles = sum(one.use[kind].cpu for kind in ("simulator", "talkers") if kind in one.use)
         each = " | ".join(f"{one.use[kind].cpu:.1f} %" for kind in DAEMONS)
         pss = ", ".join(f"{one.use[kind].pss:.0f}" for kind in DAEMONS)
         lines.append(
-            f"| {one.size} | {one.use['bridged'].processes} | {one.messages:.0f} "
-            f"| {one.percepts / (one.size + (one.vehicles == 'copters')):.1f} | {each} | {one.cpu():.1f} % "
-            f"| {vehicles:.0f} % | {one.busy:.0f} % | {one.pss():.0f} | {pss} | {one.ready:.1f} s |"
+            f"| {one.size} | {one.use['bridged'].processes} | {one.messages:.0f} | {one.percepts / one.size:.1f} "
+            f"| {each} | {one.cpu():.1f} % | {one.use['talkers'].cpu:.0f} % | {one.busy:.0f} % | {one.pss():.0f} "
+            f"| {pss} | {one.ready:.1f} s |"
         )
     return "\n".join(lines)
-
-
-def _beside(row: list[Run]) -> str:
-    """Whether the simulators kept up, and what of the row can be read."""
-    if not row:
-        return ""
-    said = []
-    for one in row:
-        simulators = one.use["simulator"]
-        factor = 1 - one.never_happened / (one.seconds * simulators.processes)
-        each = simulators.cpu / simulators.processes
-        said.append(
-            f"| {one.size} | {each:.1f} % | {simulators.rss / simulators.processes:.0f} MB | {one.late_rounds} "
-            f"| {factor:.3f} | {one.serving} of {one.size + 1} |"
-        )
-    head = "| copters | each simulator | RSS of each | rounds late | real-time factor | served |"
-    full = [one.size for one in row if one.busy >= FULL]
-    words = (
-        f"With {full[0]} copters and more the simulators and the daemons together fill the cores of this machine: "
-        "what these rows show is what is left to the daemons, and the rows of UAVs that only talk show what they need."
-        if full
-        else "The simulators leave cores free at every size."
-    )
-    return "\n".join([head, "|" + "---|" * 6, *said, "", words])
 
 
 def _lateness(runs: list[Run]) -> str:
     head = (
         "| UAVs | position to belief: p50 | p99 | worst | positions, of them no belief | in time "
-        "| action to its success: p50 | p99 | worst "
-        "| actions | lag of commd, bridged, agentd at worst | daemons ready, and no core free |"
+        "| action to its success: p50 | p99 | worst | actions |"
     )
     lines = [head, "|" + "---|" * (head.count("|") - 1)]
     for one in runs:
-        lag = ", ".join(f"{one.lag[kind]:.0f}" for kind in DAEMONS)
-        waited = sum(one.use[kind].waited for kind in DAEMONS)
         lines.append(
-            f"| {one.size} {_what(one)} | {one.percept.p50:.1f} ms | {one.percept.p99:.1f} ms "
+            f"| {_what(one)} | {one.percept.p50:.1f} ms | {one.percept.p99:.1f} ms "
             f"| {one.percept.max:.0f} ms | {one.percept.count + one.unseen}, {one.unseen} | {one.in_time:.1%} "
-            f"| {one.asked.p50:.1f} ms | {one.asked.p99:.1f} ms "
-            f"| {one.asked.max:.0f} ms | {one.asked.count} | {lag} ms | {waited:.0f} % |"
+            f"| {one.asked.p50:.1f} ms | {one.asked.p99:.1f} ms | {one.asked.max:.0f} ms | {one.asked.count} |"
         )
     return "\n".join(lines)
 
 
 def _what(one: Run) -> str:
-    if one.vehicles == "copters":
-        return "copters"
-    return "talkers, a bridge each" if one.own_links else "talkers"
+    return f"{one.size}, a bridge each" if one.own_links else str(one.size)
 
 
 def _missed(runs: list[Run]) -> str:
@@ -252,10 +207,10 @@ def _missed(runs: list[Run]) -> str:
         lines += [f"| UAVs | {' | '.join(kinds)} |", "|" + "---|" * (len(kinds) + 1)]
         for one in runs:
             if any(one.missed[what] for what in kinds):
-                lines.append(f"| {one.size} {_what(one)} | {' | '.join(str(one.missed[what]) for what in kinds)} |")
+                lines.append(f"| {_what(one)} | {' | '.join(str(one.missed[what]) for what in kinds)} |")
         lines.append("")
-        clean = [f"{one.size} {_what(one)}" for one in runs if not any(one.missed.values())]
-        lines += [f"Nothing at all was missed with: {'; '.join(clean)}.", ""] if clean else []
+        clean = [_what(one) for one in runs if not any(one.missed.values())]
+        lines += [f"Nothing at all was missed with so many UAVs: {'; '.join(clean)}.", ""] if clean else []
     if never:
         lines.append(f"At no size was there any of: {', '.join(never)}.")
     lines.append(
@@ -268,54 +223,23 @@ def _missed(runs: list[Run]) -> str:
     return "\n".join(lines)
 
 
-def pictures(figures: Figures) -> dict[str, str]:
-    """Return the pictures of the page."""
-    talkers, copters = figures.of("talkers"), figures.of("copters")
-    found = {}
+def picture(row: list[Run]) -> str:
+    """Draw processor time and memory of the daemons by the number of vehicles."""
     with plots.figure(columns=2) as (made, (cpu, memory)):
+        sizes = [one.size for one in row]
+        told = easy(row)
         for kind in DAEMONS:
-            _curve(cpu, talkers, _used(kind, "cpu"), kind, plots.COLOURS[kind])
-            _curve(memory, talkers, _used(kind, "pss"), kind, plots.COLOURS[kind])
-        if len(told := easy(talkers)) > 1:
-            for kind in DAEMONS:
+            style = {"marker": "o", "markersize": 3, "color": plots.COLOURS[kind], "label": kind}
+            cpu.plot(sizes, [one.use[kind].cpu for one in row], **style)
+            memory.plot(sizes, [one.use[kind].pss for one in row], **style)
+            if len(told) > 1:
                 line = fits.line([(one.size, one.use[kind].cpu) for one in told])
-                sizes = [one.size for one in talkers]
                 cpu.plot(sizes, [max(1e-2, line.at(size)) for size in sizes], ":", color=plots.COLOURS[kind])
         cpu.axhline(100.0, color="black", linewidth=0.8, linestyle="--")
         _axes(cpu, "processor time, % of a core")
         _axes(memory, "PSS, MB")
         made.suptitle("UAVs that only talk, one link (dotted: fitted; dashed: one core)", fontsize=9)
-        found["scale-cost"] = plots.svg(made)
-    with plots.figure(columns=2) as (made, (percept, action)):
-        for axes, what in ((percept, "percept"), (action, "asked")):
-            for row, style, name in ((talkers, "-", "talkers"), (copters, "--", "copters")):
-                for part, colour in (("p50", "#2ca02c"), ("p99", "#ff7f0e"), ("max", "#d62728")):
-                    _curve(
-                        axes,
-                        row,
-                        _late(what, part),
-                        f"{'worst' if part == 'max' else part}, {name}",
-                        colour,
-                        style,
-                    )
-        _axes(percept, "position to belief, ms")
-        _axes(action, "action to its success, ms")
-        found["scale-latency"] = plots.svg(made)
-    return found
-
-
-def _used(kind: str, what: str) -> Callable[[Run], float]:
-    return lambda one: float(getattr(one.use[kind], what))
-
-
-def _late(what: str, part: str) -> Callable[[Run], float]:
-    return lambda one: float(getattr(getattr(one, what), part))
-
-
-def _curve(axes: Any, row: list[Run], of: Callable[[Run], float], label: str, colour: str, style: str = "-") -> None:
-    points = [(one.size, of(one)) for one in row if of(one) > 0 and math.isfinite(of(one))]
-    if points:
-        axes.plot(*zip(*points, strict=True), style, marker="o", markersize=3, color=colour, label=label)
+        return plots.svg(made)
 
 
 def _axes(axes: Any, what: str) -> None:

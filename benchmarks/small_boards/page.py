@@ -1,4 +1,4 @@
-"""The figures of small boards as Markdown and as a picture (`benchmarks.small_boards.part`)."""
+"""The figures of small boards as Markdown (`benchmarks.small_boards.part`)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from benchmarks import peers, plots
+from benchmarks import peers
 from benchmarks.parts import Goal
 from benchmarks.results import Origin
 from benchmarks.small_boards.control_groups import Limits
@@ -105,12 +105,8 @@ class Flown:
 class Figures:
     """What was flown."""
 
-    shares: list[Flown]
-    """With shares of one core, and as much memory as there is."""
     boards: list[Flown]
     """With the limits of boards."""
-    memory: list[Flown]
-    """With little memory, and all that there is of the processor."""
     free: list[Flown]
     """Without limits, one of each form."""
     side_by_side: int
@@ -119,10 +115,7 @@ class Figures:
     """Cores of the machine that were busy meanwhile, in the mean."""
 
 
-COLOURS: Final = (plots.COLOURS["agentd"], plots.COLOURS["bridged"])
-
-
-def block(origin: Origin, figures: Figures, boards: Sequence[Board], system: float, dmips: float) -> str:
+def block(origin: Origin, figures: Figures) -> str:
     """Return the block of docs/measurements/benchmarks.md."""
     parts = [
         origin.line(),
@@ -130,8 +123,9 @@ def block(origin: Origin, figures: Figures, boards: Sequence[Board], system: flo
         f"small one by {figures.free[0].kept_by}; the simulator, on another computer in the paper, is outside. **No "
         "such board was at hand**: memory is the board's own, and what share of a core here stands for one of its "
         "cores is derived from published figures (DMIPS per MHz of its core) and an assumption: that a core here does "
-        f"{dmips:,.0f} DMIPS, 10 per MHz at 4 GHz. On a slower machine than that a board is given less than it has.",
-        "\n".join(_given(boards, system)),
+        f"{OUR_DMIPS:,.0f} DMIPS, 10 per MHz at 4 GHz. On a slower machine than that a board is given less than it "
+        "has.",
+        "\n".join(_given()),
         f"At most {figures.side_by_side} flights were flown side by side, and their simulators; {figures.busy:.1f} "
         "cores of the machine were busy meanwhile. The two without limits were flown before them, side by side, and "
         f"were late by {max(one.lag for one in figures.free):.2f} s at worst. Only memory and the share of a "
@@ -143,20 +137,16 @@ def block(origin: Origin, figures: Figures, boards: Sequence[Board], system: flo
         "work to do had used up their share. *Late*: by how much a daemon's loop was behind at worst in flight. In the "
         f"paper, on a BeagleBone Black, the agents in Jason were {peers.BEAGLEBONE}; all of their nodes together hold "
         f"{peers.mb(peers.JASON_BOARD[0]):.0f} to {peers.mb(peers.JASON_BOARD[1]):.0f} MB.",
-        "![what a board holds, and how long it takes with less of a core](figures/small-boards.svg)",
-        f"**The least that is enough**, without any assumption about boards: {least(figures)}. What was tried, each "
-        "with the other left free:",
-        "\n".join(_tried(figures)),
     ]
     return "\n\n".join(parts)
 
 
-def _given(boards: Sequence[Board], system: float) -> Iterator[str]:
+def _given() -> Iterator[str]:
     yield "| board | memory | left to its system | left to the daemons | cores | a core of it, of one here |"
     yield "|---|---|---|---|---|---|"
-    for board in boards:
+    for board in BOARDS:
         yield (
-            f"| {board.title} | {board.memory:.0f} MB | {system:.0f} MB | {board.memory - system:.0f} MB "
+            f"| {board.title} | {board.memory:.0f} MB | {SYSTEM:.0f} MB | {board.limits.memory:.0f} MB "
             f"| {board.cores} x {board.clock:.0f} MHz {board.core}, {board.dmips_per_mhz:g} DMIPS per MHz "
             f"| {board.share:.1%} |"
         )
@@ -178,53 +168,10 @@ def _flights(flights: Sequence[Flown]) -> Iterator[str]:
             yield f"| {one.board} | {one.form} | **{one.why}** | | | | | | | |"
 
 
-def _tried(figures: Figures) -> Iterator[str]:
-    yield "| | given | mission | ready, s | mission, s | late, s |"
-    yield "|---|---|---|---|---|---|"
-    for one in [*figures.shares, *figures.memory]:
-        given = f"{one.share:.1%} of a core" if one.share is not None else f"{given_memory(figures, one):.0f} MB"
-        if one.completed:
-            yield f"| {one.form} | {given} | completed | {one.ready:.1f} | {one.mission:.1f} | {one.lag:.2f} |"
-        else:
-            yield f"| {one.form} | {given} | {one.why} | {f'{one.ready:.1f}' if one.ready else ''} | | |"
-
-
 def given_memory(figures: Figures, one: Flown) -> float:
     """Return the MB that a flight was given, with the pages that were not charged to it."""
     free = next(flown for flown in figures.free if flown.form == one.form)
     return (one.memory or 0.0) + free.elsewhere
-
-
-def smallest_share(figures: Figures, form: str) -> float | None:
-    """Return the smallest share down to which every flight of a form was completed."""
-    found = None
-    for one in sorted((f for f in figures.shares if f.form == form), key=lambda f: -(f.share or 0.0)):
-        if not one.completed:
-            break
-        found = one.share
-    return found
-
-
-def smallest_memory(figures: Figures, form: str) -> float | None:
-    """Return the smallest memory in MB down to which every flight of a form was completed."""
-    found = None
-    for one in sorted((f for f in figures.memory if f.form == form), key=lambda f: -(f.memory or 0.0)):
-        if not one.completed:
-            break
-        found = given_memory(figures, one)
-    return found
-
-
-def least(figures: Figures) -> str:
-    """Return with how little each form still completes the mission, in words."""
-    parts = []
-    for form in dict.fromkeys(one.form for one in figures.free):
-        share, memory = smallest_share(figures, form), smallest_memory(figures, form)
-        parts.append(
-            f"{form} with {'none of the tried shares' if share is None else f'{share:.1%}'} of one core of this "
-            f"machine, and {'no memory that was tried' if memory is None else f'{memory:.0f} MB'}"
-        )
-    return "; ".join(parts)
 
 
 def goals(figures: Figures) -> list[Goal]:
@@ -234,23 +181,24 @@ def goals(figures: Figures) -> list[Goal]:
         flights = [one for one in figures.boards if one.board == board]
         words = [f"{one.form}: {f'completed, {one.held:.0f} MB' if one.completed else one.why}" for one in flights]
         met = all(one.completed for one in flights)
-        why = "" if met else _why(figures, flights)
+        why = "" if met else _why(flights)
         title = f"single-UAV mission within the limits of a {board}"
         found.append(Goal(title, "completed", "; ".join(words), met, why))
     return found
 
 
-def _why(figures: Figures, flights: Sequence[Flown]) -> str:
-    """Return why a mission was not completed, as far as it is known, and what was tried."""
+def _why(flights: Sequence[Flown]) -> str:
+    """Return why a mission was not completed, as far as it is known."""
     lost = [one for one in flights if not one.completed]
     told = "; ".join(
         f"{one.form} held {one.held:.0f} MB at most and was held back for {one.throttled:.1f} s" for one in lost
     )
-    return f"{told}; tried, to see which of the limits it is: {least(figures)}"
+    return f"{told}; which of the limits it is, is not known"
 
 
-def in_short(figures: Figures, title: str) -> list[str]:
-    """Return the row of the README's table: what became of the mission within the limits of the board of that title."""
+def in_short(figures: Figures) -> list[str]:
+    """Return the row of the README's table: what became of the mission within the limits of a BeagleBone Black."""
+    title = BEAGLEBONE.title
     flights = [one for one in figures.boards if one.board == title]
     completed = all(one.completed for one in flights)
     memory = max(given_memory(figures, one) for one in flights)
@@ -261,32 +209,3 @@ def in_short(figures: Figures, title: str) -> list[str]:
         f"{'completed' if completed else 'not completed'} | in the paper {peers.BEAGLEBONE} "
         "([measured](docs/measurements/benchmarks.md#small-boards)) |"
     ]
-
-
-def picture(figures: Figures, limits: dict[str, float]) -> str:
-    """Draw what a board holds beside its limits and the paper, and how long it takes with less of a core."""
-    forms = list(dict.fromkeys(one.form for one in figures.free))
-    with plots.figure(columns=2, width=9.0) as (made, (left, right)):
-        held = [one.held for one in figures.free]
-        left.bar([form.strip("`") for form in forms], held, color=COLOURS, width=0.5)
-        left.bar(["the paper's,\nin Jason"], [peers.mb(peers.JASON_BOARD[0])], color=plots.COLOURS["paper"], width=0.5)
-        for title, limit in limits.items():
-            left.axhline(limit, color="black", lw=0.8, ls="--")
-            where = left.get_yaxis_transform()
-            left.text(0.02, limit, f"left by a {title}: {limit:.0f}", va="bottom", fontsize=8, transform=where)
-        left.set_ylabel("MB held by the board")
-        left.set_ylim(0, max(limits.values()) * 1.1)
-        for form, colour in zip(forms, COLOURS, strict=True):
-            tried = [*figures.shares, *(one for one in figures.boards if one.cores == 1)]
-            flown = sorted((f for f in tried if f.form == form and f.completed), key=lambda f: f.share or 0.0)
-            name = form.strip("`")
-            shares = [100 * (one.share or 0.0) for one in flown]
-            right.plot(shares, [one.ready for one in flown], "o--", color=colour, label=f"{name}: ready")
-            right.plot(shares, [one.mission for one in flown], "o-", color=colour, label=f"{name}: mission")
-            lost = [100 * (f.share or 0.0) for f in tried if f.form == form and not f.completed]
-            right.plot(lost, [0.0] * len(lost), "x", color=colour, label=f"{name}: not completed" if lost else None)
-        right.set_xlabel("% of one core here for the whole board")
-        right.set_ylabel("s")
-        right.set_ylim(bottom=-5)
-        right.legend(fontsize=7, handlelength=3.5, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
-        return plots.svg(made)

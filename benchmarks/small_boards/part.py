@@ -1,4 +1,4 @@
-"""The paper's first mission with its board kept within the limits of a small one, and how little is still enough.
+"""The paper's first mission with its board kept within the limits of a small one.
 
 All daemons of the board are in one control group; the simulator, on another computer in the paper (section 5.1), is
 outside. Some flights are flown side by side; those without limits are the first, and show what that costs.
@@ -16,29 +16,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-import psutil
-
 from argosy.processes.process_table import plan
-from benchmarks.flights import READY, SINGLE, Flight, setup_in, with_one_process
-from benchmarks.parts import Goal, tell
-from benchmarks.processes import BenchmarkFailed, alone
-from benchmarks.results import Origin
+from benchmarks.flights import SINGLE, Flight, setup_in, start_all, with_one_process
+from benchmarks.parts import tell
+from benchmarks.processes import BenchmarkFailed, Watched, alone
+from benchmarks.results import Origin, busy_seconds
 from benchmarks.scale.health import Records, listening
-from benchmarks.small_boards import page as small_boards_page
+from benchmarks.serving import READY
 from benchmarks.small_boards.control_groups import ControlGroup, Limits, limited
 from benchmarks.small_boards.page import (
-    BEAGLEBONE,
     BOARDS,
     FORMS,
     ONE,
-    OUR_DMIPS,
     SYSTEM,
     THREE,
     Figures,
     Flown,
     Wanted,
+    block,
+    goals,
+    in_short,
 )
-from benchmarks.watched import Watched, watched_command
 
 SPEED: Final = 1.0
 START: Final = 150.0
@@ -82,20 +80,14 @@ def _started(stack: ExitStack, form: str, group: ControlGroup, speed: float) -> 
     setup = setup_in(folder, SINGLE.mission, speed)
     planned = plan(setup) if form == THREE else with_one_process(setup, "local", plan(setup))
     flight = Flight(SINGLE, "agentspeak", setup, {})
-    for process in sorted(planned, key=lambda process: process.kind.measured):
-        ours = process.kind.measured
-        if process.kind.name == "commd":
-            flight.begun = time.monotonic()  # the board is switched on
-        command = group.command(list(process.argv)) if ours else list(process.argv)
-        watched = stack.enter_context(watched_command(process.name, command))
-        flight.watched.append((process, watched))
-        if process.kind.name in {"commd", "simulator"}:
-            _until(flight, watched, READY[process.kind.name])
-    for process, watched in flight.watched:
-        one_process = form == ONE and process.kind.measured
-        for words in _ALL_READY if one_process else (READY[process.kind.name],):
-            _until(flight, watched, words)
-    flight.up = time.monotonic()
+    start_all(stack, [one for one in planned if not one.kind.measured], flight.watched)
+    flight.until_up()
+    flight.begun = time.monotonic()  # the board is switched on
+    start_all(stack, [one for one in planned if one.kind.measured], flight.watched, group.command, START)
+    if form == ONE:
+        for words in (READY["bridged"], READY["agentd"]):
+            flight.watched[-1][1].says(words, START)
+    flight.until_up(START)
     return flight
 
 
@@ -106,20 +98,6 @@ def _why(failed: BenchmarkFailed, flight: Flight | None) -> str:
     if said:
         return said[0].partition(f"{SINGLE.given_up}: ")[2]
     return str(failed).partition("\n")[0].removesuffix("; last:")
-
-
-_ALL_READY: Final = (READY["bridged"], READY["agentd"])
-
-
-def _until(flight: Flight, watched: Watched, words: str) -> None:
-    while not any(words in line for _, line in watched.said):
-        for _, one in flight.watched:
-            if (code := one.process.poll()) is not None:
-                last = "\n".join(line for _, line in one.said[-3:])
-                raise BenchmarkFailed(f"{one.name} ended with exit code {code} before all were there; last:\n{last}")
-        if time.monotonic() > flight.begun + START:
-            raise BenchmarkFailed(f"{watched.name} was not there after {START:g} s")
-        time.sleep(0.05)
 
 
 def _in_flight(stack: ExitStack, flight: Flight, group: ControlGroup, flown: Flown) -> Flown:
@@ -166,46 +144,32 @@ def _lag(records: Records, begun: float, ended: float) -> float:
     return max((health.lag for at, health in told if begun <= at <= ended), default=0.0)
 
 
-__all__ = ["Figures", "blocks", "goals", "in_short", "measure", "pictures"]
+__all__ = ["Figures", "blocks", "goals", "in_short", "measure"]
 
-SIDE_BY_SIDE: Final = 6
-"""Flights at once, at most: 19 of them would wait for one another on two cores, and not for their limits."""
 LATE: Final = 0.1
 """Wall seconds: when a daemon's loop without limits was later than this, the machine was too busy for any row."""
 QUICK_SPEED: Final = 5.0
 APART: Final = 2.5
 """Wall seconds between the starts of two flights."""
-SHARES: Final = {THREE: (0.015, 0.02, 0.03), ONE: (0.01, 0.015, 0.02, 0.03)}
-"""Of one core of this machine for the whole board."""
-PARTS_OF_MEMORY: Final = (0.95, 1.0, 1.05)
-"""Of what the board holds when its daemons are there."""
 
 
 def measure(quick: bool) -> Figures:
     """Fly everything; a flight that a limit ends is a figure. Raises BenchmarkFailed when one without limits fails."""
     speed = QUICK_SPEED if quick else SPEED
     found = {form: stood(form) for form in FORMS}
-    shares = [Wanted(form, Limits(share=share), speed) for form in FORMS for share in SHARES[form]]
     boards = [
         Wanted(form, replace(board.limits, memory=board.memory - SYSTEM - found[form].elsewhere), speed, board.title)
         for board in BOARDS
         for form in FORMS
     ]
-    memory = [
-        Wanted(form, Limits(part * found[form].held - found[form].elsewhere), speed)
-        for form in FORMS
-        for part in PARTS_OF_MEMORY
-    ]
     if quick:  # few, and with so much of a core that this speed is kept up
         boards = [replace(one, limits=replace(one.limits, share=0.9)) for one in boards[:2]]
-        memory, shares = memory[2:3], [Wanted(ONE, Limits(share=0.9), speed)]
-    free = [Wanted(form, Limits(), speed, "no limits") for form in FORMS]
-    begun, busy = time.monotonic(), _busy()
-    fresh = _side_by_side(free)  # apart: they are what the others are held against
-    flown = iter(_side_by_side([one for group in (shares, boards, memory) for one in group]))
-    slow, small, tight = ([next(flown) for _ in group] for group in (shares, boards, memory))
-    cores = (_busy() - busy) / (time.monotonic() - begun)
-    figures = Figures(slow, small, tight, fresh, SIDE_BY_SIDE, cores)
+    begun, busy = time.monotonic(), busy_seconds()
+    fresh = _side_by_side(
+        [Wanted(form, Limits(), speed, "no limits") for form in FORMS]
+    )  # what others are held against
+    small = _side_by_side(boards)
+    figures = Figures(small, fresh, len(boards), (busy_seconds() - busy) / (time.monotonic() - begun))
     if failed := [one for one in fresh if not one.completed]:
         raise BenchmarkFailed(f"small boards: {failed[0].form}, without limits: {failed[0].why}")
     if not quick and (late := [one for one in fresh if one.lag > LATE]):
@@ -217,40 +181,16 @@ def measure(quick: bool) -> Figures:
 
 def _side_by_side(flights: Sequence[Wanted]) -> list[Flown]:
     """Fly some at once, each from a process of its own, so that they share nothing but the machine."""
-    many = min(SIDE_BY_SIDE, len(flights))
-    tell(f"{len(flights)} flights, {many} side by side")
+    tell(f"{len(flights)} flights, side by side")
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(many, context, max_tasks_per_child=1) as pool:
+    with ProcessPoolExecutor(len(flights), context, max_tasks_per_child=1) as pool:
         flown = []
-        for place, wanted in enumerate(flights):
+        for wanted in flights:
             flown.append(pool.submit(fly, wanted))
-            if place < many:
-                time.sleep(APART)
+            time.sleep(APART)
         return [one.result() for one in flown]
-
-
-def _busy() -> float:
-    """Return the seconds for which cores of the machine were busy so far; to wait for a disk is not."""
-    times = psutil.cpu_times()
-    return float(times.user + times.nice + times.system + times.irq + times.softirq + times.steal)
 
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the block of docs/measurements/benchmarks.md."""
-    return {"small-boards": small_boards_page.block(origin, figures, BOARDS, SYSTEM, OUR_DMIPS)}
-
-
-def pictures(figures: Figures) -> dict[str, str]:
-    """Return its picture."""
-    limits = {board.title: board.memory - SYSTEM for board in BOARDS}
-    return {"small-boards": small_boards_page.picture(figures, limits)}
-
-
-def goals(figures: Figures) -> list[Goal]:
-    """Return what is asked: the mission is completed on each board."""
-    return small_boards_page.goals(figures)
-
-
-def in_short(figures: Figures) -> list[str]:
-    """Return the row of the README's table."""
-    return small_boards_page.in_short(figures, BEAGLEBONE.title)
+    return {"small-boards": block(origin, figures)}

@@ -1,19 +1,15 @@
-"""`make bench`: a part that fails hurts no other, nothing that was started outlives it, and errors are one line."""
+"""`make bench`: a part that fails hurts no other, and errors are one line."""
 
 from __future__ import annotations
 
-import signal
 import textwrap
-import time
 from pathlib import Path
 
-import psutil
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import apart, results
+from benchmarks import results, summary
 from benchmarks.parts import PARTS, Goal, Part, Told, line_of_goals, table_of_goals
-from tests.support.processes import Daemon
 
 GOOD = """
     from dataclasses import dataclass
@@ -25,8 +21,6 @@ GOOD = """
         return Figures(7.0 if quick else 1.0)
     def blocks(origin, figures):
         return {"good": f"{origin.line()}\\n\\nspeed {figures.speed}"}
-    def pictures(figures):
-        return {}
     def goals(figures):
         return [Goal("speed", "at least 9", f"{figures.speed}", figures.speed >= 9, "for want of trying")]
 """
@@ -37,23 +31,6 @@ FAILS = """
 """
 RAISES = "def measure(quick): return 1 / 0"
 NEEDS = "import a_package_that_nobody_has"
-HANGS = """
-    import subprocess, sys, time
-    from pathlib import Path
-    BESIDE = "setsid sleep 600 >/dev/null 2>&1 & echo $!"
-    def measure(quick):
-        child = subprocess.Popen(["sleep", "600"])
-        orphan = subprocess.run(["sh", "-c", BESIDE], capture_output=True, text=True, check=True).stdout
-        pids = Path(__file__).with_suffix(".new")
-        pids.write_text(f"{child.pid} {orphan}")
-        pids.rename(pids.with_suffix(".pids"))
-        while True:
-            try:
-                time.sleep(600)
-            except KeyboardInterrupt:
-                if not STUBBORN:
-                    raise
-"""
 
 
 @pytest.fixture(autouse=True)
@@ -62,20 +39,10 @@ def _known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     for name, text in (("good", GOOD), ("fails", FAILS), ("raises", RAISES), ("needs", NEEDS)):
         (tmp_path / f"fake_{name}.py").write_text(textwrap.dedent(text))
-    for name, stubborn in (("hangs", False), ("stubborn", True)):
-        (tmp_path / f"fake_{name}.py").write_text(f"{textwrap.dedent(HANGS)}\nSTUBBORN = {stubborn}\n")
 
 
 def _parts(*names: str) -> list[Part]:
     return [Part(name, f"fake_{name}", 0.01) for name in names]
-
-
-def _started(tmp_path: Path, name: str) -> list[int]:
-    return [int(pid) for pid in (tmp_path / f"fake_{name}.pids").read_text().split()]
-
-
-def _there(pids: list[int]) -> list[int]:
-    return [pid for pid in pids if psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE]
 
 
 def test_an_unknown_part_is_told_with_those_that_are_known(capfd: pytest.CaptureFixture[str]) -> None:
@@ -104,72 +71,6 @@ def test_parts_that_fail_are_told_in_a_line_and_the_others_go_on(capfd: pytest.C
     assert "speed 7.0" in out
 
 
-@pytest.mark.parametrize("name", ["stubborn"])
-def test_a_part_that_takes_too_long_is_ended_with_all_that_it_has_started(
-    name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(apart, "LEAST", 4.0)
-    monkeypatch.setattr(apart, "GRACE", 1.0)
-    assert command.main(["--quick"], [*_parts(name), Part("good", "fake_good", 1)]) == 1
-    out, err = capfd.readouterr()
-    assert f"error: {name}: not done after 4 s\n" in err
-    assert f"note: {name} left processes behind, ended: " in err
-    pids = _started(tmp_path, name)
-    assert len(pids) == 2
-    assert _there(pids) == []
-    assert "speed 7.0" in out, "the next part is measured all the same"
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_nothing_outlives_the_command(number: int, tmp_path: Path) -> None:
-    (tmp_path / "fake_command.py").write_text(
-        "import signal, sys\n"
-        "from benchmarks.__main__ import main\n"
-        "from benchmarks.parts import Part\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "sys.exit(main(['--quick'], [Part('hangs', 'fake_hangs', 1), Part('good', 'fake_good', 1)]))\n"
-    )
-    bench = Daemon("fake_command", environment={"PYTHONPATH": str(tmp_path)})
-    part: list[int] = []
-    try:
-        _until(lambda: (tmp_path / "fake_hangs.pids").exists(), "the part has started what it starts")
-        children = psutil.Process(bench.process.pid).children()
-        part = [one.pid for one in children if "benchmarks.measuring" in one.cmdline()]
-        assert len(part) == 1
-        bench.signal(number)
-        code = bench.ends()
-        if number == signal.SIGKILL:  # nobody is left to end what the part had started apart; the part itself goes
-            _until(lambda: not _there(part), "the part ends with the command")
-        else:
-            assert code == 130
-            assert bench.text.endswith("ended; parts that were done before are in benchmarks/results")
-            assert "good" not in bench.text.partition("]")[2], "no other part is begun"
-            assert _there(part + _started(tmp_path, "hangs")) == []
-    finally:
-        bench.kill()
-        for pid in _there(part + _started(tmp_path, "hangs")):
-            psutil.Process(pid).kill()
-
-
-def _until(condition: object, wish: str) -> None:
-    assert callable(condition)
-    end = time.monotonic() + 30
-    while not condition():
-        assert time.monotonic() < end, wish
-        time.sleep(0.05)
-
-
-def test_work_of_others_is_seen_and_our_own_is_not_taken_for_it() -> None:
-    before = results.moment()
-    end = time.monotonic() + 1.0
-    while time.monotonic() < end:
-        pass
-    now = results.moment()
-    assert now.busy > before.busy
-    assert 0.5 < (now.own - before.own) / (now.at - before.at) <= 1.1 or results.others(before) > 0.2
-    assert results.others(before) <= (now.busy - before.busy) / (now.at - before.at)
-
-
 def test_results_of_another_shape_are_told(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -179,7 +80,7 @@ def test_results_of_another_shape_are_told(
     (part,) = _parts("good")
     assert not command._shown(part)
     assert capfd.readouterr().err == "error: good: Object missing required field `speed`\n"
-    assert command.goals_of(part) == []
+    assert summary.load(part) is None
 
 
 def test_goals_stand_with_the_part_whose_they_are() -> None:

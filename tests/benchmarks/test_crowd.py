@@ -1,27 +1,13 @@
-"""Part "crowd": a small one is measured for real, and pages say what the figures say."""
+"""Part "crowd": when a crowd is outgrown, and which goals it misses."""
 
 from __future__ import annotations
 
-import asyncio
-from pathlib import Path
-
 from benchmarks import crowd as crowds
-from benchmarks.crowd import Crowd, Loaded, crowd
+from benchmarks.crowd import Crowd, Loaded
 from benchmarks.results import Origin
 from benchmarks.spread import Spread
 
 ORIGIN = Origin("2026-01-01", "a machine", 2, 8.0, "Linux", "3.11", {}, "abc", 0.0, 0.0, "make bench")
-
-
-def test_a_small_crowd_answers_all_its_questions(tmp_path: Path) -> None:
-    found = asyncio.run(crowd(tmp_path, 4, 0.5, 3, 0.5))
-    assert found.hurried is not None
-    assert found.eased is not None
-    assert found.rss > 0
-    assert (found.hurried.asked, found.hurried.answered) == (12, 12)
-    assert (found.eased.asked, found.eased.answered) == (4, 4)
-    assert 0 < found.hurried.took.p50 <= found.hurried.took.p99 <= found.hurried.took.max
-    assert found.hurried.fairness >= 1
 
 
 def _crowd(agents: int, rate: float, eased: float, *, p99: float = 20.0, answered: int | None = None) -> Crowd:
@@ -53,7 +39,6 @@ def test_a_crowd_that_does_not_keep_up_is_outgrown_and_its_goal_missed() -> None
     (missed,) = [goal for goal in crowds.goals(_crowds(_crowd(1000, 100, 90))) if not goal.met]
     assert missed.found == "33%"
     assert "Tried: " in missed.why
-    assert crowds.pictures(figures).keys() == {"crowd-cost", "crowd-mail"}
 
 
 def test_questions_that_were_not_answered_are_told_and_miss_the_goal() -> None:
@@ -64,4 +49,3 @@ def test_questions_that_were_not_answered_are_told_and_miss_the_goal() -> None:
     text = crowds.blocks(ORIGIN, figures)["crowd"]
     assert "| 1,000 | 2,000 | 987 |" in text
     assert "questions asked at once were still not answered" in text
-    assert crowds.pictures(figures)

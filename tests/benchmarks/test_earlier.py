@@ -1,30 +1,17 @@
-"""An earlier revision beside this one: its tree with today's probes, and how costs are judged."""
+"""An earlier revision beside this one: how costs are judged."""
 
 from __future__ import annotations
 
 import pytest
 
-from benchmarks.earlier import PAIRS, REVISION, Costs, Figures, goals, table, trees
+from benchmarks.earlier import PAIRS, Costs, Figures, goals, table, trees
 from benchmarks.probes import PROBES
 from benchmarks.processes import BenchmarkFailed
-from benchmarks.results import ROOT
 
 
 def test_a_revision_that_the_clone_does_not_have_is_reported() -> None:
     with pytest.raises(BenchmarkFailed, match="revision 0000000 is not in this clone"), trees("0000000"):
         pass
-
-
-def test_both_trees_have_the_probes_of_now() -> None:
-    try:
-        with trees(REVISION) as (then, now):
-            assert (then / "commd/bus.py").is_file()
-            assert (now / "commd/bus/bus.py").is_file()
-            probes = "benchmarks/earlier/probes.py"
-            assert (then / probes).read_text() == (now / probes).read_text() == (ROOT / probes).read_text()
-        assert not then.exists()
-    except BenchmarkFailed as error:
-        pytest.skip(str(error))
 
 
 def test_every_probe_is_run() -> None:

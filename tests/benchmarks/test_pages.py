@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from benchmarks import pages, results, summary
-from benchmarks.__main__ import all_goals
 from benchmarks.parts import PARTS, Goal, Part
 
 
@@ -37,7 +36,7 @@ def test_the_pictures_of_a_part_are_those_of_its_results_and_shown(part: Part) -
     origin, figures = _results(part)
     shown = "\n".join(page.read_text(encoding="utf-8") for page in pages.pages())
     same_tool = origin.versions.get("matplotlib") == version("matplotlib")
-    for name, svg in part.module().pictures(figures).items():
+    for name, svg in part.pictures(figures).items():
         there = (pages.PICTURES / f"{name}.svg").read_text(encoding="utf-8")
         assert f"figures/{name}.svg" in shown, "no page shows it"
         if same_tool:  # another matplotlib draws the same otherwise
@@ -63,7 +62,7 @@ def test_pictures_that_differ_are_told_from_those_that_are_rounded_otherwise() -
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
 def test_a_goal_that_a_part_has_missed_has_its_reason_and_what_was_tried(part: Part) -> None:
     _, figures = _results(part)
-    assert silent(part.module().goals(figures)) == []
+    assert silent(part.goals(figures)) == []
 
 
 def silent(goals: list[Goal]) -> list[str]:
@@ -83,7 +82,7 @@ def test_a_missed_goal_without_a_reason_is_seen() -> None:
 
 
 def test_what_is_made_of_several_parts_is_that_of_all_results() -> None:
-    blocks = {"goals": all_goals(), **summary.blocks()}
+    blocks = summary.blocks()
     places = pages.names()
     for name in blocks:
         for page in places[name]:
@@ -92,7 +91,7 @@ def test_what_is_made_of_several_parts_is_that_of_all_results() -> None:
 
 
 def test_every_block_is_filled_by_a_part() -> None:
-    filled = {"goals", *summary.blocks()}
+    filled = set(summary.blocks())
     for part in PARTS:
         filled |= part.module().blocks(*_results(part)).keys()
     assert pages.names().keys() == filled

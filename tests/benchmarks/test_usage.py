@@ -1,65 +1,22 @@
-"""What the paper's experiments used: flown and sampled for real, and told as it was found."""
+"""What the paper's experiments used: how samples become rows, and rows goals."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
-import msgspec
 import pytest
 
 from argosy.processes.simulators import servo_log
 from benchmarks import results
-from benchmarks.flights import APPROACHES, RESCUE, SINGLE, Approach, Flight, setup_in
+from benchmarks.flights import RESCUE, SINGLE, Flight, setup_in
 from benchmarks.paper import usage, usage_page
-from benchmarks.paper.usage import ALL, BOARD, Figures, Sampled, drawn
+from benchmarks.paper.usage import AGENT, ALL, BOARD, Figures, Sampled
 from benchmarks.paper.usage import usage as usage_of
 from benchmarks.paper.usage_page import goals
 from benchmarks.processes import BenchmarkFailed
-from benchmarks.results import ROOT
-from benchmarks.sampling import AGENT, Sample, Sampler
-from schemas.mission.model import load_mission
+from benchmarks.sampling import Sample, Sampler
 
 SPEED = 10.0
-
-
-@pytest.fixture(scope="module")
-def flown() -> Figures:
-    """The single-UAV mission, flown once by each approach, both at once."""
-    load_mission(ROOT / "missions" / SINGLE.mission)  # msgspec's types are to be made by one thread
-    figures = Figures()
-    with ThreadPoolExecutor(len(APPROACHES)) as pool:
-        for approach, found in zip(APPROACHES, pool.map(_fly, APPROACHES), strict=True):
-            figures.usages.append(usage_of(SINGLE, SPEED, approach, [found]))
-            figures.drawn.append(drawn(SINGLE, SPEED, approach, found[1]))
-    return figures
-
-
-def _fly(approach: Approach) -> Sampled:
-    return usage.flown(SINGLE, approach, SPEED, 0.25, usage.TRIED)
-
-
-@pytest.mark.parametrize("approach", APPROACHES)
-def test_each_daemon_of_the_board_is_sampled_until_the_mission_is_done(flown: Figures, approach: str) -> None:
-    found = flown.of(SINGLE.mission, SPEED, approach)
-    (flight,) = found.flights
-    assert flight.seconds * SPEED > 60, "the mission takes longer"
-    assert flight.samples > 8
-    for who in ("commd", "bridged", AGENT):
-        row = found.row(who)
-        assert row.rss.mean > row.pss.mean > 5, "MB of a Python process with a session"
-        assert row.cpu.max >= row.cpu.mean > 0
-
-
-def test_what_was_found_is_told_beside_the_papers_figures(flown: Figures) -> None:
-    again = msgspec.json.decode(msgspec.json.encode(flown), type=Figures)
-    text = usage_page.blocks(results.here("a test", 0.0), again)["paper-usage"]
-    assert "| the only one | the paper's Jason | not told | 16.88 |" in text  # table 3: 4.22 % of four cores
-    mine = flown.of(SINGLE.mission, SPEED, "agentspeak").row(BOARD)
-    assert f"| the only one | **AgentSpeak** | {SPEED:g} | {mine.cpu.mean:.2f} |" in text
-    assert set(usage_page.pictures(again)) == {"usage-single", "usage-ratios"}
 
 
 def told(cpu: float, rss: float) -> Sampled:
@@ -129,15 +86,9 @@ def test_samples_of_several_boards_are_pooled_as_in_the_papers_table() -> None:
     assert found.row(AGENT, ALL).cpu.std == pytest.approx(5**0.5, abs=0.001)
 
 
-@pytest.fixture
-def sampler() -> Sampler:
-    """A sampler of no process, with ten samples of ten seconds."""
-    made = Sampler(cast(Any, SimpleNamespace(watched=[])), 1.0)
-    made.samples = [Sample(float(at), {}, {}, {}, {}) for at in range(1, 11)]
-    return made
-
-
-def test_a_flight_without_enough_samples_is_no_row(sampler: Sampler) -> None:
+def test_a_flight_without_enough_samples_is_no_row() -> None:
+    sampler = Sampler({}, 1.0)
+    sampler.samples = [Sample(float(at), {}, {}, {}, {}) for at in range(1, 11)]
     assert len(sampler.until(10.5, 0.9)) == 10
     assert len(sampler.until(7.5, 0.9)) == 7, "those behind the end of the flight do not count"
     with pytest.raises(BenchmarkFailed, match="only 10 samples of 20"):

@@ -13,8 +13,6 @@ def test_the_benchmark_of_the_mail_measures_each_row_and_writes_its_block() -> N
     assert figures.latency_full.count == figures.latency_normal.count == 20
     assert figures.memory.queued > figures.memory.bare > 0
     assert figures.talk.rate > 0
-    assert figures.presence > 0
     page = blocks(here("make bench", 0.0), figures)["mail"]
     assert f"| 3,000 messages/s | {figures.rate_full:,.0f} |" in page
-    assert "| 600 tokens declared at once: " in page
     assert [goal.met for goal in goals(figures)][:2] == [figures.rate_full >= 3000, figures.rate_normal >= 3000]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.watched import watched
+from benchmarks.processes import watched
 from commd.client import Client, NotSent, SendTimeout, Unanswered, join, parse, receive_mail, write
 from commd.client.receive_mail import ProgramInbox, read_numbers
 from commd.client.receive_once import Numbered

@@ -1,1 +1,0 @@
-"""What it costs that somebody looks on, and what those who look on take."""
