@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable
 from pathlib import Path
 
 import pytest
@@ -18,18 +18,11 @@ from tests.bridged.bridge.test_safety_orders import HOME_AT_LAST, mode_of, passi
 from tests.bridged.drivers.mavlink.actions.test_mission_actions import TOUR
 from tests.bridged.drivers.mavlink.vehicle.test_vehicle_kinds import PLANE, sky_of
 from tests.bridged.sky import GOAL, MISSION, Sky
+from tests.support.buses import async_test
 from tests.support.notes import identities
 
 FAR = (-27.600683, -48.518052, 40)
 """370 m away: half a minute of flight."""
-
-
-def flown(sky: Sky, body: Callable[[Sky], Awaitable[None]]) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(240):
-            await body(sky)
-
-    asyncio.run(bounded())
 
 
 async def answered(sky: Sky, order: Awaitable[Outcome], within: int = 30) -> Outcome:
@@ -87,347 +80,296 @@ def sky(tmp_path: Path) -> Sky:
     return Sky(tmp_path).flying(20)
 
 
-def test_a_goto_is_kept_while_the_copter_holds_and_goes_on_to_its_place(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        going = sky.begin("goto", *FAR)
-        await passing(sky, 5)
-        assert await pause(sky) == Outcome("succeeded", "the vehicle is in BRAKE")
-        await passing(sky, 5)
-        before = place(sky)
-        await passing(sky, 100)
-        assert is_at(sky, before)
-        assert (going[-1].state, going[-1].paused, going[-1].reason) == ("running", True, "paused by the operator")
-        assert await resume(sky) == Outcome("succeeded", "the vehicle is in GUIDED")
-        assert (await ended(sky, going)).state == "succeeded"
-        assert [one.paused for one in going[-2:]] == [False, False]
-
-    flown(sky, body)
+@async_test
+async def test_a_goto_is_kept_while_the_copter_holds_and_goes_on_to_its_place(sky: Sky) -> None:
+    going = sky.begin("goto", *FAR)
+    await passing(sky, 5)
+    assert await pause(sky) == Outcome("succeeded", "the vehicle is in BRAKE")
+    await passing(sky, 5)
+    before = place(sky)
+    await passing(sky, 100)
+    assert is_at(sky, before)
+    assert (going[-1].state, going[-1].paused, going[-1].reason) == ("running", True, "paused by the operator")
+    assert await resume(sky) == Outcome("succeeded", "the vehicle is in GUIDED")
+    assert (await ended(sky, going)).state == "succeeded"
+    assert [one.paused for one in going[-2:]] == [False, False]
 
 
-def test_deadlines_do_not_run_while_it_is_paused(tmp_path: Path) -> None:
+@async_test
+async def test_deadlines_do_not_run_while_it_is_paused(tmp_path: Path) -> None:
     sky = Sky(tmp_path, manifest=quick(60)).flying(20)
-
-    async def body(sky: Sky) -> None:
-        going = sky.begin("goto", *FAR)
-        await passing(sky, 5)
-        await pause(sky)
-        left = going[-1].deadline
-        await passing(sky, 120)
-        assert going[-1].deadline == pytest.approx(left, abs=0.1)
-        await resume(sky)
-        assert (await ended(sky, going)).state == "succeeded"
-
-    flown(sky, body)
+    going = sky.begin("goto", *FAR)
+    await passing(sky, 5)
+    await pause(sky)
+    left = going[-1].deadline
+    await passing(sky, 120)
+    assert going[-1].deadline == pytest.approx(left, abs=0.1)
+    await resume(sky)
+    assert (await ended(sky, going)).state == "succeeded"
 
 
-def test_what_is_asked_while_it_is_paused_begins_when_it_continues(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        await pause(sky)
-        going = sky.begin("goto", *GOAL)
-        before = place(sky)
-        await passing(sky, 30)
-        assert is_at(sky, before)
-        assert [(one.state, one.paused) for one in going[:2]] == [("accepted", True), ("running", True)]
-        assert sky.begin("goto", *FAR)[-1].reason == "busy: goto is running"
-        assert sky.begin("goto", "nowhere")[-1].state == "refused"
-        await resume(sky)
-        assert (await ended(sky, going)).state == "succeeded"
-
-    flown(sky, body)
+@async_test
+async def test_what_is_asked_while_it_is_paused_begins_when_it_continues(sky: Sky) -> None:
+    await pause(sky)
+    going = sky.begin("goto", *GOAL)
+    before = place(sky)
+    await passing(sky, 30)
+    assert is_at(sky, before)
+    assert [(one.state, one.paused) for one in going[:2]] == [("accepted", True), ("running", True)]
+    assert sky.begin("goto", *FAR)[-1].reason == "busy: goto is running"
+    assert sky.begin("goto", "nowhere")[-1].state == "refused"
+    await resume(sky)
+    assert (await ended(sky, going)).state == "succeeded"
 
 
-def test_what_does_not_move_it_goes_on(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        sky.hears_us = lambda message: message.get_type() != "PARAM_REQUEST_READ"
-        asking = sky.begin("get_param", "RTL_ALT")
-        await pause(sky)
-        sky.hears_us = lambda message: True
-        assert (await ended(sky, asking)).state == "succeeded"
-
-    flown(sky, body)
+@async_test
+async def test_what_does_not_move_it_goes_on(sky: Sky) -> None:
+    sky.hears_us = lambda message: message.get_type() != "PARAM_REQUEST_READ"
+    asking = sky.begin("get_param", "RTL_ALT")
+    await pause(sky)
+    sky.hears_us = lambda message: True
+    assert (await ended(sky, asking)).state == "succeeded"
 
 
-def test_a_takeoff_that_was_interrupted_in_the_air_goes_on_climbing(tmp_path: Path) -> None:
+@async_test
+async def test_a_takeoff_that_was_interrupted_in_the_air_goes_on_climbing(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True)):
         assert sky.do(name, argument).state == "succeeded"
-
-    async def body(sky: Sky) -> None:
-        climbing = sky.begin("takeoff", 30)
-        await passing(sky, 6)
-        await pause(sky)
-        await passing(sky, 5)
-        before = place(sky)
-        assert 1 < before[2] < 25
-        await passing(sky, 30)
-        assert is_at(sky, before)
-        await resume(sky)
-        assert (await ended(sky, climbing)).state == "succeeded"
-        assert place(sky)[2] == pytest.approx(30, abs=0.5)
-
-    flown(sky, body)
+    climbing = sky.begin("takeoff", 30)
+    await passing(sky, 6)
+    await pause(sky)
+    await passing(sky, 5)
+    before = place(sky)
+    assert 1 < before[2] < 25
+    await passing(sky, 30)
+    assert is_at(sky, before)
+    await resume(sky)
+    assert (await ended(sky, climbing)).state == "succeeded"
+    assert place(sky)[2] == pytest.approx(30, abs=0.5)
 
 
 @pytest.mark.parametrize("way_down", ["land", "return_to_launch"])
-def test_a_way_down_is_held_too_and_goes_on(sky: Sky, way_down: str) -> None:
-    async def body(sky: Sky) -> None:
-        going = sky.begin(way_down)
-        await passing(sky, 8)
-        await pause(sky)
-        assert mode_of(sky) == "BRAKE"
-        await passing(sky, 20)
-        assert place(sky)[2] > 3
-        await resume(sky)
-        assert (await ended(sky, going)).state == "succeeded"
-        assert not sky.vehicle.copter.armed
-
-    flown(sky, body)
+@async_test
+async def test_a_way_down_is_held_too_and_goes_on(sky: Sky, way_down: str) -> None:
+    going = sky.begin(way_down)
+    await passing(sky, 8)
+    await pause(sky)
+    assert mode_of(sky) == "BRAKE"
+    await passing(sky, 20)
+    assert place(sky)[2] > 3
+    await resume(sky)
+    assert (await ended(sky, going)).state == "succeeded"
+    assert not sky.vehicle.copter.armed
 
 
-def test_the_order_to_return_goes_on_too(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        await answered(sky, sky.bridge.orders.operator("rtl"))
-        await pause(sky)
-        assert mode_of(sky) == "BRAKE"
-        await resume(sky)
-        assert mode_of(sky) == "RTL"
-
-    flown(sky, body)
+@async_test
+async def test_the_order_to_return_goes_on_too(sky: Sky) -> None:
+    await answered(sky, sky.bridge.orders.operator("rtl"))
+    await pause(sky)
+    assert mode_of(sky) == "BRAKE"
+    await resume(sky)
+    assert mode_of(sky) == "RTL"
 
 
-def test_everybody_is_told_that_it_is_paused(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        assert (sky.bridge.health().paused, sky.belief("paused")) == (False, None)
-        await pause(sky)
-        assert (sky.bridge.health().paused, sky.belief("paused", "other")) == (True, (Atom("operator"),))
-        await resume(sky)
-        assert (sky.bridge.health().paused, sky.belief("paused", "other")) == (False, None)
-
-    flown(sky, body)
+@async_test
+async def test_everybody_is_told_that_it_is_paused(sky: Sky) -> None:
+    assert (sky.bridge.health().paused, sky.belief("paused")) == (False, None)
+    await pause(sky)
+    assert (sky.bridge.health().paused, sky.belief("paused", "other")) == (True, (Atom("operator"),))
+    await resume(sky)
+    assert (sky.bridge.health().paused, sky.belief("paused", "other")) == (False, None)
 
 
-def test_pausing_twice_is_as_pausing_once_and_continuing_twice_is_told(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        going = sky.begin("goto", *GOAL)
-        await passing(sky, 2)
-        assert (await pause(sky)).state == (await pause(sky)).state == "succeeded"
-        assert (await resume(sky)).state == "succeeded"
-        assert await resume(sky) == Outcome("succeeded", "it was not paused")
-        assert (await ended(sky, going)).state == "succeeded"
-
-    flown(sky, body)
+@async_test
+async def test_pausing_twice_is_as_pausing_once_and_continuing_twice_is_told(sky: Sky) -> None:
+    going = sky.begin("goto", *GOAL)
+    await passing(sky, 2)
+    assert (await pause(sky)).state == (await pause(sky)).state == "succeeded"
+    assert (await resume(sky)).state == "succeeded"
+    assert await resume(sky) == Outcome("succeeded", "it was not paused")
+    assert (await ended(sky, going)).state == "succeeded"
 
 
-def test_what_is_held_by_the_operator_is_not_continued_but_released(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        await answered(sky, sky.bridge.orders.operator("hold"))
-        said = "it is not paused: operator: hold; `release` gives it back to its agents"
-        assert await resume(sky) == Outcome("refused", said)
-
-    flown(sky, body)
+@async_test
+async def test_what_is_held_by_the_operator_is_not_continued_but_released(sky: Sky) -> None:
+    await answered(sky, sky.bridge.orders.operator("hold"))
+    said = "it is not paused: operator: hold; `release` gives it back to its agents"
+    assert await resume(sky) == Outcome("refused", said)
 
 
 @pytest.mark.parametrize(("order", "mode"), [("hold", "BRAKE"), ("rtl", "RTL")])
-def test_continue_leaves_a_robot_to_the_operators_order(sky: Sky, order: Order, mode: str) -> None:
-    async def body(sky: Sky) -> None:
-        await pause(sky)
-        await resume(sky)
-        await answered(sky, sky.bridge.orders.operator(order))
-        await pause(sky)
-        assert mode_of(sky) == "BRAKE"
-        assert await resume(sky) == Outcome("succeeded", f"the vehicle is in {mode}")
-        await passing(sky, 5)
-        assert (mode_of(sky), sky.bridge.action_server.paused) == (mode, False)
-        refused = sky.begin("goto", *GOAL)[-1]
-        assert (refused.cause, refused.order) == ("operator", order)
-
-    flown(sky, body)
+@async_test
+async def test_continue_leaves_a_robot_to_the_operators_order(sky: Sky, order: Order, mode: str) -> None:
+    await pause(sky)
+    await resume(sky)
+    await answered(sky, sky.bridge.orders.operator(order))
+    await pause(sky)
+    assert mode_of(sky) == "BRAKE"
+    assert await resume(sky) == Outcome("succeeded", f"the vehicle is in {mode}")
+    await passing(sky, 5)
+    assert (mode_of(sky), sky.bridge.action_server.paused) == (mode, False)
+    refused = sky.begin("goto", *GOAL)[-1]
+    assert (refused.cause, refused.order) == ("operator", order)
 
 
-def test_continue_goes_back_to_the_mode_before_this_pause_and_not_before_an_earlier_one(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        await pause(sky)
-        await pause(sky)
-        assert await resume(sky) == Outcome("succeeded", "the vehicle is in GUIDED")
-        assert (await ended(sky, sky.begin("set_mode", "BRAKE"))).state == "succeeded"
-        await pause(sky)
-        assert await resume(sky) == Outcome("succeeded", "the vehicle is in BRAKE")
-
-    flown(sky, body)
+@async_test
+async def test_continue_goes_back_to_the_mode_before_this_pause_and_not_before_an_earlier_one(sky: Sky) -> None:
+    await pause(sky)
+    await pause(sky)
+    assert await resume(sky) == Outcome("succeeded", "the vehicle is in GUIDED")
+    assert (await ended(sky, sky.begin("set_mode", "BRAKE"))).state == "succeeded"
+    await pause(sky)
+    assert await resume(sky) == Outcome("succeeded", "the vehicle is in BRAKE")
 
 
 @pytest.mark.parametrize("order", ["hold", "rtl", "land"])
-def test_another_order_ends_the_pause_and_the_actions(sky: Sky, order: str) -> None:
-    async def body(sky: Sky) -> None:
-        going = sky.begin("goto", *FAR)
-        await passing(sky, 2)
-        await pause(sky)
-        assert (await answered(sky, sky.bridge.orders.operator(order))).state == "succeeded"  # type: ignore[arg-type]
-        assert (going[-1].state, going[-1].cause, going[-1].order) == ("failed", "operator", order)
-        assert not sky.bridge.action_server.paused
-
-    flown(sky, body)
+@async_test
+async def test_another_order_ends_the_pause_and_the_actions(sky: Sky, order: str) -> None:
+    going = sky.begin("goto", *FAR)
+    await passing(sky, 2)
+    await pause(sky)
+    assert (await answered(sky, sky.bridge.orders.operator(order))).state == "succeeded"  # type: ignore[arg-type]
+    assert (going[-1].state, going[-1].cause, going[-1].order) == ("failed", "operator", order)
+    assert not sky.bridge.action_server.paused
 
 
-def test_a_pilot_who_takes_over_ends_the_pause_and_what_waits_has_failed(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        going = sky.begin("goto", *FAR)
-        await passing(sky, 2)
-        await pause(sky)
-        await passing(sky, 10)
-        take_over(sky)
-        await passing(sky, 5)
-        assert (going[-1].state, mode_of(sky)) == ("failed", "LOITER")
-        assert going[-1].reason.startswith("the mode became LOITER while the operator had paused the robot")
-        assert not sky.bridge.action_server.paused
-        assert sky.belief("override") == ("LOITER",)
-
-    flown(sky, body)
+@async_test
+async def test_a_pilot_who_takes_over_ends_the_pause_and_what_waits_has_failed(sky: Sky) -> None:
+    going = sky.begin("goto", *FAR)
+    await passing(sky, 2)
+    await pause(sky)
+    await passing(sky, 10)
+    take_over(sky)
+    await passing(sky, 5)
+    assert (going[-1].state, mode_of(sky)) == ("failed", "LOITER")
+    assert going[-1].reason.startswith("the mode became LOITER while the operator had paused the robot")
+    assert not sky.bridge.action_server.paused
+    assert sky.belief("override") == ("LOITER",)
 
 
-def test_a_dropped_action_is_cancelled_and_not_begun_again(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        going = sky.begin("goto", *FAR)
-        await passing(sky, 2)
-        await pause(sky)
-        assert sky.bridge.action_server.cancel("uav", going[-1].id).state == "cancelled"
-        await passing(sky, 5)
-        before = place(sky)
-        await resume(sky)
-        await passing(sky, 20)
-        assert is_at(sky, before)
-
-    flown(sky, body)
+@async_test
+async def test_a_dropped_action_is_cancelled_and_not_begun_again(sky: Sky) -> None:
+    going = sky.begin("goto", *FAR)
+    await passing(sky, 2)
+    await pause(sky)
+    assert sky.bridge.action_server.cancel("uav", going[-1].id).state == "cancelled"
+    await passing(sky, 5)
+    before = place(sky)
+    await resume(sky)
+    await passing(sky, 20)
+    assert is_at(sky, before)
 
 
-def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        await pause(sky)
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 20)
-        assert mode_of(sky) == "BRAKE"
-        assert ("safety_deferred", "") in identities(sky.bridge.health().notes)
-        await resume(sky)
-        for _ in range(40):
-            await passing(sky, 1)
-            await asyncio.sleep(0.05)
-        assert mode_of(sky) in ("RTL", "LAND") or not sky.vehicle.copter.armed
-
-    flown(sky, body)
+@async_test
+async def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky) -> None:
+    await pause(sky)
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 20)
+    assert mode_of(sky) == "BRAKE"
+    assert ("safety_deferred", "") in identities(sky.bridge.health().notes)
+    await resume(sky)
+    for _ in range(40):
+        await passing(sky, 1)
+        await asyncio.sleep(0.05)
+    assert mode_of(sky) in ("RTL", "LAND") or not sky.vehicle.copter.armed
 
 
-def test_a_sequence_for_a_lost_agent_begins_again_when_the_pause_is_over(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 10.0), Step("rtl")))
-        await passing(sky, 3)
-        await pause(sky)
-        await passing(sky, 30)
-        assert mode_of(sky) == "BRAKE"
-        await resume(sky)
-        for _ in range(60):
-            await passing(sky, 1)
-            await asyncio.sleep(0.05)
-        assert mode_of(sky) in ("RTL", "LAND") or not sky.vehicle.copter.armed
-
-    flown(sky, body)
+@async_test
+async def test_a_sequence_for_a_lost_agent_begins_again_when_the_pause_is_over(sky: Sky) -> None:
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 10.0), Step("rtl")))
+    await passing(sky, 3)
+    await pause(sky)
+    await passing(sky, 30)
+    assert mode_of(sky) == "BRAKE"
+    await resume(sky)
+    for _ in range(60):
+        await passing(sky, 1)
+        await asyncio.sleep(0.05)
+    assert mode_of(sky) in ("RTL", "LAND") or not sky.vehicle.copter.armed
 
 
-def test_a_restarted_bridge_keeps_the_pause_and_holds_the_robot(sky: Sky, tmp_path: Path) -> None:
-    async def body(sky: Sky) -> None:
-        going = sky.begin("goto", *FAR)
-        await passing(sky, 2)
-        sky.bridge.action_server.pause()  # the copter is not told: the bridge is killed first
-        again = Sky(tmp_path, mission=MISSION, vehicle=sky.vehicle, clock=sky.clock)
-        again.bridge.orders.restore()
-        for _ in range(40):
-            await passing(again, 0.5)
-            await asyncio.sleep(0.02)
-        assert (mode_of(again), again.bridge.health().paused, again.belief("paused")) == (
-            "BRAKE", True, (Atom("operator"),)
-        )  # fmt: skip
-        assert going[-1].state == "running"
-        going = again.begin("goto", *GOAL, id="uav:t:99")
-        await passing(again, 5)
-        assert going[-1].paused
-        assert await resume(again) == Outcome("succeeded", "the vehicle is in GUIDED")
-        assert (await ended(again, going)).state == "succeeded"
-
-    flown(sky, body)
+@async_test
+async def test_a_restarted_bridge_keeps_the_pause_and_holds_the_robot(sky: Sky, tmp_path: Path) -> None:
+    going = sky.begin("goto", *FAR)
+    await passing(sky, 2)
+    sky.bridge.action_server.pause()  # the copter is not told: the bridge is killed first
+    again = Sky(tmp_path, mission=MISSION, vehicle=sky.vehicle, clock=sky.clock)
+    again.bridge.orders.restore()
+    for _ in range(40):
+        await passing(again, 0.5)
+        await asyncio.sleep(0.02)
+    assert (mode_of(again), again.bridge.health().paused, again.belief("paused")) == (
+        "BRAKE", True, (Atom("operator"),)
+    )  # fmt: skip
+    assert going[-1].state == "running"
+    going = again.begin("goto", *GOAL, id="uav:t:99")
+    await passing(again, 5)
+    assert going[-1].paused
+    assert await resume(again) == Outcome("succeeded", "the vehicle is in GUIDED")
+    assert (await ended(again, going)).state == "succeeded"
 
 
-def test_a_vehicle_that_does_not_confirm_stays_paused(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        going = sky.begin("goto", *GOAL)
-        await pause(sky)
-        sky.hears_us = lambda message: False
-        outcome = await answered(sky, sky.bridge.orders.resume(), within=60)
-        assert outcome.state == "failed"
-        assert outcome.reason.startswith("no acknowledgement of MAV_CMD_DO_SET_MODE")
-        assert (sky.bridge.action_server.paused, going[-1].state) == (True, "running")
-
-    flown(sky, body)
+@async_test
+async def test_a_vehicle_that_does_not_confirm_stays_paused(sky: Sky) -> None:
+    going = sky.begin("goto", *GOAL)
+    await pause(sky)
+    sky.hears_us = lambda message: False
+    outcome = await answered(sky, sky.bridge.orders.resume(), within=60)
+    assert outcome.state == "failed"
+    assert outcome.reason.startswith("no acknowledgement of MAV_CMD_DO_SET_MODE")
+    assert (sky.bridge.action_server.paused, going[-1].state) == (True, "running")
 
 
-def test_on_the_ground_the_motors_are_left_as_they_are(tmp_path: Path) -> None:
+@async_test
+async def test_on_the_ground_the_motors_are_left_as_they_are(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True)):
         assert sky.do(name, argument).state == "succeeded"
-
-    async def body(sky: Sky) -> None:
-        assert (await pause(sky)).state == "succeeded"
-        assert sky.vehicle.copter.armed
-        await resume(sky)
-        assert (await ended(sky, sky.begin("takeoff", 5))).state == "succeeded"
-
-    flown(sky, body)
+    assert (await pause(sky)).state == "succeeded"
+    assert sky.vehicle.copter.armed
+    await resume(sky)
+    assert (await ended(sky, sky.begin("takeoff", 5))).state == "succeeded"
 
 
-def test_a_stored_mission_goes_on_from_its_item(tmp_path: Path) -> None:
+@async_test
+async def test_a_stored_mission_goes_on_from_its_item(tmp_path: Path) -> None:
     sky = Sky(tmp_path)
     for name, argument in (("set_mode", "GUIDED"), ("arm_motors", True), ("upload_mission", TOUR)):
         assert sky.do(name, argument).state == "succeeded"
-
-    async def body(sky: Sky) -> None:
-        flying = sky.begin("start_mission")
-        while flying[-1].feedback.get("item", 0) < 2:
-            await passing(sky, 1)
-        await passing(sky, 2)
-        await pause(sky)
-        assert mode_of(sky) == "BRAKE"
-        await passing(sky, 5)
-        before = place(sky)
-        await passing(sky, 30)
-        assert is_at(sky, before)
-        assert await resume(sky) == Outcome("succeeded", "the vehicle is in AUTO")
-        await passing(sky, 3)
-        assert flying[-1].feedback["item"] >= 2, "it does not begin again"
-        assert (await ended(sky, flying)).state == "succeeded"
-
-    flown(sky, body)
+    flying = sky.begin("start_mission")
+    while flying[-1].feedback.get("item", 0) < 2:
+        await passing(sky, 1)
+    await passing(sky, 2)
+    await pause(sky)
+    assert mode_of(sky) == "BRAKE"
+    await passing(sky, 5)
+    before = place(sky)
+    await passing(sky, 30)
+    assert is_at(sky, before)
+    assert await resume(sky) == Outcome("succeeded", "the vehicle is in AUTO")
+    await passing(sky, 3)
+    assert flying[-1].feedback["item"] >= 2, "it does not begin again"
+    assert (await ended(sky, flying)).state == "succeeded"
 
 
-def test_a_planes_takeoff_goes_on(tmp_path: Path) -> None:
+@async_test
+async def test_a_planes_takeoff_goes_on(tmp_path: Path) -> None:
     sky = sky_of(tmp_path, "arduplane", PLANE, ARDUPLANE)
     assert sky.do("arm_motors", True).state == "succeeded"
-
-    async def body(sky: Sky) -> None:
-        climbing = sky.begin("takeoff", 60)
-        while climbing[-1].feedback.get("altitude", 0) < 10:
-            await passing(sky, 1)
-        assert await pause(sky) == Outcome("succeeded", "the vehicle is in LOITER")
-        assert climbing[-1].paused
-        assert await resume(sky) == Outcome("succeeded", "the vehicle is in TAKEOFF")
-        assert (await ended(sky, climbing)).state == "succeeded", climbing[-1].reason
-
-    flown(sky, body)
+    climbing = sky.begin("takeoff", 60)
+    while climbing[-1].feedback.get("altitude", 0) < 10:
+        await passing(sky, 1)
+    assert await pause(sky) == Outcome("succeeded", "the vehicle is in LOITER")
+    assert climbing[-1].paused
+    assert await resume(sky) == Outcome("succeeded", "the vehicle is in TAKEOFF")
+    assert (await ended(sky, climbing)).state == "succeeded", climbing[-1].reason
 
 
-def test_a_paused_robot_is_not_unattended(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        assert sky.bridge.orders.unattended
-        await pause(sky)
-        assert not sky.bridge.orders.unattended
-        await resume(sky)
-        assert sky.bridge.orders.unattended
-
-    flown(sky, body)
+@async_test
+async def test_a_paused_robot_is_not_unattended(sky: Sky) -> None:
+    assert sky.bridge.orders.unattended
+    await pause(sky)
+    assert not sky.bridge.orders.unattended
+    await resume(sky)
+    assert sky.bridge.orders.unattended

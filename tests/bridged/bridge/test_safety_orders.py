@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable
 from pathlib import Path
 from typing import Literal
 
@@ -16,6 +16,7 @@ from bridged.drivers.api import Execution, Order
 from bridged.drivers.mavlink.driver import MavlinkDriver
 from schemas.wire.log_lines import RobotLeft
 from tests.bridged.sky import Sky, is_command
+from tests.support.buses import async_test
 from tests.support.notes import identities
 
 LOITER, GUIDED, LAND = 5, 4, 9
@@ -49,57 +50,43 @@ def mode_of(sky: Sky) -> str:
     return sky.vehicle.copter.mode.name
 
 
-def flown(body: Callable[[Sky], Awaitable[None]], sky: Sky) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(240):
-            await body(sky)
-
-    asyncio.run(bounded())
-
-
 @pytest.fixture
 def sky(tmp_path: Path) -> Sky:
     return Sky(tmp_path).flying(20)
 
 
-def test_a_vehicle_that_the_pilot_has_is_left_to_the_pilot_when_the_agent_is_lost(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        take_over(sky)
-        await passing(sky, 3)
-        sent = len(sky.commands(dialect.MAV_CMD_DO_SET_MODE))
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 20)
-        assert mode_of(sky) == "LOITER"
-        assert len(sky.commands(dialect.MAV_CMD_DO_SET_MODE)) == sent
-        assert ("left_to_others", "LOITER") in identities(sky.bridge.health().notes)
-
-    flown(body, sky)
+@async_test
+async def test_a_vehicle_that_the_pilot_has_is_left_to_the_pilot_when_the_agent_is_lost(sky: Sky) -> None:
+    take_over(sky)
+    await passing(sky, 3)
+    sent = len(sky.commands(dialect.MAV_CMD_DO_SET_MODE))
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 20)
+    assert mode_of(sky) == "LOITER"
+    assert len(sky.commands(dialect.MAV_CMD_DO_SET_MODE)) == sent
+    assert ("left_to_others", "LOITER") in identities(sky.bridge.health().notes)
 
 
-def test_a_pilot_who_takes_over_while_the_vehicle_holds_for_a_lost_agent_keeps_it(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 3)
-        assert mode_of(sky) == "BRAKE"
-        take_over(sky)
-        await passing(sky, 20)
-        assert mode_of(sky) == "LOITER"
-
-    flown(body, sky)
+@async_test
+async def test_a_pilot_who_takes_over_while_the_vehicle_holds_for_a_lost_agent_keeps_it(sky: Sky) -> None:
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 3)
+    assert mode_of(sky) == "BRAKE"
+    take_over(sky)
+    await passing(sky, 20)
+    assert mode_of(sky) == "LOITER"
 
 
-def test_a_pilot_who_takes_over_while_the_vehicle_cannot_be_heard_keeps_it(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        sky.we_hear = lambda message: False
-        await passing(sky, 8)
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
-        await passing(sky, 2)
-        take_over(sky)
-        sky.we_hear = lambda message: True
-        await passing(sky, 20)
-        assert mode_of(sky) == "LOITER"
-
-    flown(body, sky)
+@async_test
+async def test_a_pilot_who_takes_over_while_the_vehicle_cannot_be_heard_keeps_it(sky: Sky) -> None:
+    sky.we_hear = lambda message: False
+    await passing(sky, 8)
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
+    await passing(sky, 2)
+    take_over(sky)
+    sky.we_hear = lambda message: True
+    await passing(sky, 20)
+    assert mode_of(sky) == "LOITER"
 
 
 def test_an_agents_own_way_home_is_no_takeover_when_it_shows_only_after_a_lost_link(sky: Sky) -> None:
@@ -113,67 +100,59 @@ def test_an_agents_own_way_home_is_no_takeover_when_it_shows_only_after_a_lost_l
     assert sky.belief("override") is None
 
 
-def test_a_lost_agents_vehicle_that_nobody_took_over_holds_and_returns(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 3)
-        assert mode_of(sky) == "BRAKE"
-        await passing(sky, 10)
-        assert mode_of(sky) == "RTL"
-
-    flown(body, sky)
+@async_test
+async def test_a_lost_agents_vehicle_that_nobody_took_over_holds_and_returns(sky: Sky) -> None:
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 3)
+    assert mode_of(sky) == "BRAKE"
+    await passing(sky, 10)
+    assert mode_of(sky) == "RTL"
 
 
-def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_bridge_has_begun(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        orders = sky.bridge.orders
-        orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 3)
-        orders.agent_back("uav")
-        await passing(sky, 9)
-        assert mode_of(sky) == "BRAKE", "it has 10 s to take control"
-        while mode_of(sky) != "RTL":
-            await passing(sky, 0.5)
-        while sky.vehicle.copter.armed:
-            await passing(sky, 1)
-
-    flown(body, sky)
-
-
-def test_an_agent_that_is_back_has_the_robot_from_its_first_action_on(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        orders = sky.bridge.orders
-        orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 3)
-        orders.agent_back("uav")
-        await passing(sky, 3)
-        refused = sky.begin("goto", -27.6036, -48.5180, 20, agent="other")
-        assert refused[-1].reason == "agent uav is lost: the bridge brings the robot to safety first"
-        mode = sky.begin("set_mode", "GUIDED")
-        await passing(sky, 3)
-        assert mode[-1].state == "succeeded"
-        flight = sky.begin("goto", -27.6036, -48.5180, 20)
-        while not flight[-1].final:
-            await passing(sky, 1)
-        assert flight[-1].state == "succeeded"
-        await passing(sky, 20)
-        assert mode_of(sky) == "GUIDED"
-
-    flown(body, sky)
-
-
-def test_an_order_ends_before_the_action_that_takes_control_begins(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
-        sky.hears_us = lambda message: not deaf(message)
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
+@async_test
+async def test_an_agent_that_is_back_and_commands_nothing_does_not_end_what_the_bridge_has_begun(sky: Sky) -> None:
+    orders = sky.bridge.orders
+    orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 3)
+    orders.agent_back("uav")
+    await passing(sky, 9)
+    assert mode_of(sky) == "BRAKE", "it has 10 s to take control"
+    while mode_of(sky) != "RTL":
         await passing(sky, 0.5)
-        sky.hears_us = lambda message: True
-        assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"
-        sky.wait(5)
-        assert mode_of(sky) == "GUIDED"
+    while sky.vehicle.copter.armed:
+        await passing(sky, 1)
 
-    flown(body, sky)
+
+@async_test
+async def test_an_agent_that_is_back_has_the_robot_from_its_first_action_on(sky: Sky) -> None:
+    orders = sky.bridge.orders
+    orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 3)
+    orders.agent_back("uav")
+    await passing(sky, 3)
+    refused = sky.begin("goto", -27.6036, -48.5180, 20, agent="other")
+    assert refused[-1].reason == "agent uav is lost: the bridge brings the robot to safety first"
+    mode = sky.begin("set_mode", "GUIDED")
+    await passing(sky, 3)
+    assert mode[-1].state == "succeeded"
+    flight = sky.begin("goto", -27.6036, -48.5180, 20)
+    while not flight[-1].final:
+        await passing(sky, 1)
+    assert flight[-1].state == "succeeded"
+    await passing(sky, 20)
+    assert mode_of(sky) == "GUIDED"
+
+
+@async_test
+async def test_an_order_ends_before_the_action_that_takes_control_begins(sky: Sky) -> None:
+    deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
+    sky.hears_us = lambda message: not deaf(message)
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
+    await passing(sky, 0.5)
+    sky.hears_us = lambda message: True
+    assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"
+    sky.wait(5)
+    assert mode_of(sky) == "GUIDED"
 
 
 def alarms(sky: Sky) -> list[str]:
@@ -191,30 +170,26 @@ async def idling(sky: Sky, seconds: float, steps: tuple[Step, ...] = (Step("rtl"
         await passing(sky, 0.5)
 
 
-def test_a_robot_in_the_air_whose_agent_intends_nothing_is_an_alarm_and_is_brought_home(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        await idling(sky, 9)
-        assert (mode_of(sky), alarms(sky)) == ("GUIDED", [])
-        await idling(sky, 15)
-        assert (mode_of(sky), alarms(sky)) == ("RTL", [UNATTENDED])
-        alarm = next(note for note in sky.bridge.health().notes if note.code == UNATTENDED)
-        assert alarm.value is not None
-        assert 10 <= alarm.value <= 16
-        await idling(sky, 60)
-        assert (sky.vehicle.copter.armed, alarms(sky)) == (False, [])
-
-    flown(body, sky)
+@async_test
+async def test_a_robot_in_the_air_whose_agent_intends_nothing_is_an_alarm_and_is_brought_home(sky: Sky) -> None:
+    await idling(sky, 9)
+    assert (mode_of(sky), alarms(sky)) == ("GUIDED", [])
+    await idling(sky, 15)
+    assert (mode_of(sky), alarms(sky)) == ("RTL", [UNATTENDED])
+    alarm = next(note for note in sky.bridge.health().notes if note.code == UNATTENDED)
+    assert alarm.value is not None
+    assert 10 <= alarm.value <= 16
+    await idling(sky, 60)
+    assert (sky.vehicle.copter.armed, alarms(sky)) == (False, [])
 
 
-def test_with_on_idle_none_the_alarm_is_all(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        await idling(sky, 20, ())
-        assert (mode_of(sky), alarms(sky)) == ("GUIDED", [UNATTENDED])
-        sky.begin("goto", -27.6036, -48.5180, 20)
-        await idling(sky, 1, ())
-        assert alarms(sky) == []
-
-    flown(body, sky)
+@async_test
+async def test_with_on_idle_none_the_alarm_is_all(sky: Sky) -> None:
+    await idling(sky, 20, ())
+    assert (mode_of(sky), alarms(sky)) == ("GUIDED", [UNATTENDED])
+    sky.begin("goto", -27.6036, -48.5180, 20)
+    await idling(sky, 1, ())
+    assert alarms(sky) == []
 
 
 async def ordered(sky: Sky, order: Order) -> None:
@@ -232,22 +207,20 @@ async def until_mode(sky: Sky, mode: str) -> None:
 
 
 @pytest.mark.parametrize("when", ["under the hold", "before the hold", "long before the hold"])
-def test_a_lost_agent_is_answered_for_when_the_operator_releases_the_robot(sky: Sky, when: str) -> None:
-    async def body(sky: Sky) -> None:
-        if when != "under the hold":
-            sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-            await passing(sky, 3 if when == "before the hold" else 15)
-        await ordered(sky, "hold")
-        if when == "under the hold":
-            sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 20)
-        assert mode_of(sky) == "BRAKE"
-        assert {("safety_deferred", ""), ("operator_order", "hold")} <= set(identities(sky.bridge.health().notes))
-        said = "actions are accepted again; agent uav is lost: the bridge brings the robot to safety first"
-        assert sky.bridge.orders.release().reason == said
-        await until_mode(sky, "RTL")
-
-    flown(body, sky)
+@async_test
+async def test_a_lost_agent_is_answered_for_when_the_operator_releases_the_robot(sky: Sky, when: str) -> None:
+    if when != "under the hold":
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+        await passing(sky, 3 if when == "before the hold" else 15)
+    await ordered(sky, "hold")
+    if when == "under the hold":
+        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 20)
+    assert mode_of(sky) == "BRAKE"
+    assert {("safety_deferred", ""), ("operator_order", "hold")} <= set(identities(sky.bridge.health().notes))
+    said = "actions are accepted again; agent uav is lost: the bridge brings the robot to safety first"
+    assert sky.bridge.orders.release().reason == said
+    await until_mode(sky, "RTL")
 
 
 def restarted(sky: Sky, tmp_path: Path) -> Sky:
@@ -257,255 +230,227 @@ def restarted(sky: Sky, tmp_path: Path) -> Sky:
     return again
 
 
-def test_the_operators_order_outlives_a_bridge_that_is_killed_until_release(sky: Sky, tmp_path: Path) -> None:
-    async def body(sky: Sky) -> None:
-        await ordered(sky, "hold")
-        again = restarted(sky, tmp_path)
-        assert again.begin("set_mode", "GUIDED", id="uav:t:90")[-1].cause == "operator", "from the start on"
-        await passing(again, 3)
-        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
-        assert again.bridge.health().ordered == "hold"
-        assert ("operator_order", "hold") in identities(again.bridge.health().notes)
-        assert again.bridge.orders.release().state == "succeeded"
-        last = restarted(again, tmp_path)
-        await passing(last, 2)
-        assert last.begin("set_mode", "GUIDED", id="uav:t:92")[-1].state == "accepted"
-
-    flown(body, sky)
+@async_test
+async def test_the_operators_order_outlives_a_bridge_that_is_killed_until_release(sky: Sky, tmp_path: Path) -> None:
+    await ordered(sky, "hold")
+    again = restarted(sky, tmp_path)
+    assert again.begin("set_mode", "GUIDED", id="uav:t:90")[-1].cause == "operator", "from the start on"
+    await passing(again, 3)
+    assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
+    assert again.bridge.health().ordered == "hold"
+    assert ("operator_order", "hold") in identities(again.bridge.health().notes)
+    assert again.bridge.orders.release().state == "succeeded"
+    last = restarted(again, tmp_path)
+    await passing(last, 2)
+    assert last.begin("set_mode", "GUIDED", id="uav:t:92")[-1].state == "accepted"
 
 
-def test_an_order_that_the_vehicle_had_not_done_when_its_bridge_was_killed_is_given_again(
+@async_test
+async def test_an_order_that_the_vehicle_had_not_done_when_its_bridge_was_killed_is_given_again(
     sky: Sky, tmp_path: Path
 ) -> None:
-    async def body(sky: Sky) -> None:
-        sky.hears_us = lambda message: False
-        asked = asyncio.ensure_future(sky.bridge.orders.operator("land"))
-        await passing(sky, 1)
-        asked.cancel()
-        assert mode_of(sky) == "GUIDED"
-        again = restarted(sky, tmp_path)
-        while mode_of(sky) != "LAND":
-            await passing(again, 0.5)
-
-    flown(body, sky)
+    sky.hears_us = lambda message: False
+    asked = asyncio.ensure_future(sky.bridge.orders.operator("land"))
+    await passing(sky, 1)
+    asked.cancel()
+    assert mode_of(sky) == "GUIDED"
+    again = restarted(sky, tmp_path)
+    while mode_of(sky) != "LAND":
+        await passing(again, 0.5)
 
 
-def test_a_restarted_bridge_leaves_a_safer_motion_alone_that_a_pilot_has_begun_meanwhile(
+@async_test
+async def test_a_restarted_bridge_leaves_a_safer_motion_alone_that_a_pilot_has_begun_meanwhile(
     sky: Sky, tmp_path: Path
 ) -> None:
-    async def body(sky: Sky) -> None:
-        await ordered(sky, "hold")
-        take_over(sky, LAND)
-        again = restarted(sky, tmp_path)
-        await passing(again, 3)
-        assert mode_of(again) == "LAND"
-        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
-
-    flown(body, sky)
+    await ordered(sky, "hold")
+    take_over(sky, LAND)
+    again = restarted(sky, tmp_path)
+    await passing(again, 3)
+    assert mode_of(again) == "LAND"
+    assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
 
 
-def test_a_restarted_bridge_leaves_a_pilot_the_vehicle_that_was_taken_over_under_the_operators_hold(
+@async_test
+async def test_a_restarted_bridge_leaves_a_pilot_the_vehicle_that_was_taken_over_under_the_operators_hold(
     sky: Sky, tmp_path: Path
 ) -> None:
-    async def body(sky: Sky) -> None:
-        await ordered(sky, "hold")
-        take_over(sky)
-        await passing(sky, 2)
-        again = restarted(sky, tmp_path)
-        for _ in range(20):
-            await passing(again, 0.5)
-            await asyncio.sleep(0.02)
-        assert mode_of(again) == "LOITER"
-        assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
-
-    flown(body, sky)
+    await ordered(sky, "hold")
+    take_over(sky)
+    await passing(sky, 2)
+    again = restarted(sky, tmp_path)
+    for _ in range(20):
+        await passing(again, 0.5)
+        await asyncio.sleep(0.02)
+    assert mode_of(again) == "LOITER"
+    assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
 
 
 @pytest.mark.parametrize("said", ["hold", "pause"])
-def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge(
+@async_test
+async def test_what_the_operator_has_said_ends_with_an_orderly_end_of_the_bridge(
     tmp_path: Path, said: Literal["hold", "pause"]
 ) -> None:
-    async def body(sky: Sky) -> None:
-        orders = sky.bridge.orders
-        asked = asyncio.ensure_future(orders.pause() if said == "pause" else orders.operator(said))
-        await passing(sky, 2)
-        assert asked.done()
-        await leaving(sky, orders.shut_down("land"))
-        last = restarted(sky, tmp_path).bridge
-        assert (last.action_log.paused, last.action_log.ordered, last.action_server.blocked) == (False, None, None)
-
     sky = Sky(tmp_path)
     sky.wait(2)
-    flown(body, sky)
+    orders = sky.bridge.orders
+    asked = asyncio.ensure_future(orders.pause() if said == "pause" else orders.operator(said))
+    await passing(sky, 2)
+    assert asked.done()
+    await leaving(sky, orders.shut_down("land"))
+    last = restarted(sky, tmp_path).bridge
+    assert (last.action_log.paused, last.action_log.ordered, last.action_server.blocked) == (False, None, None)
 
 
 @pytest.mark.parametrize("armed", [False, True])
-def test_an_order_from_before_the_machine_was_started_ends_when_the_vehicle_is_heard_and_not_armed(
+@async_test
+async def test_an_order_from_before_the_machine_was_started_ends_when_the_vehicle_is_heard_and_not_armed(
     sky: Sky, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, armed: bool
 ) -> None:
-    async def body(sky: Sky) -> None:
-        await ordered(sky, "hold" if armed else "land")
-        while sky.vehicle.copter.armed != armed:
-            await passing(sky, 1)
-        monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
-        again = restarted(sky, tmp_path)
-        assert again.bridge.action_server.blocked
-        for _ in range(20):
-            await passing(again, 0.5)
-            await asyncio.sleep(0.02)
-        assert (again.bridge.action_log.ordered, bool(again.bridge.action_server.blocked)) == (
-            "hold" if armed else None,
-            armed,
-        )
-
-    flown(body, sky)
+    await ordered(sky, "hold" if armed else "land")
+    while sky.vehicle.copter.armed != armed:
+        await passing(sky, 1)
+    monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
+    again = restarted(sky, tmp_path)
+    assert again.bridge.action_server.blocked
+    for _ in range(20):
+        await passing(again, 0.5)
+        await asyncio.sleep(0.02)
+    assert (again.bridge.action_log.ordered, bool(again.bridge.action_server.blocked)) == (
+        "hold" if armed else None,
+        armed,
+    )
 
 
-def test_a_pause_from_before_the_machine_was_started_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def body(sky: Sky) -> None:
-        asked = asyncio.ensure_future(sky.bridge.orders.pause())
-        await passing(sky, 2)
-        assert asked.done()
-        monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
-        again = restarted(sky, tmp_path)
-        for _ in range(20):
-            await passing(again, 0.5)
-            await asyncio.sleep(0.02)
-        assert again.bridge.action_server.paused
-
+@async_test
+async def test_a_pause_from_before_the_machine_was_started_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sky = Sky(tmp_path)
     sky.wait(2)
-    flown(body, sky)
+    asked = asyncio.ensure_future(sky.bridge.orders.pause())
+    await passing(sky, 2)
+    assert asked.done()
+    monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
+    again = restarted(sky, tmp_path)
+    for _ in range(20):
+        await passing(again, 0.5)
+        await asyncio.sleep(0.02)
+    assert again.bridge.action_server.paused
 
 
-def test_an_agent_that_is_back_during_the_operators_hold_has_time_to_take_control_after_it(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        await ordered(sky, "hold")
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 2)
-        sky.bridge.orders.agent_back("uav")
-        await passing(sky, 30)
-        sky.bridge.orders.release()
-        await asyncio.sleep(0.5)
-        await passing(sky, 5)
-        assert sky.begin("set_mode", "GUIDED")[-1].state == "accepted"
-        await passing(sky, 2)
-        await ordered(sky, "hold")
-        sky.bridge.orders.release()
-        await asyncio.sleep(0.5)
-        await passing(sky, 20)
-        assert mode_of(sky) == "BRAKE", "an agent took control: it is lost no longer"
-
-    flown(body, sky)
+@async_test
+async def test_an_agent_that_is_back_during_the_operators_hold_has_time_to_take_control_after_it(sky: Sky) -> None:
+    await ordered(sky, "hold")
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 2)
+    sky.bridge.orders.agent_back("uav")
+    await passing(sky, 30)
+    sky.bridge.orders.release()
+    await asyncio.sleep(0.5)
+    await passing(sky, 5)
+    assert sky.begin("set_mode", "GUIDED")[-1].state == "accepted"
+    await passing(sky, 2)
+    await ordered(sky, "hold")
+    sky.bridge.orders.release()
+    await asyncio.sleep(0.5)
+    await passing(sky, 20)
+    assert mode_of(sky) == "BRAKE", "an agent took control: it is lost no longer"
 
 
-def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 2)
-        await ordered(sky, "land")
-        while sky.vehicle.copter.armed:
-            await passing(sky, 1)
-        await passing(sky, 3)
-        await asyncio.sleep(0.5)
-        assert "safety_deferred" not in {note.code for note in sky.bridge.health().notes}
-        assert sky.bridge.orders.release().reason == "actions are accepted again"
-        assert sky.begin("set_mode", "GUIDED", agent="other")[-1].state == "accepted"
-
-    flown(body, sky)
+@async_test
+async def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky: Sky) -> None:
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 2)
+    await ordered(sky, "land")
+    while sky.vehicle.copter.armed:
+        await passing(sky, 1)
+    await passing(sky, 3)
+    await asyncio.sleep(0.5)
+    assert "safety_deferred" not in {note.code for note in sky.bridge.health().notes}
+    assert sky.bridge.orders.release().reason == "actions are accepted again"
+    assert sky.begin("set_mode", "GUIDED", agent="other")[-1].state == "accepted"
 
 
-def test_a_robot_in_the_air_whose_agent_is_lost_is_an_alarm_when_no_sequence_has_it(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold"),))
-        await idling(sky, 9, lost=True)
-        assert (mode_of(sky), alarms(sky)) == ("BRAKE", [])
-        await idling(sky, 15, lost=True)
-        assert (mode_of(sky), alarms(sky)) == ("RTL", [UNATTENDED])
-        alarm = next(note for note in sky.bridge.health().notes if note.code == UNATTENDED)
-        said = "in the air without anybody in charge: agent uav is lost; it is brought to safety (rtl)"
-        assert alarm.text == said
-
-    flown(body, sky)
+@async_test
+async def test_a_robot_in_the_air_whose_agent_is_lost_is_an_alarm_when_no_sequence_has_it(sky: Sky) -> None:
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold"),))
+    await idling(sky, 9, lost=True)
+    assert (mode_of(sky), alarms(sky)) == ("BRAKE", [])
+    await idling(sky, 15, lost=True)
+    assert (mode_of(sky), alarms(sky)) == ("RTL", [UNATTENDED])
+    alarm = next(note for note in sky.bridge.health().notes if note.code == UNATTENDED)
+    said = "in the air without anybody in charge: agent uav is lost; it is brought to safety (rtl)"
+    assert alarm.text == said
 
 
 @pytest.mark.parametrize("who", ["an action", "operator", "pilot", "its way home", "by hand", "nobody yet"])
-def test_a_robot_that_somebody_has_is_not_unattended(sky: Sky, who: str) -> None:
-    async def body(sky: Sky) -> None:
-        match who:
-            case "an action":
-                sky.begin("goto", -27.60, -48.51, 20)
-            case "operator":
-                held = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
-                await passing(sky, 3)
-                await held
-            case "pilot":
-                take_over(sky)
-            case "its way home":
-                sky.begin("set_mode", "RTL")
-            case "by hand":
-                sky.begin("goto", -27.6036, -48.5180, 20, id="")
-                await passing(sky, 20)
-            case "nobody yet":
-                sky.bridge.lease.restore("uav", True)
-                sky.bridge.lease.answers = ""
-        await passing(sky, 1)
-        before = mode_of(sky)
-        await idling(sky, 20)
-        assert alarms(sky) == []
-        assert mode_of(sky) == before
-
-    flown(body, sky)
+@async_test
+async def test_a_robot_that_somebody_has_is_not_unattended(sky: Sky, who: str) -> None:
+    match who:
+        case "an action":
+            sky.begin("goto", -27.60, -48.51, 20)
+        case "operator":
+            held = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
+            await passing(sky, 3)
+            await held
+        case "pilot":
+            take_over(sky)
+        case "its way home":
+            sky.begin("set_mode", "RTL")
+        case "by hand":
+            sky.begin("goto", -27.6036, -48.5180, 20, id="")
+            await passing(sky, 20)
+        case "nobody yet":
+            sky.bridge.lease.restore("uav", True)
+            sky.bridge.lease.answers = ""
+    await passing(sky, 1)
+    before = mode_of(sky)
+    await idling(sky, 20)
+    assert alarms(sky) == []
+    assert mode_of(sky) == before
 
 
 @pytest.mark.parametrize(("action", "mode"), [("return_to_launch", "RTL"), ("land", "LAND")])
-def test_a_lost_agents_way_home_or_down_is_not_replaced_by_a_hold(sky: Sky, action: str, mode: str) -> None:
+@async_test
+async def test_a_lost_agents_way_home_or_down_is_not_replaced_by_a_hold(sky: Sky, action: str, mode: str) -> None:
     """Neither is LAND by RTL: the sequence counts what is safer as done, and the agent's action has failed."""
     assert sky.do("goto", -27.6036, -48.5180, 20).state == "succeeded"
     home = sky.begin(action)
     sky.wait(3)
-
-    async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        assert home[-1].state == "failed"
-        modes = set()
-        for _ in range(30):
-            await passing(sky, 0.5)
-            modes.add(mode_of(sky))
-        assert modes == {mode}
-
-    flown(body, sky)
-
-
-def test_a_vehicle_that_turned_home_while_it_could_not_be_heard_is_not_held(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        sky.begin("return_to_launch")
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    assert home[-1].state == "failed"
+    modes = set()
+    for _ in range(30):
         await passing(sky, 0.5)
-        sky.we_hear = lambda message: False
-        await passing(sky, 8)
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(sky, 2)
-        sky.we_hear = lambda message: True
-        modes = set()
-        for _ in range(10):
-            await passing(sky, 0.5)
-            modes.add(mode_of(sky))
-        assert modes == {"RTL"}
-
-    flown(body, sky)
+        modes.add(mode_of(sky))
+    assert modes == {mode}
 
 
-def test_a_bridge_that_stops_lets_a_landing_go_on(sky: Sky) -> None:
+@async_test
+async def test_a_vehicle_that_turned_home_while_it_could_not_be_heard_is_not_held(sky: Sky) -> None:
+    sky.begin("return_to_launch")
+    await passing(sky, 0.5)
+    sky.we_hear = lambda message: False
+    await passing(sky, 8)
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(sky, 2)
+    sky.we_hear = lambda message: True
+    modes = set()
+    for _ in range(10):
+        await passing(sky, 0.5)
+        modes.add(mode_of(sky))
+    assert modes == {"RTL"}
+
+
+@async_test
+async def test_a_bridge_that_stops_lets_a_landing_go_on(sky: Sky) -> None:
     sky.begin("land")
     sky.wait(3)
-
-    async def body(sky: Sky) -> None:
-        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
-        assert (left.state, left.order) == ("ordered", "rtl")
-        assert left.text == "rtl: land is under way: the vehicle is in LAND"
-        assert mode_of(sky) == "LAND"
-
-    flown(body, sky)
+    left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+    assert (left.state, left.order) == ("ordered", "rtl")
+    assert left.text == "rtl: land is under way: the vehicle is in LAND"
+    assert mode_of(sky) == "LAND"
 
 
 @pytest.mark.parametrize(("action", "mode"), [("return_to_launch", "RTL"), ("land", "LAND")])
@@ -516,66 +461,54 @@ def test_a_way_home_or_down_that_takes_longer_than_its_deadline_goes_on(sky: Sky
     assert mode_of(sky) == mode
 
 
-def test_the_operators_hold_stops_a_way_home(sky: Sky) -> None:
+@async_test
+async def test_the_operators_hold_stops_a_way_home(sky: Sky) -> None:
     sky.begin("return_to_launch")
     sky.wait(3)
-
-    async def body(sky: Sky) -> None:
-        ordered = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
-        await passing(sky, 5)
-        assert (await ordered).state == "succeeded"
-        assert mode_of(sky) == "BRAKE"
-
-    flown(body, sky)
+    ordered = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
+    await passing(sky, 5)
+    assert (await ordered).state == "succeeded"
+    assert mode_of(sky) == "BRAKE"
 
 
-def test_a_bridge_that_stops_leaves_a_pilots_vehicle_to_the_pilot_and_says_so(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        take_over(sky)
-        await passing(sky, 3)
-        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
-        assert (left.state, left.text) == ("piloted", "left to the pilot in LOITER, armed")
-        await passing(sky, 5)
-        assert mode_of(sky) == "LOITER"
-
-    flown(body, sky)
+@async_test
+async def test_a_bridge_that_stops_leaves_a_pilots_vehicle_to_the_pilot_and_says_so(sky: Sky) -> None:
+    take_over(sky)
+    await passing(sky, 3)
+    left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+    assert (left.state, left.text) == ("piloted", "left to the pilot in LOITER, armed")
+    await passing(sky, 5)
+    assert mode_of(sky) == "LOITER"
 
 
-def test_a_vehicle_that_somebody_flew_before_the_bridge_started_is_left_to_them(sky: Sky, tmp_path: Path) -> None:
+@async_test
+async def test_a_vehicle_that_somebody_flew_before_the_bridge_started_is_left_to_them(sky: Sky, tmp_path: Path) -> None:
     take_over(sky)
     sky.wait(3)
     later = Sky(tmp_path / "later", vehicle=sky.vehicle)
-
-    async def body(sky: Sky) -> None:
-        await passing(sky, 3)
-        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
-        assert (left.state, left.text) == ("piloted", "left to the pilot in LOITER, armed")
-
-    flown(body, later)
+    sky = later
+    await passing(sky, 3)
+    left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+    assert (left.state, left.text) == ("piloted", "left to the pilot in LOITER, armed")
 
 
-def test_an_agent_that_takes_control_again_is_answered_for_again(sky: Sky) -> None:
+@async_test
+async def test_an_agent_that_takes_control_again_is_answered_for_again(sky: Sky) -> None:
     take_over(sky)
     sky.wait(3)
     assert sky.do("set_mode", "GUIDED").state == "succeeded"
-
-    async def body(sky: Sky) -> None:
-        left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
-        assert (left.state, left.order) == ("ordered", "rtl")
-
-    flown(body, sky)
+    left = await leaving(sky, sky.bridge.orders.shut_down("rtl"))
+    assert (left.state, left.order) == ("ordered", "rtl")
 
 
-def test_the_operators_order_goes_through_against_any_mode(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        take_over(sky)
-        await passing(sky, 3)
-        ordered = asyncio.ensure_future(sky.bridge.orders.operator("land"))
-        await passing(sky, 5)
-        assert (await ordered).state == "succeeded"
-        assert mode_of(sky) == "LAND"
-
-    flown(body, sky)
+@async_test
+async def test_the_operators_order_goes_through_against_any_mode(sky: Sky) -> None:
+    take_over(sky)
+    await passing(sky, 3)
+    ordered = asyncio.ensure_future(sky.bridge.orders.operator("land"))
+    await passing(sky, 5)
+    assert (await ordered).state == "succeeded"
+    assert mode_of(sky) == "LAND"
 
 
 def test_who_flew_last_is_not_answered_for_in_a_later_flight(sky: Sky) -> None:
@@ -597,7 +530,8 @@ def test_a_restarted_bridge_answers_for_nobody_if_its_vehicle_is_not_armed(sky: 
     assert parked.bridge.lease.answers == ""
 
 
-def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
+@async_test
+async def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
     sky: Sky, caplog: pytest.LogCaptureFixture
 ) -> None:
     def refuse(message: dialect.MAVLink_message) -> bool:
@@ -607,33 +541,30 @@ def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
             return False
         return True
 
-    async def body(sky: Sky) -> None:
-        sky.hears_us = refuse
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 1.0), Step("rtl")))
-        await passing(sky, 10)
-        assert mode_of(sky) == "LAND"
-
-    flown(body, sky)
+    sky.hears_us = refuse
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 1.0), Step("rtl")))
+    await passing(sky, 10)
+    assert mode_of(sky) == "LAND"
     assert "the vehicle did not do the last that was ordered, so land is ordered instead" in caplog.text
 
 
-def test_a_vehicle_that_this_life_of_the_bridge_has_not_heard_when_its_agent_is_lost_returns_once_it_is(
+@async_test
+async def test_a_vehicle_that_this_life_of_the_bridge_has_not_heard_when_its_agent_is_lost_returns_once_it_is(
     sky: Sky, tmp_path: Path
 ) -> None:
-    async def body(again: Sky) -> None:
-        again.we_hear = lambda message: False
-        again.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        await passing(again, 3)
-        assert "never_heard" in {note.code for note in again.bridge.health().notes}
-        again.we_hear = lambda message: True
-        while mode_of(again) != "RTL":
-            await passing(again, 1)
-        assert "never_heard" not in {note.code for note in again.bridge.health().notes}
-
-    flown(body, Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock))
+    again = Sky(tmp_path, vehicle=sky.vehicle, clock=sky.clock)
+    again.we_hear = lambda message: False
+    again.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    await passing(again, 3)
+    assert "never_heard" in {note.code for note in again.bridge.health().notes}
+    again.we_hear = lambda message: True
+    while mode_of(again) != "RTL":
+        await passing(again, 1)
+    assert "never_heard" not in {note.code for note in again.bridge.health().notes}
 
 
-def test_a_vehicle_whose_driver_cannot_be_told_one_order_is_told_the_next(
+@async_test
+async def test_a_vehicle_whose_driver_cannot_be_told_one_order_is_told_the_next(
     sky: Sky, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     order = MavlinkDriver.order
@@ -644,61 +575,50 @@ def test_a_vehicle_whose_driver_cannot_be_told_one_order_is_told_the_next(
         return order(driver, which, reason, insist=insist)
 
     monkeypatch.setattr(MavlinkDriver, "order", broken)
-
-    async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
-        while mode_of(sky) != "LAND":
-            await passing(sky, 1)
-        while sky.bridge.lease.closed:
-            await passing(sky, 1)
-        assert sky.bridge.lease.holder == ""
-
-    flown(body, sky)
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("rtl"),))
+    while mode_of(sky) != "LAND":
+        await passing(sky, 1)
+    while sky.bridge.lease.closed:
+        await passing(sky, 1)
+    assert sky.bridge.lease.holder == ""
 
 
-def test_a_defect_while_a_lost_agent_is_answered_for_does_not_keep_the_robot_from_the_others(
+@async_test
+async def test_a_defect_while_a_lost_agent_is_answered_for_does_not_keep_the_robot_from_the_others(
     sky: Sky, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def broken(seconds: float) -> None:
         raise KeyError("pause")
 
     monkeypatch.setattr(sky.clock, "sleep", broken)
-
-    async def body(sky: Sky) -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
-        assert sky.bridge.lease.closed
-        while sky.bridge.lease.closed:
-            await passing(sky, 1)
-        assert sky.bridge.lease.holder == ""
-
-    flown(body, sky)
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", HOME_AT_LAST)
+    assert sky.bridge.lease.closed
+    while sky.bridge.lease.closed:
+        await passing(sky, 1)
+    assert sky.bridge.lease.holder == ""
     assert "defect while the robot is brought to safety (agent uav is lost)" in caplog.text
 
 
-def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_agents_act_again(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        left = asyncio.ensure_future(sky.bridge.orders.shut_down("rtl"))
-        await passing(sky, 0.1)
-        released = sky.bridge.orders.release()
-        assert (released.state, released.reason) == ("refused", "the bridge stops: it accepts no more actions")
-        refused = sky.begin("goto", 0.0, 0.0, 20)[-1]
-        assert (refused.state, refused.cause, refused.order) == ("refused", "shutdown", "rtl")
-        assert (await leaving(sky, left)).order == "rtl"
-
-    flown(body, sky)
+@async_test
+async def test_while_the_bridge_leaves_its_robot_the_operator_cannot_let_the_agents_act_again(sky: Sky) -> None:
+    left = asyncio.ensure_future(sky.bridge.orders.shut_down("rtl"))
+    await passing(sky, 0.1)
+    released = sky.bridge.orders.release()
+    assert (released.state, released.reason) == ("refused", "the bridge stops: it accepts no more actions")
+    refused = sky.begin("goto", 0.0, 0.0, 20)[-1]
+    assert (refused.state, refused.cause, refused.order) == ("refused", "shutdown", "rtl")
+    assert (await leaving(sky, left)).order == "rtl"
 
 
-def test_after_a_release_the_copter_takes_targets_when_its_agent_has_set_the_mode(sky: Sky) -> None:
-    async def body(sky: Sky) -> None:
-        ordered = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
-        while not ordered.done():
-            await passing(sky, 0.5)
-        assert mode_of(sky) == "BRAKE"
-        assert sky.bridge.orders.release().state == "succeeded"
-        assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "refused"
-        mode = sky.begin("set_mode", "GUIDED")
-        await passing(sky, 5)
-        assert mode[-1].state == "succeeded"
-        assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"
-
-    flown(body, sky)
+@async_test
+async def test_after_a_release_the_copter_takes_targets_when_its_agent_has_set_the_mode(sky: Sky) -> None:
+    ordered = asyncio.ensure_future(sky.bridge.orders.operator("hold"))
+    while not ordered.done():
+        await passing(sky, 0.5)
+    assert mode_of(sky) == "BRAKE"
+    assert sky.bridge.orders.release().state == "succeeded"
+    assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "refused"
+    mode = sky.begin("set_mode", "GUIDED")
+    await passing(sky, 5)
+    assert mode[-1].state == "succeeded"
+    assert sky.begin("goto", -27.6036, -48.5180, 20)[-1].state == "accepted"

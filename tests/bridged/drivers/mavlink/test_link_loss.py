@@ -6,9 +6,7 @@ import asyncio
 import errno
 import os
 import pty
-from collections.abc import Callable, Coroutine
 from pathlib import Path
-from typing import Any
 
 from bridged.drivers.api import Reading
 from bridged.drivers.mavlink.session import LinkState
@@ -20,19 +18,11 @@ from bridged.drivers.mavlink.transport.link import Link, open_link
 from schemas.manifest.loader import read_manifest
 from schemas.wire.terms import Atom
 from tests.bridged.radio import BEAT, Ride, Speaker, place, riding
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 
 UP, DOWN = Atom("up"), Atom("down")
-
-
-def run(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(240):
-            await body()
-
-    asyncio.run(bounded())
 
 
 class Told:
@@ -102,22 +92,21 @@ def states(ride: Ride) -> list[object]:
     return [one.fields["state"] for one in ride.readings if one.source == "LINK" and one.fields is not None]
 
 
-def test_silence_on_a_link_that_is_open_is_link_down_and_a_heartbeat_link_up() -> None:
-    async def body() -> None:
-        port = free_port()
-        async with riding(f"link: 'udpin:127.0.0.1:{port}'", manifest=WATCHFUL) as [ride]:
-            vehicle = Speaker(port)
-            vehicle.say(BEAT)
-            await until(lambda: states(ride) == [UP], "the vehicle is heard")
-            await until(lambda: states(ride) == [UP, DOWN], "it fell silent")
-            vehicle.say(BEAT)
-            await until(lambda: states(ride) == [UP, DOWN, UP], "it is heard again")
-            vehicle.close()
-
-    run(body)
+@async_test
+async def test_silence_on_a_link_that_is_open_is_link_down_and_a_heartbeat_link_up() -> None:
+    port = free_port()
+    async with riding(f"link: 'udpin:127.0.0.1:{port}'", manifest=WATCHFUL) as [ride]:
+        vehicle = Speaker(port)
+        vehicle.say(BEAT)
+        await until(lambda: states(ride) == [UP], "the vehicle is heard")
+        await until(lambda: states(ride) == [UP, DOWN], "it fell silent")
+        vehicle.say(BEAT)
+        await until(lambda: states(ride) == [UP, DOWN, UP], "it is heard again")
+        vehicle.close()
 
 
-def test_a_serial_device_that_is_unplugged_is_link_down_and_plugged_in_again_it_is_found_under_its_name(
+@async_test
+async def test_a_serial_device_that_is_unplugged_is_link_down_and_plugged_in_again_it_is_found_under_its_name(
     tmp_path: Path,
 ) -> None:
     name = tmp_path / "telemetry"
@@ -129,58 +118,51 @@ def test_a_serial_device_that_is_unplugged_is_link_down_and_plugged_in_again_it_
         plugged.append(near)
         return far
 
-    async def body() -> None:
-        far, vehicle = plug_in(), Encoder(1, 1)
-        async with riding(f"link: 'serial:{name}:57600'", manifest=WATCHFUL) as [ride]:
-            os.close(plugged.pop())
-            os.write(far, vehicle.pack(BEAT))
-            await until(lambda: states(ride) == [UP], "the vehicle is heard")
-            os.close(far)
-            name.unlink()
-            await until(lambda: states(ride) == [UP, DOWN], "unplugged")
-            said = {("link_down", f"serial:{name}:57600")}
-            await until(lambda: said <= set(identities(ride.driver.notes())), "the note")
-            await until(
-                lambda: any("no such file or" in note.text for note in ride.driver.notes()), "the note says why"
-            )
-            far = plug_in()
-
-            def again() -> bool:
-                os.write(far, vehicle.pack(BEAT))
-                return states(ride) == [UP, DOWN, UP]
-
-            await until(again, "plugged in again")
-            assert ride.driver.counters()["link_reopened"] == 1
-            os.close(plugged.pop())
-            os.close(far)
-
     plugged: list[int] = []
-    run(body)
+    far, vehicle = plug_in(), Encoder(1, 1)
+    async with riding(f"link: 'serial:{name}:57600'", manifest=WATCHFUL) as [ride]:
+        os.close(plugged.pop())
+        os.write(far, vehicle.pack(BEAT))
+        await until(lambda: states(ride) == [UP], "the vehicle is heard")
+        os.close(far)
+        name.unlink()
+        await until(lambda: states(ride) == [UP, DOWN], "unplugged")
+        said = {("link_down", f"serial:{name}:57600")}
+        await until(lambda: said <= set(identities(ride.driver.notes())), "the note")
+        await until(lambda: any("no such file or" in note.text for note in ride.driver.notes()), "the note says why")
+        far = plug_in()
+
+        def again() -> bool:
+            os.write(far, vehicle.pack(BEAT))
+            return states(ride) == [UP, DOWN, UP]
+
+        await until(again, "plugged in again")
+        assert ride.driver.counters()["link_reopened"] == 1
+        os.close(plugged.pop())
+        os.close(far)
 
 
-def test_a_tcp_vehicle_that_reboots_is_link_down_and_up() -> None:
-    async def body() -> None:
-        port, connected = free_port(), asyncio.Queue[asyncio.StreamWriter]()
+@async_test
+async def test_a_tcp_vehicle_that_reboots_is_link_down_and_up() -> None:
+    port, connected = free_port(), asyncio.Queue[asyncio.StreamWriter]()
 
-        async def listen() -> asyncio.Server:
-            return await asyncio.start_server(lambda _, writer: connected.put_nowait(writer), "127.0.0.1", port)
+    async def listen() -> asyncio.Server:
+        return await asyncio.start_server(lambda _, writer: connected.put_nowait(writer), "127.0.0.1", port)
 
-        server = await listen()
-        async with riding(f"link: 'tcp:127.0.0.1:{port}'", manifest=WATCHFUL) as [ride]:
-            vehicle = await connected.get()
-            vehicle.write(Encoder(1, 1).pack(BEAT))
-            await until(lambda: states(ride) == [UP], "the vehicle is heard")
-            server.close()
-            vehicle.transport.abort()
-            await until(lambda: states(ride) == [UP, DOWN], "the connection is gone")
-            server = await listen()
-            vehicle = await connected.get()
-            vehicle.write(Encoder(1, 1).pack(BEAT))
-            await until(lambda: states(ride) == [UP, DOWN, UP], "connected again")
-            vehicle.close()
+    server = await listen()
+    async with riding(f"link: 'tcp:127.0.0.1:{port}'", manifest=WATCHFUL) as [ride]:
+        vehicle = await connected.get()
+        vehicle.write(Encoder(1, 1).pack(BEAT))
+        await until(lambda: states(ride) == [UP], "the vehicle is heard")
         server.close()
-
-    run(body)
+        vehicle.transport.abort()
+        await until(lambda: states(ride) == [UP, DOWN], "the connection is gone")
+        server = await listen()
+        vehicle = await connected.get()
+        vehicle.write(Encoder(1, 1).pack(BEAT))
+        await until(lambda: states(ride) == [UP, DOWN, UP], "connected again")
+        vehicle.close()
+    server.close()
 
 
 async def opened(text: str) -> tuple[Link, list[bool]]:
@@ -202,54 +184,48 @@ def socket_of(link: Link) -> UdpSocket:
     return found
 
 
-def test_a_udp_link_whose_network_went_is_opened_again_with_a_socket_of_the_new_one() -> None:
-    async def body() -> None:
-        vehicle = Speaker()
-        link, told = await opened(f"udpout:127.0.0.1:{vehicle.port}")
-        link.send(BEAT)
-        await until(lambda: len(vehicle.listen()) == 1, "heard")
-        first = socket_of(link)
-        first.error_received(OSError(errno.ENETUNREACH, "unreachable"))
-        assert not link.send(BEAT), "there is no way now"
-        await until(lambda: told == [True, False, True], "opened again")
-        assert socket_of(link) is not first
-        assert link.counters.reopened == 1
-        assert link.send(BEAT)
-        await until(lambda: len(vehicle.listen()) == 2, "heard again")
-        await link.close()
-        vehicle.close()
-
-    run(body)
+@async_test
+async def test_a_udp_link_whose_network_went_is_opened_again_with_a_socket_of_the_new_one() -> None:
+    vehicle = Speaker()
+    link, told = await opened(f"udpout:127.0.0.1:{vehicle.port}")
+    link.send(BEAT)
+    await until(lambda: len(vehicle.listen()) == 1, "heard")
+    first = socket_of(link)
+    first.error_received(OSError(errno.ENETUNREACH, "unreachable"))
+    assert not link.send(BEAT), "there is no way now"
+    await until(lambda: told == [True, False, True], "opened again")
+    assert socket_of(link) is not first
+    assert link.counters.reopened == 1
+    assert link.send(BEAT)
+    await until(lambda: len(vehicle.listen()) == 2, "heard again")
+    await link.close()
+    vehicle.close()
 
 
-def test_a_listening_link_outlives_one_way_that_is_closed_and_is_opened_again_without_its_address() -> None:
-    async def body() -> None:
-        port = free_port()
-        link, told = await opened(f"udpin:127.0.0.1:{port}")
-        socket_of(link).error_received(OSError(errno.EHOSTUNREACH, "one of several vehicles is out of reach"))
-        socket_of(link).error_received(ConnectionRefusedError(errno.ECONNREFUSED, "nobody listens"))
-        assert (told, link.counters.errors) == ([True], 2)
-        socket_of(link).error_received(OSError(errno.EADDRNOTAVAIL, "its own address has gone"))
-        await until(lambda: told == [True, False, True], "opened again")
-        vehicle = Speaker(port)
-        vehicle.say(BEAT, place())
-        await until(lambda: link.peer_of(1) is not None, "heard again")
-        await link.close()
-        vehicle.close()
-
-    run(body)
+@async_test
+async def test_a_listening_link_outlives_one_way_that_is_closed_and_is_opened_again_without_its_address() -> None:
+    port = free_port()
+    link, told = await opened(f"udpin:127.0.0.1:{port}")
+    socket_of(link).error_received(OSError(errno.EHOSTUNREACH, "one of several vehicles is out of reach"))
+    socket_of(link).error_received(ConnectionRefusedError(errno.ECONNREFUSED, "nobody listens"))
+    assert (told, link.counters.errors) == ([True], 2)
+    socket_of(link).error_received(OSError(errno.EADDRNOTAVAIL, "its own address has gone"))
+    await until(lambda: told == [True, False, True], "opened again")
+    vehicle = Speaker(port)
+    vehicle.say(BEAT, place())
+    await until(lambda: link.peer_of(1) is not None, "heard again")
+    await link.close()
+    vehicle.close()
 
 
-def test_attempts_to_open_a_link_come_less_often_while_it_does_not_hold() -> None:
-    async def body() -> None:
-        link, _ = await opened(f"udpout:127.0.0.1:{free_port()}")
-        loop, moments = asyncio.get_running_loop(), list[float]()
-        for reopened in range(1, 4):
-            socket_of(link).error_received(OSError(errno.ENETDOWN, "down"))
-            begun = loop.time()
-            await until(lambda: link.counters.reopened == reopened and link.up, "open again")  # noqa: B023
-            moments.append(loop.time() - begun)
-        assert moments[0] < moments[1] < moments[2] < endpoint.BACKOFF_S[1]
-        await link.close()
-
-    run(body)
+@async_test
+async def test_attempts_to_open_a_link_come_less_often_while_it_does_not_hold() -> None:
+    link, _ = await opened(f"udpout:127.0.0.1:{free_port()}")
+    loop, moments = asyncio.get_running_loop(), list[float]()
+    for reopened in range(1, 4):
+        socket_of(link).error_received(OSError(errno.ENETDOWN, "down"))
+        begun = loop.time()
+        await until(lambda: link.counters.reopened == reopened and link.up, "open again")  # noqa: B023
+        moments.append(loop.time() - begun)
+    assert moments[0] < moments[1] < moments[2] < endpoint.BACKOFF_S[1]
+    await link.close()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Callable, Coroutine
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,196 +19,170 @@ from bridged.drivers.mavlink.vehicle.streams import FOR_PERCEPTS_ONLY, MessageFi
 from schemas.manifest.loader import read_manifest
 from schemas.mission.model import Failsafe, Ids
 from tests.bridged.radio import BEAT, COPTER, STATION_BEAT, Speaker, place, riding, robot_of, spoken_as
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.notes import identities
 from tests.support.ports import free_port
-
-
-def run(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(240):
-            await body()
-
-    asyncio.run(bounded())
 
 
 def link(port: int, system: int, more: str = "") -> str:
     return f"link: 'udpin:127.0.0.1:{port}', sysid: {system}{more}"
 
 
-def test_each_robot_of_a_link_hears_its_own_vehicle_and_answers_it_alone_under_its_own_ids() -> None:
-    async def body() -> None:
-        port = free_port()
-        bridge_is_station, own_component = ", failsafe: {gcs: bridge}", ", ids: {component: 77}"
-        fields = (link(port, 1), link(port, 2, bridge_is_station), link(port, 3, own_component))
-        async with riding(*fields) as rides:
-            vehicles = [Speaker(port, system) for system in (1, 2, 3)]
-            for vehicle, altitude in zip(vehicles, (10, 20, 30), strict=True):
-                vehicle.say(BEAT, place(altitude))
-            await until(lambda: all(ride.count("GLOBAL_POSITION_INT") for ride in rides), "every vehicle is heard")
-            for ride, altitude in zip(rides, (10, 20, 30), strict=True):
-                [fields_of] = [one.fields for one in ride.readings if one.source == "GLOBAL_POSITION_INT"]
-                assert fields_of is not None
-                assert fields_of["relative_alt"] == altitude * 1000
-            await until(lambda: all(vehicle.kinds() >= {"COMMAND_LONG"} for vehicle in vehicles), "all are answered")
-            for vehicle, ids in zip(vehicles, ((1, 191), (255, 190), (3, 77)), strict=True):
-                assert {spoken_as(one) for one in vehicle.listen()} == {ids}
-                numbers = [one.get_seq() for one in vehicle.heard]
-                assert all(later == (earlier + 1) % 256 for earlier, later in pairwise(numbers))
-            for vehicle in vehicles:
-                vehicle.close()
-
-    run(body)
+@async_test
+async def test_each_robot_of_a_link_hears_its_own_vehicle_and_answers_it_alone_under_its_own_ids() -> None:
+    port = free_port()
+    bridge_is_station, own_component = ", failsafe: {gcs: bridge}", ", ids: {component: 77}"
+    fields = (link(port, 1), link(port, 2, bridge_is_station), link(port, 3, own_component))
+    async with riding(*fields) as rides:
+        vehicles = [Speaker(port, system) for system in (1, 2, 3)]
+        for vehicle, altitude in zip(vehicles, (10, 20, 30), strict=True):
+            vehicle.say(BEAT, place(altitude))
+        await until(lambda: all(ride.count("GLOBAL_POSITION_INT") for ride in rides), "every vehicle is heard")
+        for ride, altitude in zip(rides, (10, 20, 30), strict=True):
+            [fields_of] = [one.fields for one in ride.readings if one.source == "GLOBAL_POSITION_INT"]
+            assert fields_of is not None
+            assert fields_of["relative_alt"] == altitude * 1000
+        await until(lambda: all(vehicle.kinds() >= {"COMMAND_LONG"} for vehicle in vehicles), "all are answered")
+        for vehicle, ids in zip(vehicles, ((1, 191), (255, 190), (3, 77)), strict=True):
+            assert {spoken_as(one) for one in vehicle.listen()} == {ids}
+            numbers = [one.get_seq() for one in vehicle.heard]
+            assert all(later == (earlier + 1) % 256 for earlier, later in pairwise(numbers))
+        for vehicle in vehicles:
+            vehicle.close()
 
 
-def test_robots_at_one_line_have_a_row_of_sequence_numbers_for_each_pair_of_ids() -> None:
-    async def body() -> None:
-        air = Speaker(system=1)
-        fields = [f"link: 'udpout:127.0.0.1:{air.port}', sysid: {system}" for system in (1, 2)]
-        async with riding(*fields):
-            await until(lambda: {(1, 191), (2, 191)} <= {spoken_as(one) for one in air.listen()}, "both speak")
-            second = Encoder(2, 1)
-            air.say(BEAT)
-            air.send(second.pack(BEAT))
-            await until(lambda: air.kinds(1, 191) & air.kinds(2, 191) >= {"COMMAND_LONG"}, "both are asked for streams")
-        for ids in ((1, 191), (2, 191)):
-            numbers = [one.get_seq() for one in air.heard if spoken_as(one) == ids]
-            assert numbers == list(range(len(numbers)))
-        air.close()
-
-    run(body)
+@async_test
+async def test_robots_at_one_line_have_a_row_of_sequence_numbers_for_each_pair_of_ids() -> None:
+    air = Speaker(system=1)
+    fields = [f"link: 'udpout:127.0.0.1:{air.port}', sysid: {system}" for system in (1, 2)]
+    async with riding(*fields):
+        await until(lambda: {(1, 191), (2, 191)} <= {spoken_as(one) for one in air.listen()}, "both speak")
+        second = Encoder(2, 1)
+        air.say(BEAT)
+        air.send(second.pack(BEAT))
+        await until(lambda: air.kinds(1, 191) & air.kinds(2, 191) >= {"COMMAND_LONG"}, "both are asked for streams")
+    for ids in ((1, 191), (2, 191)):
+        numbers = [one.get_seq() for one in air.heard if spoken_as(one) == ids]
+        assert numbers == list(range(len(numbers)))
+    air.close()
 
 
-def test_commands_go_to_the_autopilot_whoever_else_of_its_system_speaks_from_elsewhere() -> None:
-    async def body() -> None:
-        port = free_port()
-        async with riding(link(port, 1)) as [ride]:
-            autopilot, camera = Speaker(port), Speaker(port, component=100)
+@async_test
+async def test_commands_go_to_the_autopilot_whoever_else_of_its_system_speaks_from_elsewhere() -> None:
+    port = free_port()
+    async with riding(link(port, 1)) as [ride]:
+        autopilot, camera = Speaker(port), Speaker(port, component=100)
+        camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
+        autopilot.say(BEAT)
+        await until(lambda: "COMMAND_LONG" in autopilot.kinds(1, 191), "the autopilot is asked for streams")
+        camera.listen()
+        assert ride.driver.link is not None
+        assert ride.driver.link.link is not None
+        counters = ride.driver.link.link.counters
+        before, moved, read = len(camera.heard), counters.moves, counters.packets
+        for number in range(20):
             camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
             autopilot.say(BEAT)
-            await until(lambda: "COMMAND_LONG" in autopilot.kinds(1, 191), "the autopilot is asked for streams")
-            camera.listen()
-            assert ride.driver.link is not None
-            assert ride.driver.link.link is not None
-            counters = ride.driver.link.link.counters
-            before, moved, read = len(camera.heard), counters.moves, counters.packets
-            for number in range(20):
-                camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
-                autopilot.say(BEAT)
-                await until(lambda number=number: counters.packets == read + 2 + 2 * number, "both are read")
-                ride.driver._send(dialect.MAVLink_command_long_message(1, 1, 400, 0, 77.0, number, 0, 0, 0, 0, 0))
+            await until(lambda number=number: counters.packets == read + 2 + 2 * number, "both are read")
+            ride.driver._send(dialect.MAVLink_command_long_message(1, 1, 400, 0, 77.0, number, 0, 0, 0, 0, 0))
 
-            def ours() -> list[float]:
-                return [one.param2 for one in autopilot.listen() if getattr(one, "param1", 0) == 77.0]
+        def ours() -> list[float]:
+            return [one.param2 for one in autopilot.listen() if getattr(one, "param1", 0) == 77.0]
 
-            await until(lambda: ours() == list(range(20)), "every command reaches the autopilot")
-            assert len(camera.listen()) == before
-            assert counters.moves == moved
-            autopilot.close()
-            camera.close()
-
-    run(body)
+        await until(lambda: ours() == list(range(20)), "every command reaches the autopilot")
+        assert len(camera.listen()) == before
+        assert counters.moves == moved
+        autopilot.close()
+        camera.close()
 
 
-def test_a_vehicle_that_no_robot_claims_is_named_with_those_that_they_are() -> None:
-    async def body() -> None:
-        port = free_port()
-        async with riding(*(link(port, system) for system in (1, 2, 3))) as rides:
-            stranger, station = Speaker(port, 7), Speaker(port, 255, 230)
-            stranger.say(BEAT, place())
-            station.say(STATION_BEAT)
-            said = ("other_system", "7")
-            await until(lambda: all(said in identities(ride.driver.notes()) for ride in rides), "every robot names it")
-            assert rides[0].driver.counters()["unclaimed_vehicles"] == 1
-            assert ("other_system", "255") not in identities(rides[0].driver.notes()), "a ground station is no vehicle"
-            assert not any(ride.readings for ride in rides)
-            stranger.close()
-            station.close()
-
-    run(body)
+@async_test
+async def test_a_vehicle_that_no_robot_claims_is_named_with_those_that_they_are() -> None:
+    port = free_port()
+    async with riding(*(link(port, system) for system in (1, 2, 3))) as rides:
+        stranger, station = Speaker(port, 7), Speaker(port, 255, 230)
+        stranger.say(BEAT, place())
+        station.say(STATION_BEAT)
+        said = ("other_system", "7")
+        await until(lambda: all(said in identities(ride.driver.notes()) for ride in rides), "every robot names it")
+        assert rides[0].driver.counters()["unclaimed_vehicles"] == 1
+        assert ("other_system", "255") not in identities(rides[0].driver.notes()), "a ground station is no vehicle"
+        assert not any(ride.readings for ride in rides)
+        stranger.close()
+        station.close()
 
 
-def test_a_robot_that_leaves_keeps_the_link_open_for_the_others_and_the_last_one_frees_the_port() -> None:
-    async def body() -> None:
-        port = free_port()
-        async with riding(link(port, 1), link(port, 2)) as (first, second):
-            vehicle = Speaker(port, 2)
-            await first.leave()
+@async_test
+async def test_a_robot_that_leaves_keeps_the_link_open_for_the_others_and_the_last_one_frees_the_port() -> None:
+    port = free_port()
+    async with riding(link(port, 1), link(port, 2)) as (first, second):
+        vehicle = Speaker(port, 2)
+        await first.leave()
+        vehicle.say(BEAT, place())
+        await until(lambda: bool(second.count("GLOBAL_POSITION_INT")), "the other one hears its vehicle")
+        await second.leave()
+        with socket.socket(type=socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", port))
+        vehicle.close()
+
+
+@async_test
+async def test_what_fails_in_one_robot_is_reported_and_the_others_go_on() -> None:
+    port, complaints = free_port(), []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context["message"]))
+    async with riding(link(port, 1), link(port, 2)) as (clumsy, other):
+
+        def fail() -> None:
+            raise RuntimeError("clumsy")
+
+        clumsy.steps = fail
+        vehicles = [Speaker(port, system) for system in (1, 2)]
+        for vehicle in vehicles:
             vehicle.say(BEAT, place())
-            await until(lambda: bool(second.count("GLOBAL_POSITION_INT")), "the other one hears its vehicle")
-            await second.leave()
-            with socket.socket(type=socket.SOCK_DGRAM) as probe:
-                probe.bind(("127.0.0.1", port))
+        await until(lambda: bool(other.count("GLOBAL_POSITION_INT")), "the other one hears its vehicle")
+        await until(lambda: bool(complaints), "the error is reported")
+        assert not clumsy.running.done()
+        for vehicle in vehicles:
             vehicle.close()
 
-    run(body)
+
+@async_test
+async def test_two_robots_of_one_system_at_one_link_are_one_too_many() -> None:
+    port = free_port()
+    async with riding(link(port, 1), link(port, 1)) as (first, second):
+        with pytest.raises(LinkError, match=f"link udpin:127.0.0.1:{port}: system 1 is robot uav1 already"):
+            await second.running
+        assert not first.running.done()
 
 
-def test_what_fails_in_one_robot_is_reported_and_the_others_go_on() -> None:
-    async def body() -> None:
-        port, complaints = free_port(), []
-        asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context["message"]))
-        async with riding(link(port, 1), link(port, 2)) as (clumsy, other):
-
-            def fail() -> None:
-                raise RuntimeError("clumsy")
-
-            clumsy.steps = fail
-            vehicles = [Speaker(port, system) for system in (1, 2)]
-            for vehicle in vehicles:
-                vehicle.say(BEAT, place())
-            await until(lambda: bool(other.count("GLOBAL_POSITION_INT")), "the other one hears its vehicle")
-            await until(lambda: bool(complaints), "the error is reported")
-            assert not clumsy.running.done()
-            for vehicle in vehicles:
-                vehicle.close()
-
-    run(body)
+@async_test
+async def test_a_link_that_cannot_be_opened_is_an_error_for_each_of_its_robots() -> None:
+    with socket.socket(type=socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        async with riding(link(port, 1), link(port, 2)) as rides:
+            for ride in rides:
+                with pytest.raises(LinkError, match="cannot be opened: address already in use"):
+                    await ride.running
 
 
-def test_two_robots_of_one_system_at_one_link_are_one_too_many() -> None:
-    async def body() -> None:
-        port = free_port()
-        async with riding(link(port, 1), link(port, 1)) as (first, second):
-            with pytest.raises(LinkError, match=f"link udpin:127.0.0.1:{port}: system 1 is robot uav1 already"):
-                await second.running
-            assert not first.running.done()
-
-    run(body)
+TURNED = read_manifest(
+    '[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\n[percepts.roll]\nsource = "ATTITUDE"\nargs = ["roll"]\n',
+    "turned.toml",
+)
 
 
-def test_a_link_that_cannot_be_opened_is_an_error_for_each_of_its_robots() -> None:
-    async def body() -> None:
-        with socket.socket(type=socket.SOCK_DGRAM) as taken:
-            taken.bind(("127.0.0.1", 0))
-            port = taken.getsockname()[1]
-            async with riding(link(port, 1), link(port, 2)) as rides:
-                for ride in rides:
-                    with pytest.raises(LinkError, match="cannot be opened: address already in use"):
-                        await ride.running
-
-    run(body)
-
-
-def test_messages_that_no_percept_is_made_of_are_counted_and_not_decoded() -> None:
-    attitude = dialect.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)
-    turned = read_manifest(
-        '[robot]\ndriver = "mavlink"\nvehicle = "arducopter"\n[percepts.roll]\nsource = "ATTITUDE"\nargs = ["roll"]\n',
-        "turned.toml",
-    )
-
-    async def body(manifest: Any, reads: bool) -> None:
-        port = free_port()
-        async with riding(link(port, 1), manifest=manifest) as [ride]:
-            vehicle = Speaker(port, 1)
-            vehicle.say(BEAT, attitude, attitude, place())
-            await until(lambda: ride.driver.counters()["messages"] == (4 if reads else 2), "the messages are heard")
-            assert ride.driver.counters()["unwanted_packets"] == (0 if reads else 2)
-            assert ride.count("ATTITUDE") == (2 if reads else 0)
-            vehicle.close()
-
-    run(lambda: body(COPTER, False))
-    run(lambda: body(turned, True))
+@pytest.mark.parametrize(("manifest", "reads"), [(COPTER, False), (TURNED, True)])
+@async_test
+async def test_messages_that_no_percept_is_made_of_are_counted_and_not_decoded(manifest: Any, reads: bool) -> None:
+    port, attitude = free_port(), dialect.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)
+    async with riding(link(port, 1), manifest=manifest) as [ride]:
+        vehicle = Speaker(port, 1)
+        vehicle.say(BEAT, attitude, attitude, place())
+        await until(lambda: ride.driver.counters()["messages"] == (4 if reads else 2), "the messages are heard")
+        assert ride.driver.counters()["unwanted_packets"] == (0 if reads else 2)
+        assert ride.count("ATTITUDE") == (2 if reads else 0)
+        vehicle.close()
 
 
 def test_what_is_left_unread_is_telemetry_that_the_dialect_has() -> None:
