@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from argparse import Namespace
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -159,28 +159,38 @@ async def restored(copy: PerceptSet, bus: Bus) -> bool:
     return copy.restore([one.record for one in await present(bus) if one.record]) is not None
 
 
-def on_the_airfield(
-    endpoint: str,
-    state: Path,
-    body: Callable[[Airfield], object],
-    *,
-    mission: str = MISSION,
-    speed: float = SPEED,
-    seconds: float = 90,
-) -> None:
-    """Run `body(airfield)` with the copter switched on; bounded in wall seconds."""
+@asynccontextmanager
+async def on_the_airfield(
+    endpoint: str, state: Path, *, mission: str = MISSION, speed: float = SPEED
+) -> AsyncIterator[Airfield]:
+    """Yield an airfield with the copter switched on."""
+    field = Airfield(endpoint, state, mission, speed)
+    flying = asyncio.create_task(field.fly())
+    try:
+        yield field
+    finally:
+        flying.cancel()
+        await asyncio.gather(flying, return_exceptions=True)
 
-    async def everything() -> None:
-        field = Airfield(endpoint, state, mission, speed)
-        flying = asyncio.create_task(field.fly())
+
+@asynccontextmanager
+async def serving(
+    endpoint: str, state: Path, *, client: str = "uav", mission: str = MISSION, speed: float = SPEED
+) -> AsyncIterator[tuple[Airfield, Bus]]:
+    """Yield an airfield whose bridge serves, and the bus of a client; the bridge leaves at the end without an error."""
+    async with (
+        on_the_airfield(endpoint, state, mission=mission, speed=speed) as field,
+        field.router(),
+        field.client(client) as bus,
+    ):
+        daemon = field.start()
         try:
-            async with asyncio.timeout(seconds):
-                await body(field)  # type: ignore[misc]
+            await until_served(bus)
+            yield field, bus
+            field.stop.set()
+            assert await daemon == 0
         finally:
-            flying.cancel()
-            await asyncio.gather(flying, return_exceptions=True)
-
-    asyncio.run(everything())
+            daemon.cancel()
 
 
-__all__ = ["Airfield", "all_present", "on_the_airfield", "present", "restored", "until", "until_served"]
+__all__ = ["Airfield", "all_present", "on_the_airfield", "present", "restored", "serving", "until", "until_served"]

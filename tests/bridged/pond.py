@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
-from contextlib import suppress
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from bridged.drivers.api import Execution, Outcome, Reading, Setup, Value
 from bridged.drivers.zenoh.driver import ZenohDriver
@@ -16,7 +15,7 @@ from commd.bus.raw import Sample
 from commd.common.clock import Clock
 from schemas.manifest.loader import Manifest, read_manifest
 from schemas.mission.model import Robot
-from tests.support.buses import Connect, on_a_bus, served, subscribed, until
+from tests.support.buses import served, session, subscribed, until
 
 MANIFEST = """
 [robot]
@@ -96,27 +95,22 @@ class Pond:
         return asked
 
 
-def in_a_pond(
-    endpoint: str,
-    body: Callable[[Pond], Coroutine[Any, Any, None]],
-    *,
-    text: str = MANIFEST,
-    prefix: str = "",
-    seconds: float = 30,
-) -> None:
-    """Run `body(pond)` with the driver running; bounded in wall seconds."""
-
-    async def everything(connect: Connect) -> None:
-        pond = Pond(await connect("lamp", "bridged"), await connect("robot", "robot"), manifest(text), prefix)
+@asynccontextmanager
+async def in_a_pond(endpoint: str, *, text: str = MANIFEST, prefix: str = "") -> AsyncIterator[Pond]:
+    """Yield a pond whose driver runs, with a router of its own."""
+    async with (
+        session(endpoint, "board", "commd", router=True),
+        session(endpoint, "lamp", "bridged") as bridge,
+        session(endpoint, "robot", "robot") as robot,
+    ):
+        pond = Pond(bridge, robot, manifest(text), prefix)
         running = asyncio.create_task(pond.driver.run())
         try:
-            await body(pond)
+            yield pond
         finally:
             running.cancel()
             with suppress(asyncio.CancelledError):
                 await running
-
-    on_a_bus(endpoint, everything, seconds)
 
 
 __all__ = ["MANIFEST", "Pond", "in_a_pond", "manifest", "served", "subscribed", "until"]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import time
 from argparse import Namespace
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,49 +62,36 @@ class Studio:
         self.health = health
 
 
-def in_the_studio(
-    endpoint: str,
-    state: Path,
-    body: Callable[[Studio], Coroutine[Any, Any, None]],
-    *,
-    mission: Mission | None = None,
-    simulated: bool = True,
-) -> None:
-    """Run `body(studio)` while the daemon serves; bounded in wall seconds."""
+@asynccontextmanager
+async def in_the_studio(
+    endpoint: str, state: Path, *, mission: Mission | None = None, simulated: bool = True
+) -> AsyncIterator[Studio]:
+    """Yield a studio whose daemon serves; it leaves at the end without an error."""
     declared = mission or load_mission(MISSIONS / "turtle.yaml")
-
-    def bus(name: str, mode: str) -> Any:
-        kind = "router" if mode == "router" else "client"
-        return open_bus(
-            endpoint, fleet=declared.fleet, name=name, daemon="agentd", stamp=time.time_ns, mode=kind, patience=10
+    bus = partial(open_bus, endpoint, fleet=declared.fleet, daemon="agentd", stamp=time.time_ns, patience=10)
+    async with bus(name="board", mode="router"), bus(name="agent", mode="client") as client:
+        studio, stop = Studio(declared, client, Turtle()), asyncio.Event()
+        arguments = Namespace(
+            robots=[studio.robot],
+            board=None,
+            router=endpoint,
+            keys=None,
+            speed=None,
+            state=state,
+            link=None,
+            until_home=False,
+            simulated=True,
         )
-
-    async def everything() -> None:
-        async with asyncio.timeout(240), bus("board", "router"), bus("agent", "client") as client:
-            studio, stop = Studio(declared, client, Turtle()), asyncio.Event()
-            arguments = Namespace(
-                robots=[studio.robot],
-                board=None,
-                router=endpoint,
-                keys=None,
-                speed=None,
-                state=state,
-                link=None,
-                until_home=False,
-                simulated=True,
-            )
-            daemon = asyncio.create_task(serve(declared, arguments, stop))
-            tasks = [daemon]
-            if simulated:
-                living = simulate(studio.turtle, endpoint, "turtle1/", declared.speed, studio.leave)
-                tasks.append(asyncio.create_task(living))  # type: ignore[arg-type]
-            try:
-                await body(studio)
-                stop.set()
-                assert await daemon == 0
-            finally:
-                studio.leave.set()
-                stop.set()
-                await asyncio.gather(*tasks, return_exceptions=True)
-
-    asyncio.run(everything())
+        daemon = asyncio.create_task(serve(declared, arguments, stop))
+        tasks: list[asyncio.Task[Any]] = [daemon]
+        if simulated:
+            living = simulate(studio.turtle, endpoint, "turtle1/", declared.speed, studio.leave)
+            tasks.append(asyncio.create_task(living))  # type: ignore[arg-type]
+        try:
+            yield studio
+            stop.set()
+            assert await daemon == 0
+        finally:
+            studio.leave.set()
+            stop.set()
+            await asyncio.gather(*tasks, return_exceptions=True)

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 from schemas.mission.model import read_mission
-from tests.bridged.studio import MISSIONS, Studio, in_the_studio
-from tests.support.buses import until
+from tests.bridged.studio import MISSIONS, in_the_studio
+from tests.support.buses import async_test, until
 
 CAMERA = Path(__file__).parents[2] / "examples" / "camera" / "camera.py"
 MISSION = """
@@ -18,12 +18,13 @@ robots: {uav1: {manifest: camera.toml, prefix: uav1}}
 """
 
 
-def test_a_scout_perceives_whom_a_camera_program_tells_of(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_a_scout_perceives_whom_a_camera_program_tells_of(endpoint: str, tmp_path: Path) -> None:
     shipped = (MISSIONS / "search_and_rescue" / "scout.toml").read_text(encoding="utf-8")
     percept = shipped[shipped.index("[percepts.victim]") : shipped.index("[actions.")]
     (tmp_path / "camera.toml").write_text(f'[robot]\ndriver = "zenoh"\n{percept}')
-
-    async def body(studio: Studio) -> None:
+    mission = read_mission(MISSION, tmp_path / "search.yaml")
+    async with in_the_studio(endpoint, tmp_path, mission=mission, simulated=False) as studio:
         command = [sys.executable, str(CAMERA), "uav1/victim", endpoint]
         camera = await asyncio.create_subprocess_exec(*command, stdin=asyncio.subprocess.PIPE)
         try:
@@ -37,6 +38,3 @@ def test_a_scout_perceives_whom_a_camera_program_tells_of(endpoint: str, tmp_pat
             if camera.returncode is None:
                 camera.kill()
                 await camera.wait()
-
-    mission = read_mission(MISSION, tmp_path / "search.yaml")
-    in_the_studio(endpoint, tmp_path, body, mission=mission, simulated=False)

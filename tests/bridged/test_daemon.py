@@ -27,8 +27,18 @@ from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Action, ActionStatus, Cancel, Health, Outcome, Perception, StopOrder
-from tests.bridged.airfield import Airfield, all_present, on_the_airfield, present, restored, until, until_served
+from tests.bridged.airfield import (
+    Airfield,
+    all_present,
+    on_the_airfield,
+    present,
+    restored,
+    serving,
+    until,
+    until_served,
+)
 from tests.bridged.sky import MISSION
+from tests.support.buses import async_test
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
 from tests.support.promises import kept
@@ -49,47 +59,33 @@ async def beginning(
     return backfill, statuses[-1].id
 
 
-def test_an_agent_flies_over_zenoh_and_every_action_ends_once(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            await field.take_off(bus)
-            heard = await field.ask(bus, "goto", *GOAL)
-            assert [one.state for one in heard if one.final] == ["succeeded"], heard[-1].reason
-            assert heard[0].state == "accepted"
-            assert heard[-1].after is not None
-            assert (await field.do(bus, "land")).state == "succeeded"
-            field.stop.set()
-            assert await daemon == 0
-
-    on_the_airfield(endpoint, tmp_path, body)
+@async_test
+async def test_an_agent_flies_over_zenoh_and_every_action_ends_once(endpoint: str, tmp_path: Path) -> None:
+    async with serving(endpoint, tmp_path) as (field, bus):
+        await field.take_off(bus)
+        heard = await field.ask(bus, "goto", *GOAL)
+        assert [one.state for one in heard if one.final] == ["succeeded"], heard[-1].reason
+        assert heard[0].state == "accepted"
+        assert heard[-1].after is not None
+        assert (await field.do(bus, "land")).state == "succeeded"
 
 
 def test_what_is_not_armed_leaves_within_a_second(endpoint: str, tmp_path: Path) -> None:
-    took: list[float] = []
-
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
+    async def leaving() -> float:
+        async with on_the_airfield(endpoint, tmp_path) as field, field.router(), field.client() as bus:
             daemon = field.start()
             await until_served(bus)
             field.stop.set()
             started = time.monotonic()
             assert await daemon == 0
-            took.append(time.monotonic() - started)
+            return time.monotonic() - started
 
-    def leaving() -> float:
-        on_the_airfield(endpoint, tmp_path, body)
-        return took[-1]
-
-    assert kept(leaving, 1.0)
+    assert kept(lambda: asyncio.run(leaving()), 1.0)
 
 
 def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as first:
-            daemon = field.start()
-            await until_served(first)
+    async def knowing() -> float:
+        async with serving(endpoint, tmp_path) as (field, first):
             names = ("altitude", "global_pos", "gps", "home_pos", "state")
             await until(lambda: all_present(first, names), "all percepts")
             async with field.client() as late:
@@ -97,7 +93,7 @@ def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp
                 started = time.monotonic()
                 late.subscribe(keys.percept("test", "uav", "**"), Perception, lambda _key, one: void(copy.apply(one)))
                 await until(lambda: restored(copy, late), "the percepts")
-                took.append(time.monotonic() - started)
+                took = time.monotonic() - started
                 assert {one.name for one in copy.present()} >= set(names)
                 late.subscribe(
                     keys.health("test", "uav1", "bridged"),
@@ -106,51 +102,46 @@ def test_a_late_agent_sees_every_present_percept_and_keeps_up(endpoint: str, tmp
                 )
                 await field.take_off(late)
                 await until(lambda: len(digests) > 2 and not copy.needs_repair(digests[-1]), "it keeps up")
-            field.stop.set()
-            await daemon
+        return took
 
-    def knowing() -> float:
-        on_the_airfield(endpoint, tmp_path, body)
-        return took[-1]
-
-    took: list[float] = []
-    assert kept(knowing, 1.0)
+    assert kept(lambda: asyncio.run(knowing()), 1.0)
 
 
-def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            copy, digests, losing = PerceptSet(), list[str](), True
+@async_test
+async def test_a_percept_lost_on_the_bus_is_noticed_by_the_digest_and_repaired(endpoint: str, tmp_path: Path) -> None:
+    async with on_the_airfield(endpoint, tmp_path) as field, field.router(), field.client() as bus:
+        copy, digests, losing = PerceptSet(), list[str](), True
 
-            def hear(key: str, one: Perception) -> None:
-                if not (losing and one.name == "state"):
-                    copy.apply(one)
+        def hear(key: str, one: Perception) -> None:
+            if not (losing and one.name == "state"):
+                copy.apply(one)
 
-            bus.subscribe(keys.percept("test", "uav", "**"), Perception, hear)
-            bus.subscribe(
-                keys.health("test", "uav1", "bridged"), Health, lambda _key, one: digests.append(one.percepts["uav"])
-            )
-            daemon = field.start()
-            await until_served(bus)
-            await until(lambda: bool(digests) and copy.needs_repair(digests[-1]), "health tells what is missing")
-            assert not [one for one in copy.present() if one.name == "state"]
-            losing = False
-            async with asyncio.timeout(120):
-                states: list[object] = []
-                while not states:  # the vehicle may not have told its state before
-                    if copy.restore([one.record for one in await present(bus) if one.record]) is not None:
-                        states = [one.parameters for one in copy.present() if one.name == "state"]
-                    await asyncio.sleep(0.02)
-            assert states == [("STABILIZE", True, False)]
-            assert not copy.needs_repair()
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+        bus.subscribe(keys.percept("test", "uav", "**"), Perception, hear)
+        bus.subscribe(
+            keys.health("test", "uav1", "bridged"), Health, lambda _key, one: digests.append(one.percepts["uav"])
+        )
+        daemon = field.start()
+        await until_served(bus)
+        await until(lambda: bool(digests) and copy.needs_repair(digests[-1]), "health tells what is missing")
+        assert not [one for one in copy.present() if one.name == "state"]
+        losing = False
+        async with asyncio.timeout(120):
+            states: list[object] = []
+            while not states:  # the vehicle may not have told its state before
+                if copy.restore([one.record for one in await present(bus) if one.record]) is not None:
+                    states = [one.parameters for one in copy.present() if one.name == "state"]
+                await asyncio.sleep(0.02)
+        assert states == [("STABILIZE", True, False)]
+        assert not copy.needs_repair()
+        field.stop.set()
+        await daemon
 
 
-def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_action(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
+@async_test
+async def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_action(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async with on_the_airfield(endpoint, tmp_path) as field:
         async with field.router(), field.client() as bus:
             daemon = field.start()
             await until_served(bus)
@@ -161,8 +152,6 @@ def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_action(
             heard = await backfill
             assert (heard[-1].state, heard[-1].reason) == ("failed", "the bridge stops: rtl")
         assert field.vehicle.copter.mode.name == "RTL"
-
-    on_the_airfield(endpoint, tmp_path, body)
 
 
 def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_silent() -> None:
@@ -205,17 +194,11 @@ def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_s
     assert all(told())
 
 
-def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            with pytest.raises(AlreadyRunning, match="another bridged serves `uav1`"):
-                await serve(field.mission, field.arguments(), asyncio.Event())
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+@async_test
+async def test_a_second_bridge_of_the_same_robot_refuses_to_start_and_says_which(endpoint: str, tmp_path: Path) -> None:
+    async with serving(endpoint, tmp_path) as (field, _bus):
+        with pytest.raises(AlreadyRunning, match="another bridged serves `uav1`"):
+            await serve(field.mission, field.arguments(), asyncio.Event())
 
 
 async def order(bus: Bus, what: str) -> Outcome:
@@ -226,73 +209,56 @@ async def order(bus: Bus, what: str) -> Outcome:
     return reply.record
 
 
-def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            await field.take_off(bus)
-            backfill, _ = await beginning(field, bus, "goto", *FAR)
-            outcome = await order(bus, "hold")
-            assert outcome.ok, outcome.reason
-            assert field.vehicle.copter.mode.name == "BRAKE"
-            heard = await backfill
-            assert (heard[-1].state, heard[-1].cause, heard[-1].order) == ("failed", "operator", "hold")
-            refused = await field.do(bus, "set_mode", "GUIDED")
-            assert (refused.state, refused.cause, refused.order) == ("refused", "operator", "hold")
-            assert (await order(bus, "release")).ok
-            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+@async_test
+async def test_the_operator_stops_the_robot_above_the_agent_until_it_is_released(endpoint: str, tmp_path: Path) -> None:
+    async with serving(endpoint, tmp_path) as (field, bus):
+        await field.take_off(bus)
+        backfill, _ = await beginning(field, bus, "goto", *FAR)
+        outcome = await order(bus, "hold")
+        assert outcome.ok, outcome.reason
+        assert field.vehicle.copter.mode.name == "BRAKE"
+        heard = await backfill
+        assert (heard[-1].state, heard[-1].cause, heard[-1].order) == ("failed", "operator", "hold")
+        refused = await field.do(bus, "set_mode", "GUIDED")
+        assert (refused.state, refused.cause, refused.order) == ("refused", "operator", "hold")
+        assert (await order(bus, "release")).ok
+        assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
 
 
-def test_a_paused_action_is_kept_for_who_asked_and_goes_on(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            await field.take_off(bus)
-            health: list[Health] = []
-            bus.subscribe(keys.health("test", "uav1", "bridged"), Health, lambda _key, one: health.append(one))
-            backfill, _ = await beginning(field, bus, "goto", *FAR)
-            outcome = await order(bus, "pause")
-            assert (outcome.ok, outcome.reason) == (True, "the vehicle is in BRAKE")
-            assert field.vehicle.copter.mode.name == "BRAKE"
-            await until(lambda: bool(health) and health[-1].paused, "health says that it is paused")
-            assert (await order(bus, "pause")).ok
-            outcome = await order(bus, "continue")
-            assert (outcome.ok, outcome.reason) == (True, "the vehicle is in GUIDED")
-            heard = await backfill
-            assert heard[-1].state == "succeeded", heard[-1].reason
-            assert any(one.paused and one.reason == "paused by the operator" for one in heard)
-            await until(lambda: not health[-1].paused, "health says that it goes on")
-            again = await order(bus, "continue")
-            assert (again.ok, again.reason) == (True, "it was not paused")
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+@async_test
+async def test_a_paused_action_is_kept_for_who_asked_and_goes_on(endpoint: str, tmp_path: Path) -> None:
+    async with serving(endpoint, tmp_path) as (field, bus):
+        await field.take_off(bus)
+        health: list[Health] = []
+        bus.subscribe(keys.health("test", "uav1", "bridged"), Health, lambda _key, one: health.append(one))
+        backfill, _ = await beginning(field, bus, "goto", *FAR)
+        outcome = await order(bus, "pause")
+        assert (outcome.ok, outcome.reason) == (True, "the vehicle is in BRAKE")
+        assert field.vehicle.copter.mode.name == "BRAKE"
+        await until(lambda: bool(health) and health[-1].paused, "health says that it is paused")
+        assert (await order(bus, "pause")).ok
+        outcome = await order(bus, "continue")
+        assert (outcome.ok, outcome.reason) == (True, "the vehicle is in GUIDED")
+        heard = await backfill
+        assert heard[-1].state == "succeeded", heard[-1].reason
+        assert any(one.paused and one.reason == "paused by the operator" for one in heard)
+        await until(lambda: not health[-1].paused, "health says that it goes on")
+        again = await order(bus, "continue")
+        assert (again.ok, again.reason) == (True, "it was not paused")
 
 
-def test_a_dead_agents_robot_holds_and_then_returns(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client("watcher") as watcher:
-            daemon = field.start()
-            await until_served(watcher)
-            async with field.client() as agent:
-                await agent.claim("uav")
-                await field.take_off(agent)
-            await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold")
-            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+@async_test
+async def test_a_dead_agents_robot_holds_and_then_returns(endpoint: str, tmp_path: Path) -> None:
+    async with serving(endpoint, tmp_path, client="watcher") as (field, _watcher):
+        async with field.client() as agent:
+            await agent.claim("uav")
+            await field.take_off(agent)
+        await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold")
+        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
 
 
-def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_the_same(
+@async_test
+async def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_the_same(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lives: list[Presence] = []
@@ -302,127 +268,126 @@ def test_the_robot_of_an_agent_that_dies_after_its_bridge_restarted_returns_all_
         return lives[-1]
 
     monkeypatch.setattr("bridged.bridge.agent_monitor.Presence", watching)
-
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client("watcher") as watcher:
-            daemon = field.start()
-            await until_served(watcher)
-            async with field.client() as agent:
-                await agent.claim("uav")
-                await field.take_off(agent)
-                field.stop.set()
-                await daemon
-                field.stop.clear()
-                daemon = field.start()
-                await until_served(watcher)
-                await until(lambda: len(lives) == 2 and lives[-1].there() == {"uav"}, "its new life sees the agent")
-            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, although the agent asked for nothing")
+    async with (
+        on_the_airfield(
+            endpoint, tmp_path, mission=MISSION.replace("    link:", "    on_shutdown: hold\n    link:")
+        ) as field,
+        field.router(),
+        field.client("watcher") as watcher,
+    ):
+        daemon = field.start()
+        await until_served(watcher)
+        async with field.client() as agent:
+            await agent.claim("uav")
+            await field.take_off(agent)
             field.stop.set()
             await daemon
+            field.stop.clear()
+            daemon = field.start()
+            await until_served(watcher)
+            await until(lambda: len(lives) == 2 and lives[-1].there() == {"uav"}, "its new life sees the agent")
+        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, although the agent asked for nothing")
+        field.stop.set()
+        await daemon
 
-    on_the_airfield(endpoint, tmp_path, body, mission=MISSION.replace("    link:", "    on_shutdown: hold\n    link:"))
 
-
-def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_another_agent_is_alive(
+@async_test
+async def test_the_robot_of_an_agent_that_died_with_its_bridge_returns_although_another_agent_is_alive(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.liveness.presence.ROUTER_GRACE", 1.0)
-
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client("other") as other:
-            await other.claim("other")
-            daemon = field.start()
-            await until_served(other)
-            async with field.client() as agent:
-                await agent.claim("uav")
-                await field.take_off(agent)
-                field.stop.set()
-                await daemon
-            field.stop.clear()
-            daemon = field.start()
-            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl for the agent that has not come back")
-
-            async def taken() -> bool:
-                status = await field.do(other, "set_mode", "GUIDED", agent="other")
-                assert status.state in ("refused", "succeeded"), status.reason
-                return status.state == "succeeded"
-
-            await until(taken, "the other agent takes it")
+    async with (
+        on_the_airfield(
+            endpoint, tmp_path, mission=MISSION.replace("    link:", "    on_shutdown: hold\n    link:")
+        ) as field,
+        field.router(),
+        field.client("other") as other,
+    ):
+        await other.claim("other")
+        daemon = field.start()
+        await until_served(other)
+        async with field.client() as agent:
+            await agent.claim("uav")
+            await field.take_off(agent)
             field.stop.set()
             await daemon
+        field.stop.clear()
+        daemon = field.start()
+        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl for the agent that has not come back")
 
-    on_the_airfield(endpoint, tmp_path, body, mission=MISSION.replace("    link:", "    on_shutdown: hold\n    link:"))
+        async def taken() -> bool:
+            status = await field.do(other, "set_mode", "GUIDED", agent="other")
+            assert status.state in ("refused", "succeeded"), status.reason
+            return status.state == "succeeded"
+
+        await until(taken, "the other agent takes it")
+        field.stop.set()
+        await daemon
 
 
-def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_heard_again(
+@async_test
+async def test_a_vehicle_out_of_reach_when_its_agent_dies_returns_once_it_is_heard_again(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("bridged.bridge.safety_orders.ORDER_PATIENCE", 1.0)
+    async with serving(endpoint, tmp_path, client="watcher") as (field, _watcher):
+        async with field.client() as agent:
+            await agent.claim("uav")
+            await field.take_off(agent)
+            field.silent = True
+        await until(lambda: "hold (agent uav is lost: hold): timed_out" in caplog.text, "the order is not heard")
+        await until(lambda: "system 1 is lost: no heartbeat" in caplog.text, "nor is the vehicle")
+        field.silent = False
+        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, which was not heard at first")
 
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client("watcher") as watcher:
-            daemon = field.start()
-            await until_served(watcher)
-            async with field.client() as agent:
-                await agent.claim("uav")
-                await field.take_off(agent)
-                field.silent = True
-            await until(lambda: "hold (agent uav is lost: hold): timed_out" in caplog.text, "the order is not heard")
-            await until(lambda: "system 1 is lost: no heartbeat" in caplog.text, "nor is the vehicle")
-            field.silent = False
-            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl, which was not heard at first")
+
+@async_test
+async def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(endpoint: str, tmp_path: Path) -> None:
+    async with on_the_airfield(endpoint, tmp_path, speed=1.0) as field, field.router(), field.client() as bus:
+        daemon = field.start()
+        await until_served(bus)
+        assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
+        field.withheld.add("HEARTBEAT")
+        arming = asyncio.create_task(field.ask(bus, "arm_motors", True))
+        await until(lambda: field.vehicle.copter.armed, "armed, before a HEARTBEAT says so")
+        field.stop.set()
+        field.withheld.clear()
+        assert await daemon == 0
+        assert not field.vehicle.copter.armed
+        assert not (await arming)[-1].result
+
+
+@async_test
+async def test_an_agent_that_comes_back_while_the_robot_holds_decides_itself(endpoint: str, tmp_path: Path) -> None:
+    patient = MISSION.replace("    link:", "    on_agent_loss: [hold 80s, rtl]\n    link:")
+    async with (
+        on_the_airfield(endpoint, tmp_path, mission=patient) as field,
+        field.router(),
+        field.client("watcher") as watcher,
+    ):
+        daemon = field.start()
+        await until_served(watcher)
+        async with field.client() as agent:
+            await agent.claim("uav")
+            await field.take_off(agent)
+        await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold")
+        async with field.client() as agent:
+            await agent.claim("uav")
+            assert (await field.do(agent, "set_mode", "GUIDED")).state == "succeeded"
+            await asyncio.sleep(9)  # the pause of 80 s takes 8 here
+            assert field.vehicle.copter.mode.name == "GUIDED", "the steps that were to come are called off"
             field.stop.set()
             await daemon
 
-    on_the_airfield(endpoint, tmp_path, body)
 
-
-def test_a_vehicle_that_arms_while_the_bridge_stops_is_not_left_armed(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
-            field.withheld.add("HEARTBEAT")
-            arming = asyncio.create_task(field.ask(bus, "arm_motors", True))
-            await until(lambda: field.vehicle.copter.armed, "armed, before a HEARTBEAT says so")
-            field.stop.set()
-            field.withheld.clear()
-            assert await daemon == 0
-            assert not field.vehicle.copter.armed
-            assert not (await arming)[-1].result
-
-    on_the_airfield(endpoint, tmp_path, body, speed=1.0)
-
-
-def test_an_agent_that_comes_back_while_the_robot_holds_decides_itself(endpoint: str, tmp_path: Path) -> None:
-    patient = MISSION.replace("    link:", "    on_agent_loss: [hold 80s, rtl]\n    link:")
-
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client("watcher") as watcher:
-            daemon = field.start()
-            await until_served(watcher)
-            async with field.client() as agent:
-                await agent.claim("uav")
-                await field.take_off(agent)
-            await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold")
-            async with field.client() as agent:
-                await agent.claim("uav")
-                assert (await field.do(agent, "set_mode", "GUIDED")).state == "succeeded"
-                await asyncio.sleep(9)  # the pause of 80 s takes 8 here
-                assert field.vehicle.copter.mode.name == "GUIDED", "the steps that were to come are called off"
-                field.stop.set()
-                await daemon
-
-    on_the_airfield(endpoint, tmp_path, body, mission=patient)
-
-
-def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_flight(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_flight(
+    endpoint: str, tmp_path: Path
+) -> None:
     file = tmp_path / "mission.yaml"
     (tmp_path / "uav.asl").write_text("")
     file.write_text(MISSION)
-
-    async def body(field: Airfield) -> None:
+    async with on_the_airfield(endpoint, tmp_path) as field:
         router = Daemon("commd", "serve", str(file), "--router", endpoint)
         try:
             async with field.client() as bus:
@@ -449,106 +414,83 @@ def test_a_router_that_is_killed_and_back_within_3_s_does_not_fail_the_flight(en
         finally:
             router.kill()
 
-    on_the_airfield(endpoint, tmp_path, body)
 
-
-def test_a_query_that_is_no_request_is_answered_with_what_the_action_is(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_a_query_that_is_no_request_is_answered_with_what_the_action_is(endpoint: str, tmp_path: Path) -> None:
     async def described(bus: Bus, name: str) -> list[ActionDescription]:
         replies = [one async for one in bus.query(keys.action("test", "uav", name), None, ActionDescription, 5)]
         return [one.record for one in replies if one.record]
 
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            [one] = await described(bus, "takeoff")
-            assert one.signature == "takeoff(altitude: float 1..120 m)"
-            assert {each.name for each in await described(bus, "*")} >= {"takeoff", "land", "goto"}
-            wild = keys.action("test", "uav", "*")
-            request = bus.query(wild, Cancel(id="x"), ActionDescription, 5)
-            bad = [reply.record async for reply in request if reply.record]
-            assert "expected a Action, got a Cancel" in bad[0].problem
-            large = bus.query(keys.action("test", "uav", "land"), Action(parameters=("x" * 200_000,)), ActionStatus, 5)
-            assert ["expected at most 131072" in reply.error async for reply in large] == [True]
-            assert not field.vehicle.copter.armed
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+    async with serving(endpoint, tmp_path) as (field, bus):
+        [one] = await described(bus, "takeoff")
+        assert one.signature == "takeoff(altitude: float 1..120 m)"
+        assert {each.name for each in await described(bus, "*")} >= {"takeoff", "land", "goto"}
+        wild = keys.action("test", "uav", "*")
+        request = bus.query(wild, Cancel(id="x"), ActionDescription, 5)
+        bad = [reply.record async for reply in request if reply.record]
+        assert "expected a Action, got a Cancel" in bad[0].problem
+        large = bus.query(keys.action("test", "uav", "land"), Action(parameters=("x" * 200_000,)), ActionStatus, 5)
+        assert ["expected at most 131072" in reply.error async for reply in large] == [True]
+        assert not field.vehicle.copter.armed
 
 
-def test_an_action_is_cancelled_over_the_bus(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            await field.take_off(bus)
-            backfill, action = await beginning(field, bus, "goto", *FAR)
-            query = bus.query(
-                keys.cancel("test", "uav"), Cancel(header=bus.header("cancel", "uav"), id=action), ActionStatus, 5
-            )
-            [reply] = [one async for one in query]
-            assert reply.record is not None
-            assert reply.record.state == "cancelled"
-            assert (await backfill)[-1].state == "cancelled"
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+@async_test
+async def test_an_action_is_cancelled_over_the_bus(endpoint: str, tmp_path: Path) -> None:
+    async with serving(endpoint, tmp_path) as (field, bus):
+        await field.take_off(bus)
+        backfill, action = await beginning(field, bus, "goto", *FAR)
+        query = bus.query(
+            keys.cancel("test", "uav"), Cancel(header=bus.header("cancel", "uav"), id=action), ActionStatus, 5
+        )
+        [reply] = [one async for one in query]
+        assert reply.record is not None
+        assert reply.record.state == "cancelled"
+        assert (await backfill)[-1].state == "cancelled"
 
 
-def test_noise_on_the_link_is_counted_and_nothing_else(
+@async_test
+async def test_noise_on_the_link_is_counted_and_nothing_else(
     endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            await until_served(bus)
-            port, chance = int(field.link.rsplit(":", 1)[1]), random.Random(7)
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noise:
-                for _ in range(2000):
-                    head = chance.choice((b"\xfd", b"\xfe", b"", b"\xfd\x00\x00\x00\x00\x01\x01"))
-                    noise.sendto(head + chance.randbytes(chance.randrange(300)), ("127.0.0.1", port))
-                    if chance.random() < 0.02:
-                        await asyncio.sleep(0.001)
-            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
-            field.stop.set()
-            assert await daemon == 0
-
-    on_the_airfield(endpoint, tmp_path, body)
+    async with serving(endpoint, tmp_path) as (field, bus):
+        port, chance = int(field.link.rsplit(":", 1)[1]), random.Random(7)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noise:
+            for _ in range(2000):
+                head = chance.choice((b"\xfd", b"\xfe", b"", b"\xfd\x00\x00\x00\x00\x01\x01"))
+                noise.sendto(head + chance.randbytes(chance.randrange(300)), ("127.0.0.1", port))
+                if chance.random() < 0.02:
+                    await asyncio.sleep(0.001)
+        assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_sigterm_in_flight_leaves_the_vehicle_returning_and_says_so(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_sigterm_in_flight_leaves_the_vehicle_returning_and_says_so(endpoint: str, tmp_path: Path) -> None:
     file = tmp_path / "mission.yaml"
     (tmp_path / "uav.asl").write_text("")
     file.write_text(MISSION)
-
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            options = [
-                "--router",
-                endpoint,
-                "--speed",
-                str(field.speed),
-                "--link",
-                field.link,
-                "--state",
-                str(tmp_path),
-            ]
-            daemon = Daemon("bridged", "serve", str(file), "uav1", *options)
-            try:
-                await until_served(bus)
-                await field.take_off(bus)
-                daemon.signal(signal.SIGTERM)
-                assert await asyncio.to_thread(daemon.ends) == 0
-                assert "speed 10: for simulated vehicles only" in daemon.text
-                assert "leaving uav1: rtl: the vehicle is in RTL" in daemon.text
-                assert field.vehicle.copter.mode.name == "RTL"
-            finally:
-                daemon.kill()
-
-    on_the_airfield(endpoint, tmp_path, body)
+    async with on_the_airfield(endpoint, tmp_path) as field, field.router(), field.client() as bus:
+        options = [
+            "--router",
+            endpoint,
+            "--speed",
+            str(field.speed),
+            "--link",
+            field.link,
+            "--state",
+            str(tmp_path),
+        ]
+        daemon = Daemon("bridged", "serve", str(file), "uav1", *options)
+        try:
+            await until_served(bus)
+            await field.take_off(bus)
+            daemon.signal(signal.SIGTERM)
+            assert await asyncio.to_thread(daemon.ends) == 0
+            assert "speed 10: for simulated vehicles only" in daemon.text
+            assert "leaving uav1: rtl: the vehicle is in RTL" in daemon.text
+            assert field.vehicle.copter.mode.name == "RTL"
+        finally:
+            daemon.kill()
 
 
 def void(_: object) -> None:

@@ -12,9 +12,9 @@ from commd.common.clock import Clock
 from commd.process.process import report_health
 from schemas.wire import keys
 from schemas.wire.terms import Atom
-from tests.bridged.airfield import Airfield, on_the_airfield, present, until, until_served
+from tests.bridged.airfield import on_the_airfield, present, until, until_served
 from tests.bridged.sky import MISSION
-from tests.support.buses import subscribed
+from tests.support.buses import async_test, subscribed
 
 LOST = "agent other is lost: the bridge brings the robot to safety first"
 
@@ -26,75 +26,71 @@ async def perceived(bus: Bus, agent: str) -> Atom | None:
     return told[0] if told else None  # type: ignore[return-value]
 
 
-def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_that_one_has_died(
+@async_test
+async def test_a_robot_is_handed_to_an_agent_that_is_alive_and_taken_again_when_that_one_has_died(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as uav:
-            await uav.claim("uav")
-            daemon = field.start()
-            await until_served(uav)
-            await field.take_off(uav)
-            assert await perceived(uav, "other") == Atom("uav")
-            refused = await field.do(uav, "hand_over", Atom("other"))
-            assert (refused.state, refused.reason) == ("refused", "hand_over: agent other is not alive")
-            async with field.client("other") as other:
-                await other.claim("other")
+    async with on_the_airfield(endpoint, tmp_path) as field, field.router(), field.client() as uav:
+        await uav.claim("uav")
+        daemon = field.start()
+        await until_served(uav)
+        await field.take_off(uav)
+        assert await perceived(uav, "other") == Atom("uav")
+        refused = await field.do(uav, "hand_over", Atom("other"))
+        assert (refused.state, refused.reason) == ("refused", "hand_over: agent other is not alive")
+        async with field.client("other") as other:
+            await other.claim("other")
 
-                async def handed_over() -> bool:
-                    return (await field.do(uav, "hand_over", Atom("other"))).state == "succeeded"
+            async def handed_over() -> bool:
+                return (await field.do(uav, "hand_over", Atom("other"))).state == "succeeded"
 
-                await until(handed_over, "the robot is handed over")
-                assert await perceived(uav, "uav") == Atom("other")
-                assert (await field.do(uav, "land")).reason.startswith("held by other for ")
-                assert (await field.do(other, "get_param", "RTL_ALT", agent="other")).state == "succeeded"
-            await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that has died")
-            assert (await field.do(uav, "land")).reason == LOST
-            await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
+            await until(handed_over, "the robot is handed over")
+            assert await perceived(uav, "uav") == Atom("other")
+            assert (await field.do(uav, "land")).reason.startswith("held by other for ")
+            assert (await field.do(other, "get_param", "RTL_ALT", agent="other")).state == "succeeded"
+        await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that has died")
+        assert (await field.do(uav, "land")).reason == LOST
+        await until(lambda: field.vehicle.copter.mode.name == "RTL", "rtl after it")
 
-            async def taken() -> bool:
-                status = await field.do(uav, "set_mode", "GUIDED")
-                assert (status.state, status.reason) == ("refused", LOST) or status.state == "succeeded"
-                return status.state == "succeeded"
+        async def taken() -> bool:
+            status = await field.do(uav, "set_mode", "GUIDED")
+            assert (status.state, status.reason) == ("refused", LOST) or status.state == "succeeded"
+            return status.state == "succeeded"
 
-            await until(taken, "the agent takes the robot again")
-            assert await perceived(uav, "other") == Atom("uav")
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+        await until(taken, "the agent takes the robot again")
+        assert await perceived(uav, "other") == Atom("uav")
+        field.stop.set()
+        await daemon
 
 
-def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_its_token_stays(
+@async_test
+async def test_the_robot_of_an_agent_that_hangs_is_brought_to_safety_although_its_token_stays(
     endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as uav:
-            await uav.claim("uav")
-            daemon = field.start()
-            await subscribed(uav, keys.health("test", "uav", "agentd"))
-            speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
-            await until_served(uav)
-            await field.take_off(uav)
-            await asyncio.sleep(3.5)
-            assert field.vehicle.copter.mode.name == "GUIDED", "an agent that speaks has its robot"
-            speaking.cancel()
-            await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that hangs")
-            refused = await field.do(uav, "land", agent="other")
-            assert refused.reason == "agent uav is lost: the bridge brings the robot to safety first"
-            speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
-
-            async def taken() -> bool:
-                status = await field.do(uav, "set_mode", "GUIDED")
-                assert status.state == "succeeded" or "is lost" in status.reason
-                return status.state == "succeeded"
-
-            await until(taken, "the agent takes the robot again")
-            assert field.vehicle.copter.mode.name == "GUIDED", "the agent is back: rtl is left out"
-            speaking.cancel()
-            field.stop.set()
-            await daemon
-
     mission = MISSION.replace("    link:", "    agent_silence: 3s\n    on_agent_loss: [hold 5min, rtl]\n    link:")
-    on_the_airfield(endpoint, tmp_path, body, mission=mission)
+    async with on_the_airfield(endpoint, tmp_path, mission=mission) as field, field.router(), field.client() as uav:
+        await uav.claim("uav")
+        daemon = field.start()
+        await subscribed(uav, keys.health("test", "uav", "agentd"))
+        speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
+        await until_served(uav)
+        await field.take_off(uav)
+        await asyncio.sleep(3.5)
+        assert field.vehicle.copter.mode.name == "GUIDED", "an agent that speaks has its robot"
+        speaking.cancel()
+        await until(lambda: field.vehicle.copter.mode.name == "BRAKE", "hold, for the agent that hangs")
+        refused = await field.do(uav, "land", agent="other")
+        assert refused.reason == "agent uav is lost: the bridge brings the robot to safety first"
+        speaking = asyncio.create_task(report_health(uav, "uav", Clock()))
+
+        async def taken() -> bool:
+            status = await field.do(uav, "set_mode", "GUIDED")
+            assert status.state == "succeeded" or "is lost" in status.reason
+            return status.state == "succeeded"
+
+        await until(taken, "the agent takes the robot again")
+        assert field.vehicle.copter.mode.name == "GUIDED", "the agent is back: rtl is left out"
+        speaking.cancel()
+        field.stop.set()
+        await daemon
     assert "agent uav is lost (it is present and has been silent for 3 s: it hangs)" in caplog.text

@@ -10,7 +10,7 @@ from typing import TypeVar
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, LiveManifest, ManifestChange, Outcome, Record, StopOrder
 from tests.bridged.studio import Studio, in_the_studio
-from tests.support.buses import served, until
+from tests.support.buses import async_test, served, until
 
 R = TypeVar("R", bound=Record)
 BUSY = 0.5
@@ -54,10 +54,11 @@ async def ready(studio: Studio) -> tuple[str, str]:
     return act, stop
 
 
-def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_release_begins(
+@async_test
+async def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_release_begins(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body(studio: Studio) -> None:
+    async with in_the_studio(endpoint, tmp_path) as studio:
         act, stop = await ready(studio)
         hold, release = StopOrder(order="hold"), StopOrder(order="release")
         outcome, status = await together(studio, (stop, hold), (act, command(studio, "1")))
@@ -74,13 +75,12 @@ def test_an_action_that_comes_behind_a_stop_is_refused_and_one_behind_a_release_
         outcomes = await together(studio, (stop, release), (stop, hold))
         assert (await studio.do("cmd_vel", 1, 0, 0)).cause == "operator", "the stop came last"
 
-    in_the_studio(endpoint, tmp_path, body)
 
-
-def test_an_action_that_comes_behind_a_change_of_the_manifest_is_judged_by_the_new_one(
+@async_test
+async def test_an_action_that_comes_behind_a_change_of_the_manifest_is_judged_by_the_new_one(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body(studio: Studio) -> None:
+    async with in_the_studio(endpoint, tmp_path) as studio:
         act, _ = await ready(studio)
         change = ManifestChange(set={"actions.cmd_vel.params.ahead.max": 2})
         manifest = keys.manifest(studio.bus.fleet, studio.robot)
@@ -90,13 +90,12 @@ def test_an_action_that_comes_behind_a_change_of_the_manifest_is_judged_by_the_n
         assert isinstance(status, ActionStatus)
         assert (status.state, "2" in status.reason) == ("refused", True), status
 
-    in_the_studio(endpoint, tmp_path, body)
 
-
-def test_an_action_that_comes_behind_the_cancel_of_another_does_not_find_it_running(
+@async_test
+async def test_an_action_that_comes_behind_the_cancel_of_another_does_not_find_it_running(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body(studio: Studio) -> None:
+    async with in_the_studio(endpoint, tmp_path) as studio:
         await ready(studio)
         studio.leave.set()
         await until(lambda: not studio.values("pose"), "the turtle does not answer any more")
@@ -109,5 +108,3 @@ def test_an_action_that_comes_behind_the_cancel_of_another_does_not_find_it_runn
         assert isinstance(status, ActionStatus)
         assert "busy" not in status.reason
         assert (await first).state == "cancelled"
-
-    in_the_studio(endpoint, tmp_path, body)

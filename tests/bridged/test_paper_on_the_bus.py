@@ -9,9 +9,9 @@ from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Perception
 from schemas.wire.terms import Atom, Variable
-from tests.bridged.airfield import Airfield, on_the_airfield, present, until
+from tests.bridged.airfield import on_the_airfield, present, until
 from tests.bridged.sky import MISSION
-from tests.support.buses import subscribed
+from tests.support.buses import async_test, subscribed
 
 ACTIONS = """
 [set_mode]
@@ -52,37 +52,39 @@ async def perceived(bus: Bus, name: str) -> tuple[object, ...] | None:
     return found[0].parameters if found else None
 
 
-def test_a_pair_may_be_of_a_copter_and_of_something_on_zenoh(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_a_pair_may_be_of_a_copter_and_of_something_on_zenoh(endpoint: str, tmp_path: Path) -> None:
     (tmp_path / "actions").write_text(ACTIONS)
     (tmp_path / "percepts").write_text(PERCEPTS)
     pair = f"[{tmp_path / 'actions'}, {tmp_path / 'percepts'}]"
     mission = MISSION.replace("manifest: arducopter", f"manifest: {pair}\n    prefix: house")
     told: list[object] = []
+    async with (
+        on_the_airfield(endpoint, tmp_path, mission=mission) as field,
+        field.router(),
+        field.client() as bus,
+        field.client("house") as lamp,
+    ):
+        daemon = field.start()
+        lamp.raw.subscribe("house/lamp/set", lambda sample: told.append(json.loads(sample.payload)))
+        heard: list[Perception] = []
+        bus.subscribe(keys.percept("test", "uav", "**"), Perception, lambda _key, one: heard.append(one))
+        await until(lambda: any(one.name == "state" for one in heard), "the state of the copter")
+        assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
+        assert await perceived(bus, "state") == ("GUIDED", "True", "False")
 
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus, field.client("house") as lamp:
-            daemon = field.start()
-            lamp.raw.subscribe("house/lamp/set", lambda sample: told.append(json.loads(sample.payload)))
-            heard: list[Perception] = []
-            bus.subscribe(keys.percept("test", "uav", "**"), Perception, lambda _key, one: heard.append(one))
-            await until(lambda: any(one.name == "state" for one in heard), "the state of the copter")
-            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded"
-            assert await perceived(bus, "state") == ("GUIDED", "True", "False")
+        async def lit() -> bool:
+            return (await field.do(bus, "light", Variable("True"), Atom("red"), [1, 2])).state == "succeeded"
 
-            async def lit() -> bool:
-                return (await field.do(bus, "light", Variable("True"), Atom("red"), [1, 2])).state == "succeeded"
-
-            await until(lit, "the bridge knows that the lamp listens")
-            await until(lambda: bool(told), "the lamp is told")
-            assert told == [{"on": True, "colour": {"name": "red"}, "levels": [1, 2]}]
-            await subscribed(lamp, "house/lamp/state")
-            state = {"on": False, "mood": "calm", "parts": [{"name": "A", "values": [{"key": "k", "value": "7"}]}]}
-            lamp.raw.publisher("house/lamp/state").put(json.dumps(state).encode(), "application/json")
-            await until(lambda: any(one.name == "lamp" for one in heard), "the lamp's percept")
-            assert await perceived(bus, "lamp") == ("False", Atom("calm"), [["A", [[Atom("k"), 7]]]])
-            refused = await field.do(bus, "dim", 50)
-            assert (refused.state, refused.result) == ("failed", False), "nobody serves it"
-            field.stop.set()
-            assert await daemon == 0
-
-    on_the_airfield(endpoint, tmp_path, body, mission=mission)
+        await until(lit, "the bridge knows that the lamp listens")
+        await until(lambda: bool(told), "the lamp is told")
+        assert told == [{"on": True, "colour": {"name": "red"}, "levels": [1, 2]}]
+        await subscribed(lamp, "house/lamp/state")
+        state = {"on": False, "mood": "calm", "parts": [{"name": "A", "values": [{"key": "k", "value": "7"}]}]}
+        lamp.raw.publisher("house/lamp/state").put(json.dumps(state).encode(), "application/json")
+        await until(lambda: any(one.name == "lamp" for one in heard), "the lamp's percept")
+        assert await perceived(bus, "lamp") == ("False", Atom("calm"), [["A", [[Atom("k"), 7]]]])
+        refused = await field.do(bus, "dim", 50)
+        assert (refused.state, refused.result) == ("failed", False), "nobody serves it"
+        field.stop.set()
+        assert await daemon == 0

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 from bridged.bridge.bridge import Bridge
@@ -89,19 +90,13 @@ class Workshop:
         await until(lambda: self.present(name) == wanted, f"{name}{parameters}, last {self.present(name)}")
 
 
-def in_the_workshop(workshop: Workshop, body: Callable[[Workshop], object], seconds: float = 20) -> None:
-    """Run the robot's drivers and `body(workshop)`, bounded in wall seconds."""
-
-    async def everything() -> None:
-        async with asyncio.timeout(seconds):
-            running = asyncio.create_task(workshop.bridge.run())
-            try:
-                await body(workshop)  # type: ignore[misc]
-            finally:
-                running.cancel()
-                await asyncio.gather(running, return_exceptions=True)
-
+@asynccontextmanager
+async def in_the_workshop(workshop: Workshop) -> AsyncIterator[Workshop]:
+    """Run the robot's drivers."""
+    running = asyncio.create_task(workshop.bridge.run())
     try:
-        asyncio.run(everything())
+        yield workshop
     finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
         workshop.bridge.action_log.close()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from bridged.drivers.registry import check_manifest
 from schemas.manifest.loader import find_manifest, read_manifest
 from tests.bridged.plugins import install
 from tests.bridged.sky import GOAL, Sky
+from tests.support.buses import async_test
 
 GRIPPER = """
 import time
@@ -68,21 +70,17 @@ class Rigged:
             await asyncio.sleep(0.01)
 
 
-def rigged(state: Path, body: Callable[[Rigged], object]) -> None:
-    """Run `body` while the gripper's driver runs; the copter's is moved by the sky."""
-
-    async def everything() -> None:
-        async with asyncio.timeout(240):
-            rig = Rigged(state)
-            running = asyncio.create_task(rig.gripper.run())
-            try:
-                await body(rig)  # type: ignore[misc]
-            finally:
-                running.cancel()
-                await asyncio.gather(running, return_exceptions=True)
-                rig.sky.bridge.action_log.close()
-
-    asyncio.run(everything())
+@asynccontextmanager
+async def rigged(state: Path) -> AsyncIterator[Rigged]:
+    """Run the gripper's driver; the copter's is moved by the sky."""
+    rig = Rigged(state)
+    running = asyncio.create_task(rig.gripper.run())
+    try:
+        yield rig
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        rig.sky.bridge.action_log.close()
 
 
 @pytest.fixture
@@ -92,8 +90,9 @@ def site(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_percepts_and_figures_of_all_drivers_of_a_robot_are_told(site: Path) -> None:
-    async def body(rig: Rigged) -> None:
+@async_test
+async def test_percepts_and_figures_of_all_drivers_of_a_robot_are_told(site: Path) -> None:
+    async with rigged(site) as rig:
         sky = rig.sky
         await rig.until(lambda: sky.belief("holds") == (True,), "the gripper's percept")
         await rig.until(lambda: sky.belief("altitude") is not None, "the copter's percept")
@@ -101,11 +100,10 @@ def test_percepts_and_figures_of_all_drivers_of_a_robot_are_told(site: Path) -> 
         assert counters["messages"] > 0
         assert counters["calls"] > 0
 
-    rigged(site, body)
 
-
-def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own(site: Path) -> None:
-    async def body(rig: Rigged) -> None:
+@async_test
+async def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own(site: Path) -> None:
+    async with rigged(site) as rig:
         sky = rig.sky
         sky.flying(10)
         going, reeling = sky.begin("goto", *GOAL), sky.begin("reel", 5)
@@ -118,11 +116,10 @@ def test_an_order_ends_the_actions_of_all_drivers_and_moves_the_robot_by_its_own
         await rig.until(lambda: sky.belief("holds") == (False,), "the generator is closed")
         await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
 
-    rigged(site, body)
 
-
-def test_what_one_driver_refuses_the_other_still_does(site: Path) -> None:
-    async def body(rig: Rigged) -> None:
+@async_test
+async def test_what_one_driver_refuses_the_other_still_does(site: Path) -> None:
+    async with rigged(site) as rig:
         sky = rig.sky
         first = sky.begin("reel", 5)
         await rig.until(lambda: bool(first) and first[-1].state == "running", "it runs")
@@ -133,23 +130,21 @@ def test_what_one_driver_refuses_the_other_still_does(site: Path) -> None:
         await rig.until(lambda: status[-1].final, "the copter's action")
         assert status[-1].state == "succeeded"
 
-    rigged(site, body)
 
-
-def test_figures_of_one_name_of_two_drivers_are_added(site: Path) -> None:
-    async def body(rig: Rigged) -> None:
+@async_test
+async def test_figures_of_one_name_of_two_drivers_are_added(site: Path) -> None:
+    async with rigged(site) as rig:
         rig.sky.driver.counters = lambda: {"calls": 1000}  # type: ignore[method-assign]
         await rig.until(lambda: rig.gripper.counters()["calls"], "the gripper is called")
         assert rig.sky.bridge.driver.counters()["calls"] == 1000 + rig.gripper.counters()["calls"]
 
-    rigged(site, body)
 
-
-def test_an_order_is_carried_out_although_another_driver_cannot_end_its_action(site: Path) -> None:
+@async_test
+async def test_an_order_is_carried_out_although_another_driver_cannot_end_its_action(site: Path) -> None:
     def defect(*_: object, **__: object) -> None:
         raise KeyError("reel")
 
-    async def body(rig: Rigged) -> None:
+    async with rigged(site) as rig:
         sky = rig.sky
         sky.flying(10)
         reeling = sky.begin("reel", 5)
@@ -158,5 +153,3 @@ def test_an_order_is_carried_out_although_another_driver_cannot_end_its_action(s
         sky.bridge.action_server.order("rtl", by_operator("rtl"), block=True, insist=True)
         assert (reeling[-1].state, reeling[-1].cause) == ("failed", "operator")
         await rig.until(lambda: (sky.belief("state") or ("",))[0] == "RTL", "the copter returns")
-
-    rigged(site, body)

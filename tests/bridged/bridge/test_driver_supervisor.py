@@ -26,13 +26,13 @@ from schemas.wire import keys
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import Health, Note, Perception
 from schemas.wire.terms import Atom
-from tests.bridged.airfield import Airfield, on_the_airfield, until
+from tests.bridged.airfield import on_the_airfield, until
 from tests.bridged.plugins import install
 from tests.bridged.radio import BEAT, Speaker
 from tests.bridged.sky import MISSION
 from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
-from tests.support.buses import Connect, on_a_bus, served
+from tests.support.buses import Connect, async_test, on_a_bus, served
 from tests.support.notes import identities
 from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
@@ -113,16 +113,15 @@ async def failing(workshop: Workshop, sonar: Any, error: Exception) -> None:
     await until(lambda: workshop.present("tick") != before, "the robot's own driver goes on")
 
 
-def test_an_auxiliary_driver_that_loses_its_link_is_run_again_and_the_robots_own_goes_on(
+@async_test
+async def test_an_auxiliary_driver_that_loses_its_link_is_run_again_and_the_robots_own_goes_on(
     sonar: Any, tmp_path: Path
 ) -> None:
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(BENCH))) as workshop:
         await failing(workshop, sonar, OSError("unplugged"))
         await workshop.perceives("range", 2.5)
         await until(lambda: not workshop.bridge.health().notes, "all is well again")
         assert len(sonar.runs) == 2
-
-    in_the_workshop(Workshop(tmp_path, checked(BENCH)), body)
 
 
 ALONE = """
@@ -140,10 +139,11 @@ deadline = "0.3s"
 
 
 @pytest.mark.parametrize("defect", [False, True], ids=["", "a defect at the first look"])
-def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
+@async_test
+async def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
     sonar: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: bool
 ) -> None:
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(ALONE))) as workshop:
         reported: list[str] = []
         asyncio.get_running_loop().set_exception_handler(lambda _, context: reported.append(context["message"]))
         if defect:
@@ -163,11 +163,12 @@ def test_percepts_age_and_deadlines_are_kept_whatever_the_driver_does(
         assert reported == (["looking at bench"] if defect else [])
         assert len(sonar.runs) == 1
 
-    in_the_workshop(Workshop(tmp_path, checked(ALONE)), body)
 
-
-def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are_refused(sonar: Any, tmp_path: Path) -> None:
-    async def body(workshop: Workshop) -> None:
+@async_test
+async def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are_refused(
+    sonar: Any, tmp_path: Path
+) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(BENCH))) as workshop:
         await failing(workshop, sonar, KeyError("depth"))
         said = "driver `sonar` does not run: KeyError: 'depth'; it is not run again before the bridge is restarted"
         assert workshop.bridge.health().notes == (Note("driver_down", said, "sonar"),)
@@ -176,36 +177,35 @@ def test_an_auxiliary_driver_with_a_defect_is_given_up_and_its_entries_are_refus
         assert (status.state, status.reason) == ("refused", said)
         assert len(sonar.runs) == 1
 
-    in_the_workshop(Workshop(tmp_path, checked(BENCH)), body)
 
-
-def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_driver_of_it_fails(
+@async_test
+async def test_a_copter_in_flight_keeps_its_link_and_its_way_home_when_another_driver_of_it_fails(
     endpoint: str, sonar: Any, tmp_path: Path
 ) -> None:
     copter = find_manifest("arducopter")
     assert copter is not None
     rigged = tmp_path / "rigged.toml"
     rigged.write_text(copter.read_text() + PERCEPT)
-
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as agent:
-            daemon = field.start()
-            notes: list[tuple[str, str]] = []
-            agent.subscribe(
-                keys.health("test", "uav1", "bridged"), Health, lambda _, health: notes.extend(identities(health.notes))
-            )
-            await served(agent, keys.action("test", "uav", "takeoff"))
-            await field.take_off(agent)
-            sonar.trouble.append(RuntimeError("a defect"))
-            sonar.echo.set()
-            await until(lambda: ("driver_down", "sonar") in notes, "it is told")
-            assert not daemon.done()
-            assert (await field.do(agent, "takeoff", 10)).state in ("succeeded", "refused", "failed")
-            field.stop.set()
-            assert await daemon == 0
-            assert field.vehicle.copter.mode.name == "RTL"
-
-    on_the_airfield(endpoint, tmp_path, body, mission=MISSION.replace("arducopter", str(rigged)))
+    async with (
+        on_the_airfield(endpoint, tmp_path, mission=MISSION.replace("arducopter", str(rigged))) as field,
+        field.router(),
+        field.client() as agent,
+    ):
+        daemon = field.start()
+        notes: list[tuple[str, str]] = []
+        agent.subscribe(
+            keys.health("test", "uav1", "bridged"), Health, lambda _, health: notes.extend(identities(health.notes))
+        )
+        await served(agent, keys.action("test", "uav", "takeoff"))
+        await field.take_off(agent)
+        sonar.trouble.append(RuntimeError("a defect"))
+        sonar.echo.set()
+        await until(lambda: ("driver_down", "sonar") in notes, "it is told")
+        assert not daemon.done()
+        assert (await field.do(agent, "takeoff", 10)).state in ("succeeded", "refused", "failed")
+        field.stop.set()
+        assert await daemon == 0
+        assert field.vehicle.copter.mode.name == "RTL"
 
 
 WATCHFUL = """
@@ -345,14 +345,13 @@ def test_a_driver_that_cannot_be_made_and_a_state_folder_that_cannot_be_used_are
     on_a_bus(endpoint, body)
 
 
-def test_a_driver_that_ends_by_itself_is_a_failure_in_words(sonar: Any, tmp_path: Path) -> None:
-    async def body(workshop: Workshop) -> None:
+@async_test
+async def test_a_driver_that_ends_by_itself_is_a_failure_in_words(sonar: Any, tmp_path: Path) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(BENCH))) as workshop:
         await workshop.perceives("range", 2.5)
         sonar.echo.set()
         await until(lambda: identities(workshop.bridge.health().notes) == [("driver_down", "sonar")], "it is told")
         assert "driver `sonar` of bench has ended by itself" in workshop.bridge.health().notes[0].text
-
-    in_the_workshop(Workshop(tmp_path, checked(BENCH)), body)
 
 
 def test_a_robot_that_cannot_be_left_for_a_defect_does_not_keep_others_from_being_left(

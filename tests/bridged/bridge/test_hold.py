@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from schemas.manifest.loader import read_manifest
 from schemas.mission.model import read_mission
 from schemas.wire.records import Action, ActionStatus, ManifestChange
 from schemas.wire.terms import Term
-from tests.support.buses import on_a_bus, until
+from tests.support.buses import async_test, session, until
 
 MANIFEST = """
 [robot]
@@ -105,21 +106,26 @@ class Turtle:
         return {note.code: note.text for note in self.bridge.health().notes}
 
 
-def with_a_turtle(endpoint: str, state: Path, body: Callable[[Turtle], Coroutine[Any, Any, None]]) -> None:
-    """Run `body(turtle)`, bounded in wall seconds."""
-
-    async def everything(connect: Any) -> None:
-        turtle = Turtle(await connect("r", "bridged"), await connect("robot", "robot"), state)
+@asynccontextmanager
+async def with_a_turtle(endpoint: str, state: Path) -> AsyncIterator[Turtle]:
+    """Yield a turtle on a bus of its own."""
+    async with (
+        session(endpoint, "board", "commd", router=True),
+        session(endpoint, "r", "bridged") as bridge,
+        session(endpoint, "robot", "robot") as robot,
+    ):
+        turtle = Turtle(bridge, robot, state)
         try:
-            await body(turtle)
+            yield turtle
         finally:
             await turtle.end()
 
-    on_a_bus(endpoint, everything, 30)
 
-
-def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on(endpoint: str, tmp_path: Path) -> None:
-    async def body(turtle: Turtle) -> None:
+@async_test
+async def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async with with_a_turtle(endpoint, tmp_path) as turtle:
         pen, going = await turtle.ask("a", "pen", True), await turtle.ask("a", "goto", 1.0)
         turtle.bridge.action_server.cancel("a", going[-1].id)
         await until(lambda: turtle.stops == 1, "it is told to stop")
@@ -129,11 +135,10 @@ def test_cancelling_a_motion_lets_the_robot_hold_and_what_does_not_move_it_go_on
         await until(lambda: not turtle.bridge.driver.active, "it holds")
         assert turtle.notes() == {}
 
-    with_a_turtle(endpoint, tmp_path, body)
 
-
-def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(endpoint: str, tmp_path: Path) -> None:
-    async def body(turtle: Turtle) -> None:
+@async_test
+async def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(endpoint: str, tmp_path: Path) -> None:
+    async with with_a_turtle(endpoint, tmp_path) as turtle:
         turtle.hears.close()
         going = await turtle.ask("a", "goto", 1.0)
         status = turtle.bridge.action_server.cancel("a", going[-1].id)
@@ -142,15 +147,13 @@ def test_a_hold_that_does_not_happen_is_said_in_the_reason_and_in_health(endpoin
         assert turtle.notes()["may_be_moving"].endswith("`stop` failed: nobody subscribes to t/cmd")
         assert turtle.bridge.driver.active, "it is not left alone"
 
-    with_a_turtle(endpoint, tmp_path, body)
 
-
-def test_a_hold_that_is_never_answered_is_given_up_after_its_patience(
+@async_test
+async def test_a_hold_that_is_never_answered_is_given_up_after_its_patience(
     endpoint: str, tmp_path: Path, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr(body_module, "HOLD_PATIENCE", 0.3)
-
-    async def body(turtle: Turtle) -> None:
+    async with with_a_turtle(endpoint, tmp_path) as turtle:
         turtle.hears.close()
         going = await turtle.ask("a", "goto", 1.0)
         turtle.bridge.action_server.cancel("a", going[-1].id)
@@ -159,24 +162,24 @@ def test_a_hold_that_is_never_answered_is_given_up_after_its_patience(
             "the failure is told",
         )
 
-    with_a_turtle(endpoint, tmp_path, body)
 
-
-def test_a_robot_whose_motion_has_ended_holds_when_it_is_told_to_explicitly(endpoint: str, tmp_path: Path) -> None:
-    async def body(turtle: Turtle) -> None:
+@async_test
+async def test_a_robot_whose_motion_has_ended_holds_when_it_is_told_to_explicitly(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async with with_a_turtle(endpoint, tmp_path) as turtle:
         entry = turtle.bridge.live.manifest.actions["goto"]
         going = turtle.bridge.driver.perform("goto", entry, {"x": 1.0})
         turtle.bridge.driver.stop(going, Outcome("failed", "lease taken by b"), hold=False)
         turtle.bridge.driver.hold(going, "lease taken by b")
         await until(lambda: turtle.stops == 1, "it is told to stop")
 
-    with_a_turtle(endpoint, tmp_path, body)
 
-
-def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next_one_ends(
+@async_test
+async def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next_one_ends(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body(turtle: Turtle) -> None:
+    async with with_a_turtle(endpoint, tmp_path) as turtle:
         moving = await turtle.ask("a", "cmd", 1.0)
         await until(lambda: moving[-1].state == "succeeded", "it moves")
         await turtle.end()
@@ -188,24 +191,24 @@ def test_a_robot_that_moved_when_its_bridge_ended_is_stopped_when_the_next_one_e
         await until(lambda: turtle.stops == 1, "it is told to stop")
         assert not turtle.bridge.driver.active
 
-    with_a_turtle(endpoint, tmp_path, body)
 
-
-def test_a_robot_that_knows_no_arming_is_not_called_disarmed_when_it_is_left(endpoint: str, tmp_path: Path) -> None:
-    async def body(turtle: Turtle) -> None:
+@async_test
+async def test_a_robot_that_knows_no_arming_is_not_called_disarmed_when_it_is_left(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async with with_a_turtle(endpoint, tmp_path) as turtle:
         driver = turtle.bridge.driver.own
         assert isinstance(driver, ZenohDriver)
         await until(lambda: driver.heard, "somebody listens")
         left = await turtle.bridge.orders.shut_down("rtl")
         assert (left.state, left.text) == ("disarmed", "left as it is")
 
-    with_a_turtle(endpoint, tmp_path, body)
 
-
-def test_the_order_that_ends_a_motion_cannot_be_taken_away_while_the_robot_may_be_moving(
+@async_test
+async def test_the_order_that_ends_a_motion_cannot_be_taken_away_while_the_robot_may_be_moving(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body(turtle: Turtle) -> None:
+    async with with_a_turtle(endpoint, tmp_path) as turtle:
         moving = await turtle.ask("a", "cmd", 1.0)
         await until(lambda: moving[-1].state == "succeeded", "it moves")
         change = ManifestChange(remove=("orders.hold",))
@@ -214,8 +217,6 @@ def test_the_order_that_ends_a_motion_cannot_be_taken_away_while_the_robot_may_b
         stopped = turtle.bridge.action_server.order("hold", by_operator("hold"), block=False, insist=True)
         await until(lambda: stopped.over and not turtle.bridge.driver.active, "it holds")
         assert turtle.bridge.live.change(change) == []
-
-    with_a_turtle(endpoint, tmp_path, body)
 
 
 def test_a_live_change_cannot_take_away_an_order_that_the_mission_relies_on(tmp_path: Path) -> None:
@@ -229,14 +230,13 @@ def test_a_live_change_cannot_take_away_an_order_that_the_mission_relies_on(tmp_
     assert any(one.startswith("on_shutdown: the robot has no order `hold`") for one in problems), problems
 
 
-def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_is_told_to_stop(
+@async_test
+async def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_is_told_to_stop(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body(turtle: Turtle) -> None:
+    async with with_a_turtle(endpoint, tmp_path) as turtle:
         going = await turtle.ask("a", "goto", 1.0)
         pen = await turtle.ask("b", "pen", True)
         assert (going[-1].state, going[-1].reason) == ("failed", "lease taken by b")
         await until(lambda: turtle.stops == 1, "it is told to stop")
         assert not pen[-1].final
-
-    with_a_turtle(endpoint, tmp_path, body)

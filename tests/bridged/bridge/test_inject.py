@@ -13,8 +13,9 @@ from bridged.bridge.bus_endpoints import BY_HAND, is_by_hand
 from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel, Header
-from tests.bridged.airfield import Airfield, on_the_airfield, until, until_served
+from tests.bridged.airfield import serving, until
 from tests.bridged.sky import MISSION
+from tests.support.buses import async_test
 
 INJECT = f"{MISSION}inject: true\n"
 
@@ -37,137 +38,112 @@ def test_an_agent_is_known_by_its_id_and_its_name() -> None:
     assert is_by_hand("uav", Action(header=Header(source="operator"), id="operator:b:1"))
 
 
-def test_without_inject_an_action_by_hand_is_refused_and_the_field_is_named(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus, field.client("operator") as person:
-            daemon = field.start()
-            await until_served(bus)
-            told: list[ActionStatus] = []
-            bus.subscribe(keys.status("test", "uav", "*"), ActionStatus, lambda _, one: told.append(one))
-            [refused] = await asyncio.to_thread(asked, person, "arm_motors", b'{"parameters": [true]}')
-            assert (refused["state"], refused["result"], refused["reason"]) == ("refused", False, BY_HAND)
-            assert "inject: true" in BY_HAND
-            await until(lambda: [one.reason for one in told] == [BY_HAND], "observers are told, too")
-            assert not field.vehicle.copter.armed
-            assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded", "the agent acts as ever"
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+@async_test
+async def test_without_inject_an_action_by_hand_is_refused_and_the_field_is_named(
+    endpoint: str, tmp_path: Path
+) -> None:
+    async with serving(endpoint, tmp_path) as (field, bus), field.client("operator") as person:
+        told: list[ActionStatus] = []
+        bus.subscribe(keys.status("test", "uav", "*"), ActionStatus, lambda _, one: told.append(one))
+        [refused] = await asyncio.to_thread(asked, person, "arm_motors", b'{"parameters": [true]}')
+        assert (refused["state"], refused["result"], refused["reason"]) == ("refused", False, BY_HAND)
+        assert "inject: true" in BY_HAND
+        await until(lambda: [one.reason for one in told] == [BY_HAND], "observers are told, too")
+        assert not field.vehicle.copter.armed
+        assert (await field.do(bus, "set_mode", "GUIDED")).state == "succeeded", "the agent acts as ever"
 
 
-def test_with_inject_what_is_missing_is_filled_in_and_every_status_comes(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus, field.client("operator") as person:
-            daemon = field.start()
-            await until_served(bus)
-            for name, payload in (("set_mode", b'{"parameters":["GUIDED"]}'), ("arm_motors", b'{"parameters":[true]}')):
-                statuses = await asyncio.to_thread(asked, person, name, payload)
-                assert statuses[-1]["state"] == "succeeded", statuses
-            statuses = await asyncio.to_thread(asked, person, "takeoff", b'{"parameters": [20]}')
-            states = [one["state"] for one in statuses]
-            assert states[0] == "accepted"
-            assert set(states[1:-1]) == {"running"}
-            assert states[-1] == "succeeded"
-            assert "altitude" in statuses[1]["feedback"]
-            [identity] = {one["id"] for one in statuses}
-            assert identity.startswith("uav:")
-            refused = await asyncio.to_thread(asked, person, "takeoff", b'{"parameters": [500]}')
-            assert "expected altitude: float 1..120 m, got 500" in refused[-1]["reason"]
-            described = await asyncio.to_thread(asked, person, "takeoff", b"5 m")
-            assert described[0]["signature"] == "takeoff(altitude: float 1..120 m)"
-            assert "Action:" in described[0]["problem"]
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body, mission=INJECT)
+@async_test
+async def test_with_inject_what_is_missing_is_filled_in_and_every_status_comes(endpoint: str, tmp_path: Path) -> None:
+    async with serving(endpoint, tmp_path, mission=INJECT) as (field, _bus), field.client("operator") as person:
+        for name, payload in (("set_mode", b'{"parameters":["GUIDED"]}'), ("arm_motors", b'{"parameters":[true]}')):
+            statuses = await asyncio.to_thread(asked, person, name, payload)
+            assert statuses[-1]["state"] == "succeeded", statuses
+        statuses = await asyncio.to_thread(asked, person, "takeoff", b'{"parameters": [20]}')
+        states = [one["state"] for one in statuses]
+        assert states[0] == "accepted"
+        assert set(states[1:-1]) == {"running"}
+        assert states[-1] == "succeeded"
+        assert "altitude" in statuses[1]["feedback"]
+        [identity] = {one["id"] for one in statuses}
+        assert identity.startswith("uav:")
+        refused = await asyncio.to_thread(asked, person, "takeoff", b'{"parameters": [500]}')
+        assert "expected altitude: float 1..120 m, got 500" in refused[-1]["reason"]
+        described = await asyncio.to_thread(asked, person, "takeoff", b"5 m")
+        assert described[0]["signature"] == "takeoff(altitude: float 1..120 m)"
+        assert "Action:" in described[0]["problem"]
 
 
-def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(endpoint: str, tmp_path: Path) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus, field.client("operator") as person:
-            daemon = field.start()
-            await until_served(bus)
-            await field.take_off(bus)
-            [refused] = await asyncio.to_thread(asked, person, "land", b'{"parameters":[]}', "other")
-            assert refused["reason"].startswith("held by uav for ")
-            mine = Action(
-                header=Header(source="operator"), id="operator:x:1", parameters=(-27.600, -48.515, 20)
-            )  # 500 m away
-            running: list[ActionStatus] = []
+@async_test
+async def test_an_action_by_hand_stands_under_the_lease_and_can_be_cancelled(endpoint: str, tmp_path: Path) -> None:
+    async with serving(endpoint, tmp_path, mission=INJECT) as (field, bus), field.client("operator") as person:
+        await field.take_off(bus)
+        [refused] = await asyncio.to_thread(asked, person, "land", b'{"parameters":[]}', "other")
+        assert refused["reason"].startswith("held by uav for ")
+        mine = Action(
+            header=Header(source="operator"), id="operator:x:1", parameters=(-27.600, -48.515, 20)
+        )  # 500 m away
+        running: list[ActionStatus] = []
 
-            async def fly() -> None:
-                async for reply in person.query(keys.action("test", "uav", "goto"), mine, ActionStatus, 60):
-                    assert reply.record is not None, reply.error
-                    running.append(reply.record)
+        async def fly() -> None:
+            async for reply in person.query(keys.action("test", "uav", "goto"), mine, ActionStatus, 60):
+                assert reply.record is not None, reply.error
+                running.append(reply.record)
 
-            backfill = asyncio.create_task(fly())
-            await until(lambda: any(one.state == "running" for one in running), "it flies")
-            busy = await field.do(bus, "goto", -27.601, -48.515, 20)
-            assert busy.reason == "busy: goto is running"
-            end = Cancel(header=Header(source="operator"), id="operator:x:1")
-            ended = person.query(keys.cancel("test", "uav"), end, ActionStatus, 10)
-            assert [reply.record.state async for reply in ended if reply.record] == ["cancelled"]
-            await backfill
-            assert (running[-1].state, running[-1].reason) == ("cancelled", "cancelled by operator")
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body, mission=INJECT)
+        backfill = asyncio.create_task(fly())
+        await until(lambda: any(one.state == "running" for one in running), "it flies")
+        busy = await field.do(bus, "goto", -27.601, -48.515, 20)
+        assert busy.reason == "busy: goto is running"
+        end = Cancel(header=Header(source="operator"), id="operator:x:1")
+        ended = person.query(keys.cancel("test", "uav"), end, ActionStatus, 10)
+        assert [reply.record.state async for reply in ended if reply.record] == ["cancelled"]
+        await backfill
+        assert (running[-1].state, running[-1].reason) == ("cancelled", "cancelled by operator")
 
 
 @pytest.mark.parametrize("inject", [True, False])
-def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
+@async_test
+async def test_an_agents_action_is_cancelled_by_hand_only_where_it_may_be(
     endpoint: str, tmp_path: Path, inject: bool
 ) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus, field.client("operator") as person:
-            daemon = field.start()
-            await until_served(bus)
-            await field.take_off(bus)
-            flying = Action(header=Header(source="uav"), id="uav:b:9", parameters=(-27.600, -48.515, 20))
-            told: list[ActionStatus] = []
+    async with (
+        serving(endpoint, tmp_path, mission=INJECT if inject else MISSION) as (field, bus),
+        field.client("operator") as person,
+    ):
+        await field.take_off(bus)
+        flying = Action(header=Header(source="uav"), id="uav:b:9", parameters=(-27.600, -48.515, 20))
+        told: list[ActionStatus] = []
 
-            async def fly() -> None:
-                async for reply in bus.query(keys.action("test", "uav", "goto"), flying, ActionStatus, 60):
-                    assert reply.record is not None, reply.error
-                    told.append(reply.record)
+        async def fly() -> None:
+            async for reply in bus.query(keys.action("test", "uav", "goto"), flying, ActionStatus, 60):
+                assert reply.record is not None, reply.error
+                told.append(reply.record)
 
-            async def cancel(source: str) -> ActionStatus:
-                end = Cancel(header=Header(source=source), id="uav:b:9")
-                async for reply in person.query(keys.cancel("test", "uav"), end, ActionStatus, 10):
-                    assert reply.record is not None, reply.error
-                    return reply.record
-                raise AssertionError("nobody answers")
+        async def cancel(source: str) -> ActionStatus:
+            end = Cancel(header=Header(source=source), id="uav:b:9")
+            async for reply in person.query(keys.cancel("test", "uav"), end, ActionStatus, 10):
+                assert reply.record is not None, reply.error
+                return reply.record
+            raise AssertionError("nobody answers")
 
-            backfill = asyncio.create_task(fly())
-            await until(lambda: any(one.state == "running" for one in told), "it flies")
-            if inject:
-                assert (await cancel("")).state == "cancelled"
-                await backfill
-                assert told[-1].reason == "cancelled by hand", "the agent is not told that it did so itself"
-            else:
-                for source in ("", "operator"):
-                    refused = await cancel(source)
-                    assert (refused.state, refused.reason) == ("refused", BY_HAND)
-                assert not any(one.final for one in told), "it flies on"
-                assert (await cancel("uav")).reason == "cancelled by uav"
-                await backfill
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body, mission=INJECT if inject else MISSION)
+        backfill = asyncio.create_task(fly())
+        await until(lambda: any(one.state == "running" for one in told), "it flies")
+        if inject:
+            assert (await cancel("")).state == "cancelled"
+            await backfill
+            assert told[-1].reason == "cancelled by hand", "the agent is not told that it did so itself"
+        else:
+            for source in ("", "operator"):
+                refused = await cancel(source)
+                assert (refused.state, refused.reason) == ("refused", BY_HAND)
+            assert not any(one.final for one in told), "it flies on"
+            assert (await cancel("uav")).reason == "cancelled by uav"
+            await backfill
 
 
 @pytest.mark.parametrize("payload", [b'{"parameters":[],"name":"land"}', b'{"parameters":[],"agent":"other"}'])
-def test_what_contradicts_its_key_is_refused(endpoint: str, tmp_path: Path, payload: bytes) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client("operator") as person:
-            daemon = field.start()
-            await until_served(person)
-            [refused] = await asyncio.to_thread(asked, person, "return_to_launch", payload)
-            assert "the key says uav/return_to_launch, the action says " in refused["reason"]
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body, mission=INJECT)
+@async_test
+async def test_what_contradicts_its_key_is_refused(endpoint: str, tmp_path: Path, payload: bytes) -> None:
+    async with serving(endpoint, tmp_path, mission=INJECT, client="operator") as (_field, person):
+        [refused] = await asyncio.to_thread(asked, person, "return_to_launch", payload)
+        assert "the key says uav/return_to_launch, the action says " in refused["reason"]

@@ -21,7 +21,8 @@ from schemas.wire import keys
 from schemas.wire.codec import Wire, codec
 from schemas.wire.percept_set import PerceptSet
 from schemas.wire.records import LiveManifest, ManifestChange, Perception
-from tests.bridged.airfield import Airfield, on_the_airfield, restored, until
+from tests.bridged.airfield import on_the_airfield, restored, until
+from tests.support.buses import async_test
 
 TEXT = """
 [robot]
@@ -190,74 +191,72 @@ async def ask(bus: Bus, change: ManifestChange | None) -> LiveManifest:
     raise AssertionError("nobody serves the manifest")
 
 
-def test_a_manifest_changes_in_flight_and_no_percept_is_lost(endpoint: str, tmp_path: Any) -> None:
-    async def body(field: Airfield) -> None:
-        async with field.router(), field.client() as bus:
-            daemon = field.start()
-            copy, told, heard = PerceptSet(), list[LiveManifest](), list[str]()
+@async_test
+async def test_a_manifest_changes_in_flight_and_no_percept_is_lost(endpoint: str, tmp_path: Any) -> None:
+    async with on_the_airfield(endpoint, tmp_path) as field, field.router(), field.client() as bus:
+        daemon = field.start()
+        copy, told, heard = PerceptSet(), list[LiveManifest](), list[str]()
 
-            def hear(_key: str, one: Perception) -> None:
-                copy.apply(one)
-                heard.append(one.name)
+        def hear(_key: str, one: Perception) -> None:
+            copy.apply(one)
+            heard.append(one.name)
 
-            bus.subscribe(keys.percept("test", "uav", "**"), Perception, hear)
-            bus.subscribe(keys.manifest("test", "uav1"), LiveManifest, lambda _key, one: told.append(one))
-            await until(lambda: "altitude" in heard, "the bridge tells percepts")
-            await until(lambda: restored(copy, bus), "the percepts")
-            await field.take_off(bus)
-            before = await ask(bus, None)
-            assert (before.version, before.robot) == (1, "uav1")
-            assert before.file.endswith("arducopter.toml")
-            flying = asyncio.create_task(field.do(bus, "goto", *FAR))
+        bus.subscribe(keys.percept("test", "uav", "**"), Perception, hear)
+        bus.subscribe(keys.manifest("test", "uav1"), LiveManifest, lambda _key, one: told.append(one))
+        await until(lambda: "altitude" in heard, "the bridge tells percepts")
+        await until(lambda: restored(copy, bus), "the percepts")
+        await field.take_off(bus)
+        before = await ask(bus, None)
+        assert (before.version, before.robot) == (1, "uav1")
+        assert before.file.endswith("arducopter.toml")
+        flying = asyncio.create_task(field.do(bus, "goto", *FAR))
 
-            refused = await ask(
-                bus,
-                ManifestChange(
-                    set={"percepts.altitude.rate": -1, "actions.takeoff.command": "MAV_CMD_FLY"},
-                    remove=("actions.jump",),
-                ),
-            )
-            assert {one.partition(":")[0] for one in refused.problems} >= {
-                "actions.jump",
-                "actions.takeoff.command",
-                "percepts.altitude.rate",
-            }
-            assert (refused.version, refused.manifest) == (1, before.manifest)
+        refused = await ask(
+            bus,
+            ManifestChange(
+                set={"percepts.altitude.rate": -1, "actions.takeoff.command": "MAV_CMD_FLY"},
+                remove=("actions.jump",),
+            ),
+        )
+        assert {one.partition(":")[0] for one in refused.problems} >= {
+            "actions.jump",
+            "actions.takeoff.command",
+            "percepts.altitude.rate",
+        }
+        assert (refused.version, refused.manifest) == (1, before.manifest)
 
-            steady = {one.name: one for one in copy.present() if one.name in ("state", "home_pos")}
-            life = copy.boot
-            change = ManifestChange(
-                set={
-                    "percepts.altitude.rate": 1,
-                    "percepts.climb": {"source": "VFR_HUD", "args": ["climb"], "rate": 5},
-                    "actions.takeoff.params.altitude.max": 15,
-                },
-                remove=("percepts.gps",),
-                version=1,
-            )
-            done = await ask(bus, change)
-            assert (done.version, done.problems) == (2, ())
-            await until(lambda: "climb" in heard, "the new percept comes")
-            await until(lambda: [one.version for one in told] == [2], "observers are told")
-            assert told[0].manifest == done.manifest == (await ask(bus, None)).manifest
+        steady = {one.name: one for one in copy.present() if one.name in ("state", "home_pos")}
+        life = copy.boot
+        change = ManifestChange(
+            set={
+                "percepts.altitude.rate": 1,
+                "percepts.climb": {"source": "VFR_HUD", "args": ["climb"], "rate": 5},
+                "actions.takeoff.params.altitude.max": 15,
+            },
+            remove=("percepts.gps",),
+            version=1,
+        )
+        done = await ask(bus, change)
+        assert (done.version, done.problems) == (2, ())
+        await until(lambda: "climb" in heard, "the new percept comes")
+        await until(lambda: [one.version for one in told] == [2], "observers are told")
+        assert told[0].manifest == done.manifest == (await ask(bus, None)).manifest
 
-            names = {one.name for one in copy.present()}
-            assert names >= {"state", "altitude", "global_pos", "home_pos", "climb"}
-            assert "gps" not in names
-            assert {one.name: one for one in copy.present() if one.name in steady} == steady, "they were not told anew"
-            assert (copy.boot, copy.missed, copy.needs_repair()) == (life, 0, False), "every seq came"
+        names = {one.name for one in copy.present()}
+        assert names >= {"state", "altitude", "global_pos", "home_pos", "climb"}
+        assert "gps" not in names
+        assert {one.name: one for one in copy.present() if one.name in steady} == steady, "they were not told anew"
+        assert (copy.boot, copy.missed, copy.needs_repair()) == (life, 0, False), "every seq came"
 
-            heard.clear()
-            await until(lambda: heard.count("global_pos") >= 30, "three mission seconds pass")
-            assert heard.count("altitude") <= heard.count("global_pos") / 4, "the new rate holds"
+        heard.clear()
+        await until(lambda: heard.count("global_pos") >= 30, "three mission seconds pass")
+        assert heard.count("altitude") <= heard.count("global_pos") / 4, "the new rate holds"
 
-            status = await field.do(bus, "takeoff", 20)
-            assert (status.state, status.reason) == ("refused", "takeoff: expected altitude: float 1..15 m, got 20")
-            assert (await flying).state == "succeeded", "what ran goes on by its old entry"
-            field.stop.set()
-            await daemon
-
-    on_the_airfield(endpoint, tmp_path, body)
+        status = await field.do(bus, "takeoff", 20)
+        assert (status.state, status.reason) == ("refused", "takeoff: expected altitude: float 1..15 m, got 20")
+        assert (await flying).state == "succeeded", "what ran goes on by its old entry"
+        field.stop.set()
+        await daemon
 
 
 FAR = (-27.603683, -48.518052, 12)

@@ -14,7 +14,7 @@ from bridged.drivers.registry import check_manifest
 from schemas.manifest.loader import Manifest, load_manifest, read_manifest
 from tests.bridged.plugins import install
 from tests.bridged.workshop import Workshop, in_the_workshop
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 
@@ -39,8 +39,9 @@ def test_the_driver_is_as_short_as_its_page_says() -> None:
     assert len((LAMP / "lamp_driver.py").read_text().splitlines()) < 100
 
 
-def test_a_simulated_lamp_shines_and_its_board_blinks(lamp: Manifest, tmp_path: Path) -> None:
-    async def body(workshop: Workshop) -> None:
+@async_test
+async def test_a_simulated_lamp_shines_and_its_board_blinks(lamp: Manifest, tmp_path: Path) -> None:
+    async with in_the_workshop(Workshop(tmp_path, lamp, mission=MISSION, simulated=True)) as workshop:
         await workshop.perceives("level", 0)
         await workshop.perceives("temperature", 40)
         assert (await workshop.do("brightness", 70)).state == "succeeded"
@@ -50,17 +51,19 @@ def test_a_simulated_lamp_shines_and_its_board_blinks(lamp: Manifest, tmp_path: 
         assert (await workshop.do("blink", 3)).state == "succeeded"
         await workshop.perceives("temperature", 43)
 
-    in_the_workshop(Workshop(tmp_path, lamp, mission=MISSION, simulated=True), body)
 
-
-def test_a_real_lamp_is_called_at_its_link_and_called_again_when_it_hangs_up(lamp: Manifest, tmp_path: Path) -> None:
+@async_test
+async def test_a_real_lamp_is_called_at_its_link_and_called_again_when_it_hangs_up(
+    lamp: Manifest, tmp_path: Path
+) -> None:
     manifest = read_manifest(
         (LAMP / "lamp.toml").read_text().partition("[percepts.temperature]")[0]
         + '[actions.brightness]\nparams = [{name = "percent"}]\ncall = "set"\nmotion = false\n',
         "lamp.toml",
     )
-
-    async def body(workshop: Workshop) -> None:
+    port = free_port()
+    mission = MISSION.replace("tcp:10.0.0.7:4000", f"tcp:127.0.0.1:{port}")
+    async with in_the_workshop(Workshop(tmp_path, manifest, mission=mission)) as workshop:
         served: list[asyncio.StreamWriter] = []
         twin = import_module("lamp_driver").TwinLamp()
 
@@ -79,10 +82,6 @@ def test_a_real_lamp_is_called_at_its_link_and_called_again_when_it_hangs_up(lam
             await workshop.perceives("level", 60)
             served[1].close()
 
-    port = free_port()
-    mission = MISSION.replace("tcp:10.0.0.7:4000", f"tcp:127.0.0.1:{port}")
-    in_the_workshop(Workshop(tmp_path, manifest, mission=mission), body)
-
 
 @pytest.mark.usefixtures("lamp")
 def test_what_is_wrong_with_a_manifest_is_told_by_the_driver_at_its_line() -> None:
@@ -93,11 +92,12 @@ def test_what_is_wrong_with_a_manifest_is_told_by_the_driver_at_its_line() -> No
     ]
 
 
-def test_a_board_without_the_hardware_says_so(lamp: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def body(workshop: Workshop) -> None:
+@async_test
+async def test_a_board_without_the_hardware_says_so(
+    lamp: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(import_module("board_functions"), "ZONE", tmp_path / "none")
+    async with in_the_workshop(Workshop(tmp_path, lamp, mission=MISSION.replace("10.0.0.7", "127.0.0.1"))) as workshop:
         wanted = [("function_fails", "board.temperature")]
         await until(lambda: identities(workshop.bridge.health().notes) == wanted, "it is told")
         assert workshop.present("temperature") == []
-
-    monkeypatch.setattr(import_module("board_functions"), "ZONE", tmp_path / "none")
-    in_the_workshop(Workshop(tmp_path, lamp, mission=MISSION.replace("10.0.0.7", "127.0.0.1")), body)

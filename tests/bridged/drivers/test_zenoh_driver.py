@@ -20,6 +20,7 @@ from commd.bus.loop_dispatch import LoopDispatch
 from commd.bus.raw import BACKLOG, LARGEST, REPLIES, Sample, _Queue
 from schemas.manifest.loader import read_manifest
 from tests.bridged.pond import MANIFEST, Pond, in_a_pond, manifest, served, until
+from tests.support.buses import async_test
 from tests.support.notes import identities
 
 
@@ -45,18 +46,22 @@ def fields(pond: Pond) -> list[object]:
         (msgspec.msgpack.encode({"on": [1.5, "x"]}), "application/msgpack", {"on": [1.5, "x"]}),
     ],
 )
-def test_a_sample_gives_the_fields_of_its_payload(endpoint: str, payload: bytes, encoding: str, said: object) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_sample_gives_the_fields_of_its_payload(
+    endpoint: str, payload: bytes, encoding: str, said: object
+) -> None:
+    async with in_a_pond(endpoint) as pond:
         await pond.publish("lamp/state", payload, encoding=encoding)
         await until(lambda: bool(pond.readings), "the sample is read")
         assert fields(pond) == [said]
         assert pond.readings[0].source == "lamp/state"
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: str) -> None:
+    async with in_a_pond(
+        endpoint, text=MANIFEST.replace('driver = "zenoh"', 'driver = "zenoh"\npayload = "msgpack"')
+    ) as pond:
         await pond.publish("lamp/state", msgspec.msgpack.encode({"on": 1}))
         await until(lambda: bool(pond.readings), "the sample is read")
         assert fields(pond) == [{"on": 1}]
@@ -69,22 +74,20 @@ def test_a_manifest_says_what_samples_without_an_encoding_are(endpoint: str) -> 
             {"text": "hello"},
         )
 
-    in_a_pond(endpoint, body, text=MANIFEST.replace('driver = "zenoh"', 'driver = "zenoh"\npayload = "msgpack"'))
 
-
-def test_a_deleted_key_says_that_its_percepts_hold_no_longer(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_deleted_key_says_that_its_percepts_hold_no_longer(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         await pond.publish("lamp/state", b'{"on": true}')
         await until(lambda: bool(pond.readings), "the sample is read")
         pond.robot._session.delete("lamp/state")
         await until(lambda: len(pond.readings) == 2, "the deletion is read")
         assert fields(pond)[-1] is None
 
-    in_a_pond(endpoint, body)
 
-
-def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         bad = [b"{", b"\xff\xfe", b"[" * 60_000, b'{"on": NaN}']
         await pond.publish("lamp/state", *bad, b'{"on": true}')
         await until(lambda: bool(pond.readings), "the good sample is read")
@@ -95,11 +98,10 @@ def test_bad_payloads_are_counted_and_told_and_the_next_good_one_is_read(endpoin
         assert (note.identity, note.value) == (("samples_unreadable", "lamp/state"), 5)
         assert len(note.text) < 400
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_payload_that_is_too_large_is_not_taken_in(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_payload_that_is_too_large_is_not_taken_in(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         await pond.publish("lamp/state", b'"' + b"x" * LARGEST + b'"', b"1")
         await until(lambda: bool(pond.readings), "the small sample is read")
         assert fields(pond) == [{"data": 1}]
@@ -107,13 +109,11 @@ def test_a_payload_that_is_too_large_is_not_taken_in(endpoint: str) -> None:
             (("samples_too_large", "lamp/state"), 1)
         ]
 
-    in_a_pond(endpoint, body)
 
-
-def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bridged.drivers.zenoh.subscriptions.PATIENCE", 0.05)
-
-    async def body(pond: Pond) -> None:
+    async with in_a_pond(endpoint) as pond:
         await until(lambda: bool(pond.driver.notes()), "the silence is told")
         assert identities(pond.driver.notes()) == [("source_never_heard", "lamp/state")]
         assert not pond.driver.heard
@@ -123,11 +123,10 @@ def test_silence_from_the_start_is_told(endpoint: str, monkeypatch: pytest.Monke
         assert pond.driver.notes() == []
         assert pond.driver.silence < 5
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_put_reaches_who_listens_nested_as_the_paths_say(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_put_reaches_who_listens_nested_as_the_paths_say(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         heard: list[Sample] = []
         pond.robot.raw.subscribe("lamp/set", heard.append)
         assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
@@ -135,11 +134,10 @@ def test_a_put_reaches_who_listens_nested_as_the_paths_say(endpoint: str) -> Non
         assert json.loads(heard[0].payload) == {"state": {"on": True, "rgb": [7, 8]}, "colour": "red"}
         assert heard[0].encoding == "application/json"
 
-    in_a_pond(endpoint, body)
 
-
-def test_nobody_listens_until_a_listener_appears(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_nobody_listens_until_a_listener_appears(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with in_a_pond(endpoint) as pond:
         outcome = await pond.do("set_light", on=True, colour="red")
         assert (outcome.state, outcome.reason) == ("failed", "nobody subscribes to lamp/set")
         monkeypatch.setattr("bridged.drivers.zenoh.driver.DISCOVERY", 10)
@@ -152,13 +150,11 @@ def test_nobody_listens_until_a_listener_appears(endpoint: str, monkeypatch: pyt
         assert waiting.outcome.state == "succeeded", waiting.outcome.reason
         await until(lambda: len(heard) == 1, "the lamp hears it")
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge_as_either(endpoint: str) -> None:
+@async_test
+async def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge_as_either(endpoint: str) -> None:
     text = MANIFEST.replace('source = "lamp/state"', 'source = "lamp/set"')
-
-    async def body(pond: Pond) -> None:
+    async with in_a_pond(endpoint, text=text) as pond:
         outcome = await pond.do("set_light", on=True, colour="red")
         assert outcome.reason == "nobody subscribes to lamp/set"
         heard: list[Sample] = []
@@ -169,11 +165,10 @@ def test_a_robot_that_listens_where_it_publishes_does_not_count_the_bridge_as_ei
         await until(lambda: bool(pond.readings), "what the lamp publishes is read")
         assert fields(pond) == [{"on": False}]
 
-    in_a_pond(endpoint, body, text=text)
 
-
-def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         subscription = pond.robot.raw.subscribe("lamp/text", lambda _: None)
         await served(pond.robot, "lamp/text")
         late = pond.robot.raw.querier("lamp/text")
@@ -183,8 +178,6 @@ def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(endpoint: st
         replies = [json.loads(reply.payload) async for reply in late.ask(b"", "")]
         assert replies == [{"text": "two"}]
         subscription.close()
-
-    in_a_pond(endpoint, body)
 
 
 @pytest.mark.parametrize(
@@ -203,46 +196,45 @@ def test_a_late_listener_asks_for_the_last_value_of_a_latched_topic(endpoint: st
         (None, False, "failed", "lamp/blink ended without a reply"),
     ],
 )
-def test_a_service_says_how_it_went(endpoint: str, reply: bytes | None, error: bool, state: str, reason: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_service_says_how_it_went(
+    endpoint: str, reply: bytes | None, error: bool, state: str, reason: str
+) -> None:
+    async with in_a_pond(endpoint) as pond:
         asked = pond.serve("lamp/blink", reply, error=error)
         outcome = await pond.do("blink", times=3)
         assert (outcome.state, outcome.reason) == (state, reason)
         assert [json.loads(payload) for payload in asked] == [{"times": 3}]
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_reply_that_cannot_be_read_is_no_success(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_reply_that_cannot_be_read_is_no_success(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         pond.serve("lamp/blink", b"{")
         outcome = await pond.do("blink", times=3)
         assert outcome.state == "failed"
         assert outcome.reason.startswith("lamp/blink: its reply cannot be read: ")
 
-    in_a_pond(endpoint, body)
 
-
-def test_nobody_serves(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_nobody_serves(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         outcome = await pond.do("blink", times=3)
         assert (outcome.state, outcome.reason) == ("failed", "nobody serves lamp/blink")
 
-    in_a_pond(endpoint, body)
 
-
-def test_of_several_replies_one_refusal_decides(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_of_several_replies_one_refusal_decides(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         pond.serve("lamp/blink", b'{"success": true}')
         pond.serve("lamp/blink", b'{"success": false, "message": "the second lamp is broken"}')
         outcome = await pond.do("blink", times=3)
         assert outcome.reason == "lamp/blink: the second lamp is broken"
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_service_that_replies_and_does_not_end_has_replied(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_service_that_replies_and_does_not_end_has_replied(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         held: list[zenoh.Query] = []
 
         def hold(query: zenoh.Query) -> None:
@@ -253,11 +245,10 @@ def test_a_service_that_replies_and_does_not_end_has_replied(endpoint: str) -> N
         assert (await pond.do("blink", times=3)).state == "succeeded"
         held[0].drop()
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_query_ends_when_its_action_is_stopped(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_query_ends_when_its_action_is_stopped(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         held: list[zenoh.Query] = []
         pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
         execution = pond.begin("blink", times=3)
@@ -275,11 +266,10 @@ def test_a_query_ends_when_its_action_is_stopped(endpoint: str) -> None:
         assert again.outcome == Outcome("succeeded")
         assert execution.outcome == Outcome("timed_out", "not done")
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         held: list[zenoh.Query] = []
         pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
         execution = pond.begin("blink", times=3)
@@ -289,22 +279,19 @@ def test_a_service_that_dies_fails_the_action(endpoint: str) -> None:
         assert execution.outcome is not None
         assert execution.outcome.state == "failed"
 
-    in_a_pond(endpoint, body)
 
-
-def test_the_reply_of_a_service_is_a_percept_of_its_key(endpoint: str) -> None:
+@async_test
+async def test_the_reply_of_a_service_is_a_percept_of_its_key(endpoint: str) -> None:
     text = MANIFEST.replace('source = "lamp/state"', 'source = "lamp/blink"')
-
-    async def body(pond: Pond) -> None:
+    async with in_a_pond(endpoint, text=text) as pond:
         pond.serve("lamp/blink", b'{"success": true, "on": false}')
         assert (await pond.do("blink", times=3)).state == "succeeded"
         assert fields(pond) == [{"success": True, "on": False}]
 
-    in_a_pond(endpoint, body, text=text)
 
-
-def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
+    async with in_a_pond(endpoint, prefix="hall/two") as pond:
         heard: list[Sample] = []
         pond.robot.raw.subscribe("hall/two/lamp/set", heard.append)
         asked = pond.serve("hall/two/lamp/blink", b"")
@@ -316,11 +303,10 @@ def test_keys_stand_under_the_robots_prefix(endpoint: str) -> None:
         await until(lambda: bool(pond.readings), "the lamp of the hall is heard")
         assert pond.readings[0].source == "lamp/state"
 
-    in_a_pond(endpoint, body, prefix="hall/two")
 
-
-def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         await pond.publish("lamp/state", b"-1")
         await until(lambda: bool(pond.readings), "the first is read")
         publisher = pond.robot.raw.publisher("lamp/state")
@@ -336,8 +322,6 @@ def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(endpoint
         assert fields(pond)[1:] == [{"data": number} for number in range(BACKLOG, 2 * BACKLOG)]
         assert pond.driver.counters()["samples_dropped"] == BACKLOG
         assert pond.driver._bus.counters["dropped"] == BACKLOG
-
-    in_a_pond(endpoint, body)
 
 
 def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -358,12 +342,12 @@ def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch: pytes
     asyncio.run(body())
 
 
-def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> None:
+@async_test
+async def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> None:
     changed = MANIFEST.replace('topic = "lamp/text"', 'topic = "lamp/words"') + (
         '[percepts.heat]\nsource = "lamp/heat"\nargs = ["data"]\n'
     )
-
-    async def body(pond: Pond) -> None:
+    async with in_a_pond(endpoint) as pond:
         before = pond.driver._sources.by_name["lamp/state"].subscription
         pond.manifest = read_manifest(changed, "lamp.toml")
         pond.driver.adopt(pond.manifest)
@@ -374,11 +358,10 @@ def test_another_manifest_takes_effect_without_a_pause(endpoint: str) -> None:
         pond.driver.adopt(read_manifest(MANIFEST, "lamp.toml"))
         assert list(pond.driver._sources.by_name) == ["lamp/state"]
 
-    in_a_pond(endpoint, body)
 
-
-def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         held: list[zenoh.Query] = []
         pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
         execution = pond.begin("blink", times=3)
@@ -390,11 +373,10 @@ def test_what_runs_goes_on_when_another_manifest_has_it_no_longer(endpoint: str)
         await until(lambda: execution.over, "the action ends")
         assert execution.outcome == Outcome("succeeded")
 
-    in_a_pond(endpoint, body)
 
-
-def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_in_words(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_in_words(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         told, asked = pond.begin("tell", text="x"), pond.begin("blink", times=1)
         await asyncio.sleep(0)
         pond.driver.adopt(read_manifest(MANIFEST.partition("[actions.tell]")[0], "lamp.toml"))
@@ -402,14 +384,13 @@ def test_an_action_that_is_taken_away_while_it_waits_for_a_listener_ends_in_word
         assert told.outcome == Outcome("failed", "nobody subscribes to lamp/text")
         assert asked.outcome == Outcome("failed", "nobody serves lamp/blink")
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_defect_where_a_reply_is_read_fails_its_action_and_no_other(endpoint: str) -> None:
+@async_test
+async def test_a_defect_where_a_reply_is_read_fails_its_action_and_no_other(endpoint: str) -> None:
     def defect(*_: object) -> None:
         raise KeyError("depth")
 
-    async def body(pond: Pond) -> None:
+    async with in_a_pond(endpoint) as pond:
         told: list[str] = []
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(lambda _, context: told.append(context["message"]))
@@ -421,11 +402,11 @@ def test_a_defect_where_a_reply_is_read_fails_its_action_and_no_other(endpoint: 
         del pond.driver._sources.answered
         assert (await pond.do("blink", times=1)).state == "succeeded", "the driver runs on"
 
-    in_a_pond(endpoint, body)
 
-
-def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endpoint: str) -> None:
+    percept = MANIFEST.partition("[actions")[0].replace("lamp/state", "lamp/blink").replace('"on"', '"count"')
+    async with in_a_pond(endpoint, text=percept + "[actions" + MANIFEST.partition("[actions")[2]) as pond:
         pond.serve("lamp/blink", b'{"success": true, "count": 3}')
         assert not pond.driver.heard
         assert (await pond.do("blink", times=1)).state == "succeeded"
@@ -433,12 +414,10 @@ def test_a_robot_that_says_something_only_in_replies_is_heard_by_them(endpoint: 
         assert pond.driver.heard
         assert pond.driver.counters()["samples"] == 1
 
-    percept = MANIFEST.partition("[actions")[0].replace("lamp/state", "lamp/blink").replace('"on"', '"count"')
-    in_a_pond(endpoint, body, text=percept + "[actions" + MANIFEST.partition("[actions")[2])
 
-
-def test_replies_that_are_too_many_to_wait_are_counted(endpoint: str) -> None:
-    async def body(pond: Pond) -> None:
+@async_test
+async def test_replies_that_are_too_many_to_wait_are_counted(endpoint: str) -> None:
+    async with in_a_pond(endpoint) as pond:
         held: list[zenoh.Query] = []
         pond.robot._session.declare_queryable("lamp/blink", zenoh.handlers.Callback(held.append, indirect=False))
         execution = pond.begin("blink", times=3)
@@ -450,8 +429,6 @@ def test_replies_that_are_too_many_to_wait_are_counted(endpoint: str) -> None:
         del query
         await until(lambda: execution.over, "the action ends")
         assert pond.driver._bus.counters["dropped"] == 5
-
-    in_a_pond(endpoint, body)
 
 
 def test_a_router_that_is_away_is_named(endpoint: str) -> None:

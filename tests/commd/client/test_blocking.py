@@ -13,11 +13,11 @@ from commd.client import NotJoined, UnknownReceiver, blocking
 from schemas.mission.model import load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Receipt, Refusal
-from tests.bridged.studio import Studio, in_the_studio
+from tests.bridged.studio import in_the_studio
 from tests.commd.client.test_client import mail
 from tests.commd.client.test_client_robot import MISSION
 from tests.commd.scripted_commd import ScriptedCommd
-from tests.support.buses import FLEET, Connect, on_a_bus, served
+from tests.support.buses import FLEET, Connect, async_test, on_a_bus, served
 
 
 def beside(endpoint: str, program: Callable[[ScriptedCommd, asyncio.AbstractEventLoop], None]) -> None:
@@ -71,7 +71,8 @@ def test_what_fails_in_the_block_or_on_the_way_in_is_raised(endpoint: str) -> No
     beside(endpoint, program)
 
 
-def test_a_program_without_a_loop_has_a_robot(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_a_program_without_a_loop_has_a_robot(endpoint: str, tmp_path: Path) -> None:
     mission = read_mission(MISSION, Path(load_mission("missions/turtle.yaml").path))
 
     def program() -> None:
@@ -80,8 +81,6 @@ def test_a_program_without_a_loop_has_a_robot(endpoint: str, tmp_path: Path) -> 
             assert me.present()
             assert me.perform("teleport", 1, 2, 0).state == "succeeded"
 
-    async def body(studio: Studio) -> None:
+    async with in_the_studio(endpoint, tmp_path, mission=mission) as studio:
         await asyncio.to_thread(program)
         assert (studio.turtle.x, studio.turtle.y) == (1.0, 2.0)
-
-    in_the_studio(endpoint, tmp_path, body, mission=mission)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from schemas.mission.model import Mission, load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Action, ActionStatus, Cancel
 from tests.bridged.studio import Studio, in_the_studio
-from tests.support.buses import Connect, bus_test, served, until
+from tests.support.buses import Connect, async_test, bus_test, served, until
 
 MISSION = """
 mission: turtle
@@ -32,20 +33,19 @@ def mission() -> Mission:
     return read_mission(MISSION, Path(load_mission("missions/turtle.yaml").path))
 
 
-def in_the_studio_of(
-    endpoint: str, folder: Path, mission: Mission, body: Callable[[Client, Studio], Coroutine[Any, Any, None]]
-) -> None:
-    """Run `body(me, studio)` as the client whose robot is a simulated turtle."""
-
-    async def with_client(studio: Studio) -> None:
-        async with join("driver", mission=mission, router=endpoint) as me:
-            await body(me, studio)
-
-    in_the_studio(endpoint, folder, with_client, mission=mission)
+@asynccontextmanager
+async def in_the_studio_of(endpoint: str, folder: Path, mission: Mission) -> AsyncIterator[tuple[Client, Studio]]:
+    """Yield the client whose robot is a simulated turtle."""
+    async with (
+        in_the_studio(endpoint, folder, mission=mission) as studio,
+        join("driver", mission=mission, router=endpoint) as me,
+    ):
+        yield me, studio
 
 
-def test_a_client_sees_what_its_robot_does(endpoint: str, tmp_path: Path, mission: Mission) -> None:
-    async def body(me: Client, studio: Studio) -> None:
+@async_test
+async def test_a_client_sees_what_its_robot_does(endpoint: str, tmp_path: Path, mission: Mission) -> None:
+    async with in_the_studio_of(endpoint, tmp_path, mission) as (me, studio):
         percepts = me.percepts()
         assert await percepts.until(lambda seen: bool(seen.of("pose")), 20)
         heard: list[ActionStatus] = []
@@ -61,11 +61,12 @@ def test_a_client_sees_what_its_robot_does(endpoint: str, tmp_path: Path, missio
             if {"pose", "velocity"} <= names:
                 break
 
-    in_the_studio_of(endpoint, tmp_path, mission, body)
 
-
-def test_what_the_robot_refuses_is_the_status_and_no_exception(endpoint: str, tmp_path: Path, mission: Mission) -> None:
-    async def body(me: Client, studio: Studio) -> None:
+@async_test
+async def test_what_the_robot_refuses_is_the_status_and_no_exception(
+    endpoint: str, tmp_path: Path, mission: Mission
+) -> None:
+    async with in_the_studio_of(endpoint, tmp_path, mission) as (me, _):
         assert await me.percepts().until(lambda seen: bool(seen.of("pose")), 20)
         status = await me.perform("set_pen", 1, 2, 999, 1, False)
         assert (status.state, status.result) == ("refused", False)
@@ -73,19 +74,16 @@ def test_what_the_robot_refuses_is_the_status_and_no_exception(endpoint: str, tm
         status = await me.perform("fly", math.inf)
         assert status.state == "refused"
 
-    in_the_studio_of(endpoint, tmp_path, mission, body)
 
-
-def test_a_robot_is_held_when_its_program_is_gone(
+@async_test
+async def test_a_robot_is_held_when_its_program_is_gone(
     endpoint: str, tmp_path: Path, mission: Mission, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(studio: Studio) -> None:
+    async with in_the_studio(endpoint, tmp_path, mission=mission):
         async with join("driver", mission=mission, router=endpoint) as me:
             assert await me.percepts().until(lambda seen: bool(seen.of("pose")), 20)
             assert (await me.perform("cmd_vel", 0.5, 0, 0)).state == "succeeded"
         await until(lambda: "turtle agent driver is lost" in caplog.text, "the bridge misses the program")
-
-    in_the_studio(endpoint, tmp_path, body, mission=mission)
 
 
 @bus_test
@@ -128,10 +126,11 @@ async def test_who_has_no_robot_is_told_so(connect: Connect, endpoint: str, miss
             me.percepts("artist")
 
 
-def test_changes_are_kept_for_loops_alone_and_each_begins_with_what_is_perceived(
+@async_test
+async def test_changes_are_kept_for_loops_alone_and_each_begins_with_what_is_perceived(
     endpoint: str, tmp_path: Path, mission: Mission
 ) -> None:
-    async def body(me: Client, studio: Studio) -> None:
+    async with in_the_studio_of(endpoint, tmp_path, mission) as (me, _):
         percepts = me.percepts()
         assert await percepts.until(lambda seen: bool(seen.of("pose")), 20)
         assert await percepts.until(lambda seen: bool(seen.of("velocity")), 20)
@@ -150,8 +149,6 @@ def test_changes_are_kept_for_loops_alone_and_each_begins_with_what_is_perceived
         await changes.aclose()
         assert percepts._loops == []
         assert percepts.of("nothing") == []
-
-    in_the_studio_of(endpoint, tmp_path, mission, body)
 
 
 async def limited(percepts: Any, count: int) -> Any:

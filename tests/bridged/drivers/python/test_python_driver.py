@@ -20,7 +20,7 @@ from schemas.manifest.loader import read_manifest
 from schemas.wire.records import Note
 from tests.bridged.plugins import install
 from tests.bridged.workshop import MISSION, Workshop, checked, in_the_workshop, problems
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.notes import identities
 from tests.support.processes import running
 
@@ -138,8 +138,9 @@ def driver_of(workshop: Workshop) -> PythonDriver:
 
 
 @pytest.mark.usefixtures("gpio")
-def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(tmp_path: Path) -> None:
-    async def body(workshop: Workshop) -> None:
+@async_test
+async def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(tmp_path: Path) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
         await workshop.perceives("range", 150)
         await workshop.perceives("where", 2.5, True)
         await until(lambda: workshop.present("count")[0][0] > 3, "it counts")
@@ -149,8 +150,6 @@ def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(tmp_pa
         sys.modules["my_gpio"].state["sonar"] = None  # there is no echo: the function knows it, and says so
         await workshop.perceives("range")
         assert workshop.bridge.health().counters["calls"] > 5
-
-    in_the_workshop(Workshop(tmp_path, checked(TOOLS)), body)
 
 
 @pytest.mark.parametrize(
@@ -165,35 +164,34 @@ def test_values_tuples_and_dicts_are_percepts_at_the_rate_of_the_manifest(tmp_pa
         (10.5, "failed", "enough"),
     ],
 )
-def test_what_a_function_returns_or_raises_is_the_outcome_of_its_action(
+@async_test
+async def test_what_a_function_returns_or_raises_is_the_outcome_of_its_action(
     gpio: Callable[[], dict[str, object]], tmp_path: Path, height: float, state: str, reason: str
 ) -> None:
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
         final = await workshop.do("drop", height)
         assert (final.state, final.reason) == (state, reason)
         assert gpio()["dropped"] == [(height, "buoy")]
         assert (await workshop.do("drop", 1)).state == "succeeded"
 
-    in_the_workshop(Workshop(tmp_path, checked(TOOLS)), body)
 
-
-def test_fields_give_an_argument_its_constant_and_orders_are_actions(
+@async_test
+async def test_fields_give_an_argument_its_constant_and_orders_are_actions(
     gpio: Callable[[], dict[str, object]], tmp_path: Path
 ) -> None:
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
         assert (await workshop.do("led", True)).state == "succeeded"
         assert gpio()["led"] == (True, 17)
         outcome = await workshop.bridge.orders.operator("hold")
         assert outcome.state == "succeeded"
         assert gpio()["led"] == (False, 17)
 
-    in_the_workshop(Workshop(tmp_path, checked(TOOLS)), body)
 
-
-def test_a_generator_tells_its_progress_and_returns_its_result(
+@async_test
+async def test_a_generator_tells_its_progress_and_returns_its_result(
     gpio: Callable[[], dict[str, object]], tmp_path: Path
 ) -> None:
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
         heard = workshop.begin("climb", 60)
         await until(lambda: any(one.feedback for one in heard), "feedback")
         assert set(next(one.feedback for one in heard if one.feedback)) == {"to_go"}
@@ -202,13 +200,12 @@ def test_a_generator_tells_its_progress_and_returns_its_result(
         assert (await workshop.do("climb", 3)).state == "succeeded"
         assert gpio()["closed"] == [60, 3]
 
-    in_the_workshop(Workshop(tmp_path, checked(TOOLS)), body)
 
-
-def test_a_cancelled_generator_is_closed_and_its_function_can_be_called_again(
+@async_test
+async def test_a_cancelled_generator_is_closed_and_its_function_can_be_called_again(
     gpio: Callable[[], dict[str, object]], tmp_path: Path
 ) -> None:
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
         heard = workshop.begin("climb", 1000)
         await until(lambda: bool(heard) and heard[-1].state == "running", "it runs")
         assert workshop.cancel().state == "cancelled"
@@ -220,15 +217,13 @@ def test_a_cancelled_generator_is_closed_and_its_function_can_be_called_again(
         assert (await workshop.do("climb", 2)).state == "succeeded"
         assert workshop.bridge.health().counters["calls_late"] == 1
 
-    in_the_workshop(Workshop(tmp_path, checked(TOOLS)), body)
 
-
-def test_each_yield_of_a_generator_is_a_reading_and_it_begins_anew_when_it_breaks(
+@async_test
+async def test_each_yield_of_a_generator_is_a_reading_and_it_begins_anew_when_it_breaks(
     gpio: Callable[[], dict[str, object]], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     manifest = checked(robot('[percepts.button]\nsource = "gpio.button"\nargs = ["data"]\nbuf = "add"'))
-
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
         await until(lambda: workshop.present("button") == [(0,), (1,), (2,)], "the first readings")
         opened()
         await until(lambda: ("pressed",) in workshop.present("button"), "the event")
@@ -238,50 +233,44 @@ def test_each_yield_of_a_generator_is_a_reading_and_it_begins_anew_when_it_break
         assert gpio()["closed"] == ["button"]
         calls = workshop.bridge.health().counters["calls"]
         await until(lambda: workshop.bridge.health().counters["calls"] > calls + 3, "it begins anew")
-
-    in_the_workshop(Workshop(tmp_path, manifest), body)
     assert caplog.text.count("robot=bench `gpio.button` raised OSError: unplugged") >= 1
 
 
 @pytest.mark.usefixtures("gpio")
-def test_what_a_sensor_raises_is_counted_told_once_and_ends_nothing(
+@async_test
+async def test_what_a_sensor_raises_is_counted_told_once_and_ends_nothing(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     manifest = checked(robot('[percepts.echo]\nsource = "gpio.flaky"\nargs = ["data"]\nrate = 100'))
-
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
         await workshop.perceives("echo", "ok")
         assert workshop.bridge.health().counters["calls_failed"] == 3
         assert workshop.bridge.health().notes == ()
-
-    in_the_workshop(Workshop(tmp_path, manifest), body)
     assert caplog.text.count("no echo") == 1
 
 
 @pytest.mark.usefixtures("gpio")
-def test_a_reading_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
+@async_test
+async def test_a_reading_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
     manifest = checked(robot('[percepts.much]\nsource = "gpio.flood"\nargs = ["data"]\nrate = 100'))
-
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
         text = "`gpio.flood` fails: a reading of 10001 elements, more than 10000"
         told = Note("function_fails", text, "gpio.flood")
         await until(lambda: workshop.bridge.health().notes == (told,), "it is told")
         assert workshop.present("much") == []
         assert not workshop.bridge.driver.heard
 
-    in_the_workshop(Workshop(tmp_path, manifest), body)
-
 
 @pytest.mark.usefixtures("gpio")
-def test_a_sensor_that_hangs_loses_its_percept_is_named_and_holds_up_no_other(tmp_path: Path) -> None:
+@async_test
+async def test_a_sensor_that_hangs_loses_its_percept_is_named_and_holds_up_no_other(tmp_path: Path) -> None:
     manifest = checked(
         robot(
             '[percepts.slow]\nsource = "gpio.stuck_once"\nargs = ["data"]\nrate = 20\nttl = "200ms"',
             '[percepts.count]\nsource = "gpio.count"\nargs = ["0", "1.0"]\nrate = 50',
         )
     )
-
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
         opened()
         await workshop.perceives("slow", 1)
         sys.modules["my_gpio"].gate.clear()
@@ -294,14 +283,12 @@ def test_a_sensor_that_hangs_loses_its_percept_is_named_and_holds_up_no_other(tm
         await workshop.perceives("slow", 1)
         assert workshop.bridge.health().notes == ()
 
-    in_the_workshop(Workshop(tmp_path, manifest), body)
-
 
 @pytest.mark.usefixtures("gpio")
-def test_an_action_that_hangs_times_out_and_is_not_begun_again_meanwhile(tmp_path: Path) -> None:
+@async_test
+async def test_an_action_that_hangs_times_out_and_is_not_begun_again_meanwhile(tmp_path: Path) -> None:
     manifest = checked(robot('[actions.wait]\ncall = "gpio.stuck"\ndeadline = "200ms"\nmotion = false'))
-
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, manifest)) as workshop:
         final = await workshop.do("wait")
         assert final.state == "timed_out"
         assert final.reason == "not done within 0.2 s; it waited for `gpio.stuck` to return"
@@ -314,8 +301,6 @@ def test_an_action_that_hangs_times_out_and_is_not_begun_again_meanwhile(tmp_pat
         await until(lambda: workshop.bridge.health().counters["calls_late"] == 1, "it returned")
         assert workshop.bridge.health().notes == ()
         assert (await workshop.do("wait")).state == "succeeded"
-
-    in_the_workshop(Workshop(tmp_path, manifest), body)
 
 
 NEVER = """
@@ -411,13 +396,15 @@ TWIN = "__all__ = ['read']\ndef read(): return 'twin'\n"
 READS = '[percepts.a]\nsource = "probe.read"\nargs = ["data"]\nrate = 20'
 
 
-def test_a_simulated_robot_has_the_functions_of_the_twin_and_needs_no_hardware(
+@async_test
+async def test_a_simulated_robot_has_the_functions_of_the_twin_and_needs_no_hardware(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     entries = {"argosy.python": {"probe": "my_probe"}, "argosy.python.simulated": {"probe": "my_probe_twin"}}
     install(monkeypatch, tmp_path, {"my_probe": REAL, "my_probe_twin": TWIN}, entries)
     manifest = checked(robot(READS))
-    in_the_workshop(Workshop(tmp_path, manifest, simulated=True), lambda workshop: workshop.perceives("a", "twin"))
+    async with in_the_workshop(Workshop(tmp_path, manifest, simulated=True)) as workshop:
+        await workshop.perceives("a", "twin")
     with pytest.raises(Findings, match=r"the plug-in `probe` of my-robot 1\.2 cannot be imported: ModuleNotFoundError"):
         Workshop(tmp_path, manifest)
 
@@ -432,8 +419,9 @@ def test_a_plug_in_without_a_twin_is_told_when_it_is_to_be_simulated(
 
 
 @pytest.mark.usefixtures("gpio")
-def test_another_manifest_is_taken_over_without_losing_a_percept(tmp_path: Path) -> None:
-    async def body(workshop: Workshop) -> None:
+@async_test
+async def test_another_manifest_is_taken_over_without_losing_a_percept(tmp_path: Path) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(TOOLS))) as workshop:
         await workshop.perceives("range", 150)
         other = TOOLS.replace("rate = 50\nttl", "rate = 100\nttl").replace("[percepts.where]", "[percepts.position]")
         changed = read_manifest(other, "bench.toml")
@@ -443,8 +431,6 @@ def test_another_manifest_is_taken_over_without_losing_a_percept(tmp_path: Path)
         assert workshop.present("range") == [(150,)]
         with pytest.raises(Findings, match="offers no `sonnar`"):
             workshop.bridge.driver.adopt(read_manifest(TOOLS.replace("gpio.sonar", "gpio.sonnar"), "bench.toml"))
-
-    in_the_workshop(Workshop(tmp_path, checked(TOOLS)), body)
 
 
 def test_a_plug_in_whose_import_does_not_end_is_a_finding_within_a_bound(
@@ -463,7 +449,8 @@ def test_a_plug_in_whose_import_does_not_end_is_a_finding_within_a_bound(
     assert "importing my_stuck, which `stuck` names" in caplog.text
 
 
-def test_the_thread_of_a_function_that_is_named_no_more_ends(
+@async_test
+async def test_the_thread_of_a_function_that_is_named_no_more_ends(
     gpio: Callable[[], dict[str, object]], tmp_path: Path
 ) -> None:
     text = robot('[percepts.count]\nsource = "gpio.count"\nargs = ["0"]', '[actions.led]\ncall = "gpio.drop"')
@@ -472,15 +459,13 @@ def test_the_thread_of_a_function_that_is_named_no_more_ends(
     def threads() -> set[str]:
         return {one.name for one in threading.enumerate()} & {"gpio.count", "gpio.drop"}
 
-    async def body(workshop: Workshop) -> None:
+    async with in_the_workshop(Workshop(tmp_path, checked(text))) as workshop:
         await workshop.do("led", 1.0)
         await until(lambda: threads() == {"gpio.count", "gpio.drop"}, "both are called")
         workshop.bridge.driver.adopt(checked(text[: text.index("[actions")]))
         await until(lambda: threads() == {"gpio.count"}, "the thread of the action ends")
         workshop.bridge.driver.adopt(checked(text))
         assert (await workshop.do("led", 1.0)).state == "succeeded"
-
-    in_the_workshop(Workshop(tmp_path, checked(text)), body)
 
 
 def test_a_generator_that_does_not_pause_is_asked_at_a_bounded_rate() -> None:

@@ -20,8 +20,8 @@ from commd.bus.raw import Sample
 from schemas.mission.model import load_mission, read_mission
 from schemas.wire import keys
 from schemas.wire.records import ActionStatus, Cancel, Outcome, StopOrder
-from tests.bridged.studio import MISSIONS, Studio, in_the_studio
-from tests.support.buses import served, subscribed, until
+from tests.bridged.studio import MISSIONS, in_the_studio
+from tests.support.buses import async_test, served, subscribed, until
 from tests.support.notes import identities
 from tests.support.processes import running
 
@@ -109,8 +109,9 @@ def test_it_is_not_teleported_out_of_its_field() -> None:
     assert turtle == Turtle()
 
 
-def test_an_agent_drives_it_and_perceives_where_it_is(endpoint: str, tmp_path: Path) -> None:
-    async def body(studio: Studio) -> None:
+@async_test
+async def test_an_agent_drives_it_and_perceives_where_it_is(endpoint: str, tmp_path: Path) -> None:
+    async with in_the_studio(endpoint, tmp_path) as studio:
         await until(lambda: bool(studio.values("pose")), "the pose is perceived")
         x, y, _ = studio.values("pose")
         assert (await studio.do("cmd_vel", 1.5, 0, 0)).state == "succeeded"
@@ -127,11 +128,11 @@ def test_an_agent_drives_it_and_perceives_where_it_is(endpoint: str, tmp_path: P
         assert (await studio.do("reset")).state == "succeeded"
         assert (studio.turtle.x, studio.turtle.pen) == (FIELD / 2, Pen())
 
-    in_the_studio(endpoint, tmp_path, body)
 
+@async_test
+async def test_it_stands_while_it_is_paused_and_does_then_what_it_was_asked(endpoint: str, tmp_path: Path) -> None:
+    async with in_the_studio(endpoint, tmp_path) as studio:
 
-def test_it_stands_while_it_is_paused_and_does_then_what_it_was_asked(endpoint: str, tmp_path: Path) -> None:
-    async def body(studio: Studio) -> None:
         async def order(what: str) -> Outcome | None:
             stop, ask = keys.stop(studio.bus.fleet, "turtle"), StopOrder(order=what)  # type: ignore[arg-type]
             (reply,) = [one async for one in studio.bus.query(stop, ask, Outcome, 10)]
@@ -149,11 +150,10 @@ def test_it_stands_while_it_is_paused_and_does_then_what_it_was_asked(endpoint: 
         assert (await asked).state == "succeeded"
         await until(lambda: studio.turtle.linear[0] == 2, "it moves again")
 
-    in_the_studio(endpoint, tmp_path, body)
 
-
-def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint: str, tmp_path: Path) -> None:
-    async def body(studio: Studio) -> None:
+@async_test
+async def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint: str, tmp_path: Path) -> None:
+    async with in_the_studio(endpoint, tmp_path) as studio:
         await until(lambda: bool(studio.values("pose")), "the pose is perceived")
         assert (await studio.do("cmd_vel", 1, 0, 0)).state == "succeeded"
         await until(lambda: studio.turtle.linear[0] == 1, "it moves")
@@ -170,8 +170,6 @@ def test_it_stands_at_the_operators_word_and_is_missed_when_it_is_gone(endpoint:
         assert (status.state, status.reason) == ("failed", "nobody subscribes to turtle1/cmd_vel")
         status = await studio.do("clear")
         assert (status.state, status.reason) == ("failed", "nobody serves turtle1/clear")
-
-    in_the_studio(endpoint, tmp_path, body)
 
 
 SLOW = """
@@ -194,10 +192,13 @@ topic = "halt"
 """
 
 
-def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_its_agent_is_lost(
+@async_test
+async def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_its_agent_is_lost(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body(studio: Studio) -> None:
+    (tmp_path / "lamp.toml").write_text(SLOW)
+    mission = read_mission(LAMP, tmp_path / "lamp.yaml")
+    async with in_the_studio(endpoint, tmp_path, mission=mission, simulated=False) as studio:
         bus, halts, asked = studio.bus, list[Sample](), list[zenoh.Query]()
         bus._session.declare_queryable("hall/go", zenoh.handlers.Callback(asked.append, indirect=False))
         bus.raw.subscribe("hall/halt", halts.append)
@@ -224,31 +225,26 @@ def test_a_robot_of_one_order_holds_when_an_action_is_cancelled_and_when_its_age
         await until(lambda: len(halts) == 2, "it is told to halt again")
         asked.clear()
 
-    (tmp_path / "lamp.toml").write_text(SLOW)
-    mission = read_mission(LAMP, tmp_path / "lamp.yaml")
-    in_the_studio(endpoint, tmp_path, body, mission=mission, simulated=False)
 
-
-def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: Path) -> None:
-    async def body(studio: Studio) -> None:
+@async_test
+async def test_the_papers_listings_drive_it_unchanged(endpoint: str, tmp_path: Path) -> None:
+    async with in_the_studio(endpoint, tmp_path, mission=load_mission(MISSIONS / "paper_turtle.yaml")) as studio:
         await until(lambda: bool(studio.values("pose")), "the pose is perceived")
         x, _, _ = studio.values("pose")
         assert isinstance(x, float)
         assert (await studio.do("cmd_vel", 1.5, 0.0, 0.0)).state == "succeeded"
         await until(lambda: studio.values("pose")[0] > x + 1.4, "it has moved")  # type: ignore[operator]
 
-    in_the_studio(endpoint, tmp_path, body, mission=load_mission(MISSIONS / "paper_turtle.yaml"))
 
-
-def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_and_is_on(
+@async_test
+async def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_and_is_on(
     endpoint: str, tmp_path: Path
 ) -> None:
     section = "[set_pen]\nmethod = service\nname = /turtle1/set_pen\nparams_name = r, g, b\n"
     (tmp_path / "actions").write_text(section + section.replace("[set_pen]", "[broad]") + "defaults = width=9\n")
     (tmp_path / "percepts").write_text("[pose]\nname = /turtle1/pose\nargs = x, y, theta\n")
     text = LAMP.replace("lamp.toml, prefix: hall", "[actions, percepts], simulate: {vehicle: turtle}")
-
-    async def body(studio: Studio) -> None:
+    async with in_the_studio(endpoint, tmp_path, mission=read_mission(text, tmp_path / "lamp.yaml")) as studio:
         await until(lambda: bool(studio.values("pose")), "the pose is perceived")
         assert (await studio.do("set_pen", 255, 0, 10)).state == "succeeded"
         assert studio.turtle.pen == Pen(255, 0, 10, width=0, off=False)
@@ -257,14 +253,12 @@ def test_a_pen_of_which_the_manifest_names_the_colour_alone_has_width_0_and_is_o
         assert (await studio.do("broad", 255, 0, 10, 4)).state == "succeeded"
         assert studio.turtle.pen.width == 4
 
-    in_the_studio(endpoint, tmp_path, body, mission=read_mission(text, tmp_path / "lamp.yaml"))
 
-
-def test_the_missions_agent_draws_a_square(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_the_missions_agent_draws_a_square(endpoint: str, tmp_path: Path) -> None:
     speed = 5.0
     file = MISSIONS / "turtle.yaml"
-
-    async def body(studio: Studio) -> None:
+    async with in_the_studio(endpoint, tmp_path, mission=replace(load_mission(file), speed=speed)) as studio:
         options = ["--router", endpoint, "--state", str(tmp_path), "--speed", f"{speed:g}"]
         with running("agentd", "serve", str(file), "artist", *options) as agent:
             await asyncio.to_thread(agent.says, "[artist] drawn")
@@ -276,13 +270,15 @@ def test_the_missions_agent_draws_a_square(endpoint: str, tmp_path: Path) -> Non
         off_the_edges = [(x, y) for x, y in drawn if min(abs(x - 3), abs(x - 8), abs(y - 3), abs(y - 8)) > 0.5]
         assert off_the_edges == []
 
-    in_the_studio(endpoint, tmp_path, body, mission=replace(load_mission(file), speed=speed))
 
-
-def test_500_samples_a_second_are_read_and_told_as_often_as_the_manifest_says(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_500_samples_a_second_are_read_and_told_as_often_as_the_manifest_says(
+    endpoint: str, tmp_path: Path
+) -> None:
     seconds, rate = 2, 500
-
-    async def body(studio: Studio) -> None:
+    (tmp_path / "lamp.toml").write_text(LAMP_MANIFEST)
+    mission = read_mission(LAMP, tmp_path / "lamp.yaml")
+    async with in_the_studio(endpoint, tmp_path, mission=mission, simulated=False) as studio:
         await subscribed(studio.bus, "hall/count")
         publisher = studio.bus.raw.publisher("hall/count")
         await until(lambda: publisher.matching, "the bridge listens")
@@ -298,10 +294,6 @@ def test_500_samples_a_second_are_read_and_told_as_often_as_the_manifest_says(en
         publisher.put(b"{", "application/json")
         await until(lambda: studio.health.bad_input == 1, "what cannot be read is counted")
         assert ("samples_unreadable", "hall/count") in identities(studio.health.notes)
-
-    (tmp_path / "lamp.toml").write_text(LAMP_MANIFEST)
-    mission = read_mission(LAMP, tmp_path / "lamp.yaml")
-    in_the_studio(endpoint, tmp_path, body, mission=mission, simulated=False)
 
 
 def test_as_a_process_it_ends_when_it_is_told_and_leaves_its_drawing(endpoint: str, tmp_path: Path) -> None:
