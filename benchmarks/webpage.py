@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import re
 import shutil
+import subprocess
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
@@ -103,7 +104,8 @@ class Figures:
 @contextmanager
 def serving(endpoint: str) -> Iterator[tuple[Daemon, str]]:
     """Run `argosy ui`; gives it and the address of its page."""
-    with running("argosy", "ui", "--fleet", "crowd", "--router", endpoint, "--port", "0") as server:
+    command = ("argosy", "ui", "--fleet", "crowd", "--router", endpoint, "--port", "0")
+    with running(*command, start=subprocess.Popen) as server:
         server.says("open http://")
         found = re.search(r"^open (\S+)$", server.text, re.M)
         assert found is not None

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from tests.support.forked import PROGRAMS, ROOT, Forked
 
@@ -27,17 +28,17 @@ class Daemon:
         within: Sequence[str] = (),
         code: Path = ROOT,
         environment: Mapping[str, str] | None = None,
+        start: type[subprocess.Popen[Any]] = Forked,
     ) -> None:
         """Run `python -m ARGUMENTS` of a checkout; `within` stands before it, such as `ip netns exec NAME`.
 
-        `environment` is added to that of the tests. Programs of this checkout are forked (`tests.support.forked`),
-        unless something stands before them.
+        `environment` is added to that of the tests. Who measures the process gives `subprocess.Popen` as `start`;
+        other modules than Argosy's programs, and what something stands before, take that by themselves.
         """
         self.arguments = arguments
         self.lines: list[str] = []
-        forks = arguments[0] in PROGRAMS and not within and code == ROOT
-        start = Forked if forks else subprocess.Popen
-        self.process = start(
+        forks = start is Forked and arguments[0] in PROGRAMS and not within and code == ROOT
+        self.process = (Forked if forks else subprocess.Popen)(
             arguments if forks else [*within, sys.executable, "-m", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -91,9 +92,11 @@ class Daemon:
 
 
 @contextlib.contextmanager
-def running(*arguments: str, environment: Mapping[str, str] | None = None) -> Iterator[Daemon]:
+def running(
+    *arguments: str, environment: Mapping[str, str] | None = None, start: type[subprocess.Popen[Any]] = Forked
+) -> Iterator[Daemon]:
     """Start `python -m ARGUMENTS` and end it when the block ends."""
-    daemon = Daemon(*arguments, environment=environment)
+    daemon = Daemon(*arguments, environment=environment, start=start)
     try:
         yield daemon
     finally:
