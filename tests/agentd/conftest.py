@@ -12,6 +12,7 @@ from typing import TypeAlias
 import pytest
 
 from agentd.__main__ import main
+from tests.support import forked
 
 
 @dataclass
@@ -41,7 +42,9 @@ def write(folder: Path, files: dict[str, str]) -> None:
 def agentd(
     *arguments: object, cwd: Path | None = None, env: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command of `agentd` in a process of its own."""
+    """Run a command of `agentd` in a process of its own; with an environment, in a Python of its own."""
+    if env is None:
+        return forked.run(["agentd", *map(str, arguments)], timeout=120, cwd=cwd)
     command = [sys.executable, "-m", "agentd", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=cwd, env=env)
 

@@ -10,9 +10,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
+
+from tests.support.forked import Forked
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 DOUBLES = Path(__file__).with_name("doubles.py")
@@ -21,10 +24,12 @@ DOUBLES = Path(__file__).with_name("doubles.py")
 class Running:
     """An `argosy run` under way. Reads what it prints into files, so that it never waits for the test."""
 
-    def __init__(self, command: list[str], folder: Path, environment: dict[str, str]) -> None:
+    def __init__(
+        self, start: type[subprocess.Popen[Any]], command: list[str], folder: Path, environment: dict[str, str]
+    ) -> None:
         self._out, self._err, self._cue = folder / "stdout", folder / "stderr", folder / "cue"
         with self._out.open("wb") as out, self._err.open("wb") as err:
-            self.process = subprocess.Popen(
+            self.process = start(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=out,
@@ -104,11 +109,12 @@ def start(tmp_path: Path, endpoint: str) -> Iterator[Start]:
     started: list[Running] = []
 
     def begin(mission: Path, *arguments: str, fault: str = "", real_daemons: bool = False) -> Running:
-        program = ["-m", "argosy", "run"] if real_daemons else [str(DOUBLES), "run"]
+        program = ["argosy"] if real_daemons else [sys.executable, str(DOUBLES)]
         folder = tmp_path / f"run{len(started)}"
         folder.mkdir()
-        command = [sys.executable, *program, str(mission), "--router", endpoint, *arguments]
-        started.append(Running(command, folder, {"FAULT": fault}))
+        command = [*program, "run", str(mission), "--router", endpoint, *arguments]
+        how = Forked if real_daemons else subprocess.Popen
+        started.append(Running(how, command, folder, {"FAULT": fault}))
         return started[-1]
 
     yield begin

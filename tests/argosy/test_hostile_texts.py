@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 import xml.etree.ElementTree
 from pathlib import Path
@@ -12,6 +10,7 @@ import pytest
 
 from tests.argosy.watch.hostile import FLEET, RAW, saying
 from tests.argosy.watch.terminal import Terminal
+from tests.support import forked
 
 MISSION = """
 mission: hostile
@@ -115,6 +114,6 @@ def test_a_mission_whose_name_is_markup_or_commands_is_refused_in_words(mission:
 
 
 def _argosy(*arguments: str) -> bytes:
-    done = subprocess.run([sys.executable, "-m", "argosy", *arguments], capture_output=True, timeout=90, check=False)
+    done = forked.run(["argosy", *arguments], text=False, timeout=90)
     assert done.returncode == 0, done.stderr.decode()
     return done.stdout + done.stderr

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 from tests.argosy.conftest import Running, Start
+from tests.support import forked
 
 
 def stop(order: str, endpoint: str) -> tuple[int, str]:
     """Give an order from another terminal. Returns the exit code and what it said."""
-    command = [sys.executable, "-m", "argosy", "stop", order, "--router", endpoint]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = forked.run(["argosy", "stop", order, "--router", endpoint])
     return done.returncode, done.stdout + done.stderr
 
 
 def daemons(endpoint: str) -> str:
-    command = [sys.executable, "-m", "argosy", "status", "--plain", "--router", endpoint]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False).stdout
+    return forked.run(["argosy", "status", "--plain", "--router", endpoint]).stdout
 
 
 def in_a_goto(start: Start, mission: Path) -> Running:

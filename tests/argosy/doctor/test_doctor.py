@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +29,7 @@ from schemas.wire.records import (
     Queue,
     Refusal,
 )
+from tests.support import forked
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon
 
@@ -289,8 +289,7 @@ def test_findings_are_shown_with_what_to_do_and_counted(capsys: pytest.CaptureFi
 
 
 def doctor(mission: Path, router: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "argosy", "doctor", str(mission), "--router", router, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=90, cwd=ROOT)
+    return forked.run(["argosy", "doctor", mission, "--router", router, *arguments], timeout=90, cwd=ROOT)
 
 
 def test_two_real_boards_are_looked_over_and_what_is_missing_is_told(facts: Facts, tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.argosy.conftest import MISSIONS, Running, Start
+from tests.support import forked
 
 LIMIT = 90.0
 """Memory of commd + bridged + agentd together in flight, MB of PSS."""
@@ -138,8 +137,7 @@ def test_ctrl_c_in_flight_brings_the_vehicle_home_and_ctrl_c_again_leaves_it_the
 def test_an_operator_stops_the_vehicle_from_another_terminal(start: Start, single_uav: Path, endpoint: str) -> None:
     running = start(single_uav, "--speed", "5", real_daemons=True)
     running.until("uav: takeoff(5) succeeded")
-    stop = [sys.executable, "-m", "argosy", "stop", "land", "--router", endpoint]
-    stopped = subprocess.run(stop, capture_output=True, text=True, timeout=60, check=False)
+    stopped = forked.run(["argosy", "stop", "land", "--router", endpoint])
     assert stopped.returncode == 0, stopped.stderr
     assert stopped.stdout.startswith("uav1: land confirmed")
     code, out, err = flown(running)

@@ -6,13 +6,12 @@ Twenty whole ones: `python -m tests.soak.rescue`, docs/measurements/soak.md.
 from __future__ import annotations
 
 import asyncio
-import subprocess
-import sys
 from pathlib import Path
 
 from agentd.replay.replay import replay
 from argosy.recording.reader import open_recording
 from tests.soak.rescue import fly, told
+from tests.support import forked
 
 ROOT = Path(__file__).parents[3]
 FOLDER = "missions/search_and_rescue"
@@ -20,7 +19,7 @@ FOLDER = "missions/search_and_rescue"
 
 def test_the_programs_of_the_search_and_rescue_pass_their_tests() -> None:
     command = ["agentd", "test", "--env", f"{FOLDER}/vehicle.py:Vehicle", FOLDER]
-    run = subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    run = forked.run(command, cwd=ROOT, timeout=120)
     assert run.returncode == 0, run.stdout
 
 

@@ -6,7 +6,6 @@ import json
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission, load_mission
 from schemas.wire import keys
 from schemas.wire.records import Health, Note
+from tests.support import forked
 from tests.support.processes import ROOT, Daemon
 
 MISSION = """\
@@ -225,8 +225,7 @@ def test_spans_are_told_in_words(seconds: float, told: str) -> None:
 
 
 def status(mission: Path, router: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "argosy", "status", str(mission), "--router", router, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=ROOT)
+    return forked.run(["argosy", "status", mission, "--router", router, *arguments], cwd=ROOT)
 
 
 def test_real_daemons_that_are_up_dead_and_started_again(tmp_path: Path, endpoint: str) -> None:

@@ -23,6 +23,7 @@ from schemas.wire.records import ActionStatus, Header
 from schemas.wire.term_text import BadTerm
 from schemas.wire.terms import Atom, Structure, Term
 from tests.argosy.tools.flying import Trial, trial
+from tests.support import forked
 from tests.support.processes import ROOT, running
 
 
@@ -34,13 +35,7 @@ def flying(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trial]:
 
 def act(flying: Trial, *words: str) -> tuple[int, list[str], str]:
     """Type a command; return its exit code, the lines that it printed, and what it said besides."""
-    done = subprocess.run(
-        [sys.executable, "-m", "argosy", "act", *words, "--router", flying.endpoint],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        cwd=ROOT,
-    )
+    done = forked.run(["argosy", "act", *words, "--router", flying.endpoint], timeout=120, cwd=ROOT)
     assert "Traceback" not in done.stderr
     return done.returncode, done.stdout.splitlines(), done.stderr.strip()
 

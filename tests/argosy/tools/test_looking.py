@@ -32,6 +32,7 @@ from schemas.wire.records import Health, Perception
 from tests.argosy.stop.test_stop import beside
 from tests.argosy.tools.flying import Trial, trial
 from tests.attacks.world import NAME, TEXT, World
+from tests.support import forked
 from tests.support.buses import Connect, on_a_bus, subscribed, until
 from tests.support.processes import ROOT, running
 from tests.support.secured import Secured
@@ -73,9 +74,7 @@ async def tell(bus: Bus) -> None:
 
 def typed(*words: str) -> tuple[int, list[str], str]:
     """Type a command; return its exit code, the lines that it printed, and what it said besides."""
-    done = subprocess.run(
-        [sys.executable, "-m", "argosy", *words], capture_output=True, text=True, timeout=60, cwd=ROOT
-    )
+    done = forked.run(["argosy", *words], cwd=ROOT)
     assert "Traceback" not in done.stderr
     return done.returncode, done.stdout.splitlines(), done.stderr.strip()
 

@@ -21,6 +21,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
 from tests.support.buses import until
+from tests.support.forked import Forked, run
 from tests.support.ports import free_port
 from tests.support.promises import kept
 
@@ -31,8 +32,8 @@ ROOT = Path(__file__).parents[4]
 @contextmanager
 def copter(link: str, *more: str) -> Iterator[subprocess.Popen[str]]:
     """A simulated copter as a process; it is gone afterwards whatever happened."""
-    command = [sys.executable, "-m", "bridged", "simulate", "copter", "--link", link, *more]
-    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    command = ["bridged", "simulate", "copter", "--link", link, *more]
+    process = Forked(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     try:
         yield process
     finally:
@@ -245,8 +246,7 @@ def test_a_link_that_cannot_be_opened_is_one_clear_line_and_exit_code_2() -> Non
     ],
 )
 def test_a_wrong_argument_is_one_clear_line_and_exit_code_2(arguments: list[str], complaint: str) -> None:
-    command = [sys.executable, "-m", "bridged", "simulate", "copter", *arguments]
-    finished = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=30, check=False)
+    finished = run(["bridged", "simulate", "copter", *arguments], cwd=ROOT, timeout=30)
     assert finished.returncode == 2
     assert complaint in finished.stderr
     assert "Traceback" not in finished.stderr
