@@ -29,7 +29,7 @@ from argosy.processes.simulators import check_simulations, only_real
 from bridged.bridge.robot_setup import prepare
 from bridged.drivers.registry import load_robot_manifest
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
-from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.findings import Finding, Findings, nearest
 from schemas.files.shipped_files import mission_file
 from schemas.files.text_files import read_bounded
 from schemas.files.yaml_positions import Positions, Steps, read_yaml
@@ -236,10 +236,10 @@ def _endings(
             beliefs = beliefs_of(_formula(mission, one, field, findings))
             for functor, arity in () if anything else sorted(beliefs - known):
                 belief, others = f"{functor}/{arity}", [f"{name}/{number}" for name, number in known]
-                hint = did_you_mean(belief, others)
-                near = hint if hint.startswith(", did") else ""
+                near = nearest(belief, others)
+                hint = "" if near is None else f", did you mean `{near}`?"
                 where: Steps = (field, index) if (field, index) in mission.positions.values else (field,)
-                told = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{near}")
+                told = mission.positions.finding(where, f"{field}: no program ever believes `{belief}`{hint}")
                 findings.append(replace(told, severity="warning"))
     return findings
 

@@ -8,6 +8,10 @@ from dataclasses import dataclass, field
 from typing import Final
 from zlib import crc32
 
+import msgspec
+
+from argosy.recording.mind_inputs import Gap
+
 SECOND: Final = 1_000_000_000
 """Nanoseconds."""
 BEGIN, END = "argosy", "argosy.end"
@@ -110,20 +114,23 @@ class End:
     """Messages larger than any record."""
     unread: int = 0
     """Messages written as bytes: neither a JSON nor a MessagePack object."""
-    gaps: tuple[str, ...] = ()
-    """Missing inputs of minds, a line for each life."""
+    gaps: tuple[Gap, ...] = ()
+    """Missing inputs of minds."""
     following: str = ""
     """Name of the file that continues it."""
 
     def metadata(self) -> dict[str, str]:
         """Return the content of the metadata record."""
         figures = {name: str(getattr(self, name)) for name in ("ended", "messages", "dropped", "too_large", "unread")}
-        said = {"why": self.why, **figures, "gaps": "\n".join(self.gaps), "following": self.following}
+        said = {"why": self.why, **figures, "gaps": msgspec.json.encode(self.gaps).decode(), "following": self.following}
         return said | {_SUM: _sum(said)}
 
 
 def end_of(metadata: Mapping[str, str]) -> End:
-    """Return the end in a metadata record."""
+    """Return the end in a metadata record. Raises ValueError if it cannot be read."""
     figures = {name: int(metadata.get(name, "0")) for name in ("ended", "messages", "dropped", "too_large", "unread")}
-    gaps = tuple(metadata.get("gaps", "").splitlines())
+    try:
+        gaps = msgspec.json.decode(metadata.get("gaps", "[]"), type=tuple[Gap, ...])
+    except msgspec.MsgspecError as error:
+        raise ValueError(f"gaps: {error}") from None
     return End(why=metadata.get("why", ""), gaps=gaps, following=metadata.get("following", ""), **figures)

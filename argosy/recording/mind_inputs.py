@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
+import msgspec
+
 from schemas.wire import keys
 from schemas.wire.mind_records import MindInputs
 
@@ -83,6 +85,25 @@ class Whose(NamedTuple):
     boot: str
 
 
+class Gap(msgspec.Struct, frozen=True):
+    """The missing inputs of one life of an agent, as the end of a recording holds them; as text for people."""
+
+    fleet: str
+    agent: str
+    boot: str
+    missing: tuple[tuple[int, int], ...]
+    """First and last number of each stretch of missing batches, in order."""
+    uncounted: int
+    """Missing batches besides these."""
+    batches: int
+    """One more than the highest number received."""
+
+    def __str__(self) -> str:
+        known = in_words(range(first, last + 1) for first, last in self.missing)
+        which = f"{self.uncounted} more and {known}" if self.uncounted else known
+        return f"{self.agent} (boot {self.boot}): batches {which} of {self.batches} of its inputs are missing"
+
+
 @dataclass
 class _Progress:
     next: int = 0
@@ -132,15 +153,14 @@ class Minds:
         """Return the missing numbers of each life that has a gap."""
         return {whose: frozenset(life.missing) for whose, life in list(self._lives.items()) if life.missing}
 
-    def gaps(self) -> list[str]:
-        """Return a line for each life with a gap."""
-        lines = []
+    def gaps(self) -> list[Gap]:
+        """Return the gap of each life that has one."""
+        found = []
         for whose, numbers in self.missing().items():
             life = self._lives[whose]
-            known = in_words(stretches(numbers))
-            which = f"{life.uncounted} more and {known}" if life.uncounted else known
-            lines.append(f"{whose.agent} (boot {whose.boot}): batches {which} of {life.next} of its inputs are missing")
-        return lines
+            missing = tuple((one.start, one.stop - 1) for one in stretches(numbers))
+            found.append(Gap(*whose, missing, life.uncounted, life.next))
+        return found
 
     def cut_short(self) -> list[str]:
         """Return a line for each life that is over and whose final batch is missing."""

@@ -127,8 +127,8 @@ class ReplayCheck:
                 print("\r\x1b[K", end="", file=sys.stderr)
 
     def _lacks(self, recording: Recording) -> list[str]:
-        """Return in words what is missing of it."""
-        there, agent = self.life.batches, self.life.agent
+        """Return what is missing of it, as text."""
+        there, life = self.life.batches, (self.life.fleet, self.life.agent, self.life.boot)
         if not there or there[0].birth is None:
             missing = _batches([range(there[0].number)] if there else [])
             return [f"the beginning of its life is missing, {missing} of its inputs: begin to record sooner"]
@@ -137,7 +137,7 @@ class ReplayCheck:
         lost = self.life.missing
         found = [f"{_batches(lost)} of its inputs {'is' if _is_one(lost) else 'are'} missing"] if lost else []
         if recording.end is not None and not lost:
-            found += [gap for gap in recording.end.gaps if gap.startswith(f"{agent} ") and self.life.boot in gap]
+            found += [str(gap) for gap in recording.end.gaps if (gap.fleet, gap.agent, gap.boot) == life]
         if self.life.ended:
             return found
         if self.followed:

@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from schemas.files.findings import did_you_mean
+from schemas.files.findings import nearest
 from schemas.humanize import shortened
 from schemas.manifest.loader import ActionDescription
 from schemas.wire import keys, mind_records, records
@@ -357,6 +357,8 @@ def _value(term: Term, what: str) -> Term:
 
 
 def unknown(what: str, name: str, there: Sequence[str]) -> str:
-    """Return the error for an unknown name, with a hint or the known names."""
-    hint = did_you_mean(name, there)
-    return f"there is no {what} `{name}`{hint}" + (f" Known are {', '.join(sorted(there))}" if "?" in hint else "")
+    """Return the error for an unknown name, with the most similar of the known names and all of them."""
+    known = ", ".join(sorted(there))
+    if (near := nearest(name, there)) is not None:
+        return f"there is no {what} `{name}`, did you mean `{near}`? Known are {known}"
+    return f"there is no {what} `{name}`{f'; known are {known}' if known else ''}"

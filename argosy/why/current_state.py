@@ -112,7 +112,8 @@ def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:
 
 
 def _goal(event: str) -> str:
-    return raiser_words(event).replace("the failure of", "the failure plan of", 1)
+    sign, rest = sign_of(without_annotations(event))
+    return f"the failure plan of {sign[1:]}{shown(rest)}" if sign in ("-!", "-?") else raiser_words(event)
 
 
 def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:

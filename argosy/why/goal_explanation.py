@@ -11,7 +11,7 @@ from argosy.why.decisions import WITHOUT_PLAN, aftermath, cause_lines, decision_
 from argosy.why.question import Subject, parts_of
 from argosy.why.unanswered_questions import MailFacts, question_paragraph
 from argosy.why.wording import ago, event_words, failure_words, plan_words, shown, sign_of
-from schemas.files.findings import did_you_mean
+from schemas.files.findings import nearest
 from schemas.humanize import count, span
 from schemas.wire.mind_records import ActivityEvent, BeliefView, FailureView, IntentionView, MindView, PlanView
 
@@ -219,9 +219,8 @@ def _unknown(view: MindView, subject: Subject) -> str:
     names = names_of(view)
     if subject.name in names:
         return f"Nothing is remembered of {subject.text}, and nothing is believed about it."
-    hint = did_you_mean(subject.name, names)
-    if not hint.endswith("?"):
-        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-        there = f"; known are {', '.join(names[:MOST_NAMES])}{more}." if names else ""
-        hint = there or ": no goal, belief or action."
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    hint = f"; known are {', '.join(names[:MOST_NAMES])}{more}." if names else ": no goal, belief or action."
+    if (near := nearest(subject.name, names)) is not None:
+        hint = f", did you mean `{near}`?"
     return f"Nothing of {view.agent}'s is called `{subject.name}`{hint}"

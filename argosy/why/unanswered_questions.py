@@ -10,7 +10,7 @@ from argosy.why.answer import Line, Paragraph
 from argosy.why.decision_history import Memory
 from argosy.why.question import parts_of
 from argosy.why.wording import ago, awaited, event_words, failure_words, plan_words, raiser_words, rejected_words, shown
-from schemas.files.findings import did_you_mean
+from schemas.files.findings import nearest
 from schemas.humanize import span
 from schemas.wire.mind_records import DecisionView, MindView, QuestionView
 from schemas.wire.records import Mailboxes
@@ -62,8 +62,10 @@ def _whereabouts(agent: str, question: QuestionView, facts: MailFacts) -> Iterat
     mind = facts.minds.get(receiver)
     if mind is None:
         if home is None and facts.homes:
-            hint = did_you_mean(receiver, facts.homes)
-            yield f"No board knows an agent `{receiver}`{hint}{'' if hint.endswith('?') else '.'}", ""
+            hint = f"; known are {', '.join(sorted(facts.homes))}."
+            if (near := nearest(receiver, facts.homes)) is not None:
+                hint = f", did you mean `{near}`?"
+            yield f"No board knows an agent `{receiver}`{hint}", ""
         elif home is not None and home in facts.silent:
             yield f"{receiver} lives on {home}, which does not answer: {facts.silent[home]}.", ""
         else:

@@ -39,11 +39,16 @@ class Findings(Exception):
         super().__init__("\n".join(map(str, self.findings)))
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return `, did you mean `x`?` for a near miss, else the list of known names."""
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is most similar to a word; None if none is similar."""
     import difflib  # not needed for files without mistakes
 
+    return next(iter(difflib.get_close_matches(word, sorted(known), 1, 0.6)), None)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return `, did you mean `x`?` for a near miss, else the list of known names."""
     names = sorted(known)
-    if near := difflib.get_close_matches(word, names, 1, 0.6):
-        return f", did you mean `{near[0]}`?"
+    if (near := nearest(word, names)) is not None:
+        return f", did you mean `{near}`?"
     return f"; known are {', '.join(names)}" if names else ""

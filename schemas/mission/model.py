@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 import msgspec
 
-from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.findings import Finding, Findings, did_you_mean, nearest
 from schemas.files.shipped_files import mission_file, shipped_names
 from schemas.files.text_files import read_text
 from schemas.files.units import Distance, Duration, check_endpoint, decode_hook, host_and_port
@@ -534,8 +534,8 @@ def _check_accepts(mission: Mission, agent: str, wrong: Any) -> None:
             hint = did_you_mean(sender, mission.mailboxes)
             wrong(where, f"accepts: there is no agent, client or node `{sender}`{hint}", True)
         for one in accepted if accepted != ALL else ():
-            if one not in PERFORMATIVES and (hint := did_you_mean(one, PERFORMATIVES)).startswith(", did"):
-                wrong(where, f"accepts: no agent handles `{one}` by itself{hint}")
+            if one not in PERFORMATIVES and (near := nearest(one, PERFORMATIVES)) is not None:
+                wrong(where, f"accepts: no agent handles `{one}` by itself, did you mean `{near}`?")
 
 
 def _check_lease(mission: Mission, robot: str, wrong: Any) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 from agentd.language.compiler.constants import signature_of
-from agentd.language.errors.suggestions import near
+from agentd.language.errors.suggestions import near, similar
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.terms import Literal, deref
 from agentd.mind.beliefs.belief_base import RuleClause
@@ -194,9 +194,9 @@ def _goals_like(mind: MindState, goal: Any) -> Iterable[str]:
         view, arity = plan_view(same), len(same.syntax.trigger.literal.args)
         yield f"the plan {view.trigger} ({view.position}) takes {_arguments(arity)}, not {goal.sig.arity}"
         return
-    found = near(goal.sig.functor, known, _GOAL_CLOSENESS)
-    if found:
-        view = plan_view(known[found.removeprefix("; did you mean ").removesuffix("?")])
+    found = similar(goal.sig.functor, known, _GOAL_CLOSENESS)
+    if found is not None:
+        view = plan_view(known[found])
         yield f"did you mean {view.trigger} ({view.position})?"
 
 
@@ -205,16 +205,16 @@ def _arguments(number: int) -> str:
 
 
 def _actions_like(action: Literal) -> Iterable[str]:
-    found = near(action.sig.functor, ACTIONS)
-    if found:
-        yield found.removeprefix("; ")
+    found = similar(action.sig.functor, ACTIONS)
+    if found is not None:
+        yield f"did you mean {found}?"
 
 
 def _agents_like(mind: MindState, sending: Any) -> Iterable[str]:
     if type(sending) is Literal and sending.args and mind.agents is not None:
-        found = near(short_text(sending.args[0]), [name for name in mind.agents() if name != mind.name])
-        if found:
-            yield found.removeprefix("; ")
+        found = similar(short_text(sending.args[0]), [name for name in mind.agents() if name != mind.name])
+        if found is not None:
+            yield f"did you mean {found}?"
 
 
 # --- why no plan was applicable ---

@@ -20,4 +20,4 @@ def test_a_number_beyond_all_others_is_told_and_costs_nothing() -> None:
     whose = Whose("test", "uav", "b1")
     assert minds.heard(whose, 0)
     assert minds.heard(whose, ABSURD)
-    assert f"batches {ABSURD - 1 - MOST_MISSING} more and " in minds.gaps()[0]
+    assert f"batches {ABSURD - 1 - MOST_MISSING} more and " in str(minds.gaps()[0])
