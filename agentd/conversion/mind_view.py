@@ -24,6 +24,7 @@ from schemas.wire.mind_records import (
     EventView,
     FailureView,
     IntentionView,
+    MindView,
     PlanView,
     QuestionView,
 )
@@ -42,6 +43,45 @@ LONGEST_BELIEF: Final = 2_000
 """Characters shown of a belief."""
 _MOST_LOOKED_AT: Final = 2_000
 """Parts of a belief that are examined."""
+
+
+class MindViews:
+    """The views of one mind."""
+
+    def __init__(self, mind: Mind, life: str = "") -> None:
+        """``life`` is the end of the ids of this life's messages."""
+        self._mind, self._life = mind, life
+        self._beliefs, self._plans = Beliefs(mind), Plans(mind)
+
+    def view(self, look: Look, now: float) -> MindView:
+        """What the mind itself holds, at ``now`` in mission seconds; its host adds what it knows besides."""
+        mind = self._mind
+        believed, beliefs_left_out = self._beliefs.shown(look, now)
+        intentions, intentions_left_out = intentions_of(mind)
+        events, events_left_out = events_of(mind, look.about)
+        decisions, failures = decisions_of(mind, look)
+        return MindView(
+            agent=mind.name,
+            program=mind.program.file,
+            cycle=mind.cycle,
+            time=now,
+            state="reasoning" if mind.ready else "waiting",
+            beliefs=tuple(one.text for one in believed),
+            believed=believed,
+            beliefs_left_out=beliefs_left_out,
+            intentions=intentions,
+            intentions_left_out=intentions_left_out,
+            events=events,
+            events_left_out=events_left_out,
+            mailbox=len(mind.mailbox),
+            questions=questions_of(mind, self._life),
+            plans=self._plans.shown(look),
+            plan_count=len(mind.plans.plans),
+            decisions=decisions,
+            failures=failures,
+            dropped=dict(mind.drops.counts),
+            drops=tuple(mind.drops.by_name.values()),
+        )
 
 
 class Beliefs:

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from msgspec.structs import replace
+
 from agentd.conversion.introspection import EVERYTHING, BadParameter, Look
-from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
+from agentd.conversion.mind_view import MindViews
 from agentd.mind import Mind
 from agentd.runtime.operator_control import OperatorControl
 from agentd.runtime.program_loader import Part
@@ -40,7 +42,7 @@ class Viewer:
         """`part` has the mission's formulas; `prints` holds the last lines that were printed."""
         self._bus, self._clock, self._mind, self._part = bus, clock, mind, part
         self._control, self._tracing, self._prints = control, tracing, prints
-        self._beliefs, self._plans = Beliefs(mind), Plans(mind)
+        self._views = MindViews(mind, tracing.life)
         self._made: dict[Look, tuple[float, MindView]] = {}
         """The last views, and their times in wall seconds."""
         self._key = keys.mind(bus.fleet, mind.name)
@@ -69,35 +71,14 @@ class Viewer:
 
     def view(self, look: Look = EVERYTHING) -> MindView:
         """Return the present beliefs and intentions."""
-        mind, paused_for, now = self._mind, self._control.left, self._clock.now()
-        believed, beliefs_left_out = self._beliefs.shown(look, now)
-        intentions, intentions_left_out = intentions_of(mind)
-        events, events_left_out = events_of(mind, look.about)
-        decisions, failures = decisions_of(mind, look)
-        return MindView(
+        mind, paused_for = self._mind, self._control.left
+        view = self._views.view(look, self._clock.now())
+        return replace(
+            view,
             header=self._bus.header("mind", mind.name),
-            agent=mind.name,
-            program=mind.program.file,
-            cycle=mind.cycle,
-            time=now,
-            state="paused" if self._control.paused else "reasoning" if mind.ready else "waiting",
+            state="paused" if self._control.paused else view.state,
             paused_for=paused_for,
-            beliefs=tuple(one.text for one in believed),
-            believed=believed,
-            beliefs_left_out=beliefs_left_out,
-            intentions=intentions,
-            intentions_left_out=intentions_left_out,
-            events=events,
-            events_left_out=events_left_out,
-            mailbox=len(mind.mailbox),
-            questions=questions_of(mind, self._tracing.life),
-            plans=self._plans.shown(look),
-            plan_count=len(mind.plans.plans),
             prints=tuple(self._prints),
-            decisions=decisions,
-            failures=failures,
-            dropped=dict(mind.drops.counts),
-            drops=tuple(mind.drops.by_name.values()),
             actions=tuple(self._tracing.activity.actions),
             done={text: mind.query(formula) for text, formula in self._part.done.items()},
             failed={text: mind.query(formula) for text, formula in self._part.failed.items()},

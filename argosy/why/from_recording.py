@@ -6,10 +6,13 @@ from collections.abc import Iterable
 from itertools import takewhile
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from agentd.conversion.introspection import MOST_BELIEFS, Look
-from agentd.conversion.mind_view import Beliefs, Plans, decisions_of, events_of, intentions_of, questions_of
+from agentd.conversion.mind_view import MindViews
 from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
+from argosy.cli.errors import CommandError
 from argosy.recording.mind_inputs import Life, in_words
 from argosy.recording.reader import Recording, open_recording
 from schemas.files.findings import did_you_mean
@@ -22,7 +25,7 @@ MOST_ACTIONS = 60
 """Last actions and outcomes that are kept."""
 
 
-class NotRecorded(ValueError):
+class NotRecorded(CommandError):
     """The agent or time is not in the recording."""
 
 
@@ -49,7 +52,10 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
         raise NotRecorded(f"{file}: {error}") from None
     if at is not None and lived.now < at and lived.mind.cycle >= batches[-1].last:
         notes.append(f"it is told up to mission second {lived.now:.1f}: no more went into it after that")
-    return _view(lived, at, _actions(recording, life, at)), notes
+    now = lived.now if at is None else max(lived.now, at)
+    view = MindViews(lived.mind).view(LOOK, now)
+    actions = tuple(_actions(recording, life, at))
+    return replace(view, agent=lived.agent, program=lived.birth.program, actions=actions), notes
 
 
 def _life(recording: Recording, agent: str, at: float | None) -> Life:
@@ -60,13 +66,11 @@ def _life(recording: Recording, agent: str, at: float | None) -> Life:
         hint = did_you_mean(agent, known) or ", nor of any other agent"
         raise NotRecorded(f"{recording.path}: there are no inputs of {agent} in it{hint}")
     lives = recording.lives(agent)
-    begun = [life for life in lives if at is None or _begin(life) <= at]
+    births = [life.batches[0].birth if life.batches else None for life in lives]
+    begun = [
+        life for life, birth in zip(lives, births, strict=True) if at is None or birth is None or birth.start <= at
+    ]
     return begun[-1] if begun else lives[0]
-
-
-def _begin(life: Life) -> float:
-    birth = life.batches[0].birth if life.batches else None
-    return 0.0 if birth is None else birth.start
 
 
 def _live(lived: ReplayedMind, batch: MindInputs, at: float | None) -> bool:
@@ -86,34 +90,3 @@ def _actions(recording: Recording, life: Life, at: float | None) -> Iterable[Act
     records = [one for _, one in recording.typed(MindActivity, only) if one.header.boot == life.boot]
     events = (event for record in records for event in record.events if event.kind in ("action", "outcome"))
     return [event for event in events if at is None or event.time <= at][-MOST_ACTIONS:]
-
-
-def _view(lived: ReplayedMind, at: float | None, actions: Iterable[ActivityEvent]) -> MindView:
-    mind, now = lived.mind, lived.now if at is None else max(lived.now, at)
-    believed, beliefs_left_out = Beliefs(mind).shown(LOOK, now)
-    intentions, intentions_left_out = intentions_of(mind)
-    events, events_left_out = events_of(mind, "")
-    decisions, failures = decisions_of(mind, LOOK)
-    return MindView(
-        agent=lived.agent,
-        program=lived.birth.program,
-        cycle=mind.cycle,
-        time=now,
-        state="reasoning" if mind.ready else "waiting",
-        beliefs=tuple(one.text for one in believed),
-        believed=believed,
-        beliefs_left_out=beliefs_left_out,
-        intentions=intentions,
-        intentions_left_out=intentions_left_out,
-        events=events,
-        events_left_out=events_left_out,
-        mailbox=len(mind.mailbox),
-        questions=questions_of(mind, ""),
-        plans=Plans(mind).shown(LOOK),
-        plan_count=len(mind.plans.plans),
-        decisions=decisions,
-        failures=failures,
-        dropped=dict(mind.drops.counts),
-        drops=tuple(mind.drops.by_name.values()),
-        actions=tuple(actions),
-    )
