@@ -10,8 +10,10 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import NoReturn
 
+from argosy.cli.errors import BadInput, CommandError, complain
 from argosy.cli.extras import EXTRAS, install_command
 from commd.process.command_line import check_command, command_parser
+from schemas.files.findings import Findings
 from schemas.humanize import escape_line
 
 EXIT_FAILED, EXIT_BAD_USAGE, EXIT_INTERRUPTED = 1, 2, 130
@@ -34,6 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()  # a failure to write is no success
         return code
+    except Findings as findings:
+        print(findings, file=sys.stderr)
+        return BadInput.code
+    except CommandError as error:
+        complain(f"error: {error}")
+        return error.code
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except BrokenPipeError:  # `argosy ... | head`

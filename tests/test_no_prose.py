@@ -66,6 +66,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "agentd/testing/runner.py: ended.error == FAILED",
         "argosy/why/decisions.py: failure.error in WITHOUT_PLAN",
         "argosy/why/decisions.py: failure.error == 'test_goal_failed'",
+        "argosy/why/explain.py: failure.error in WITHOUT_PLAN",
         "argosy/why/explain.py: made.failure.error in WITHOUT_PLAN",
         "argosy/why/goal_explanation.py: one.error not in WITHOUT_PLAN",
         "argosy/why/wording.py: match failure.error",
@@ -79,6 +80,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "agentd/runtime/operator_control.py: order.text.strip().removeprefix(sign)",
     ),
     "a term, shown without the source that stands beside it": (
+        "argosy/watch/mind_page.py: belief.text.removesuffix(sources)",
         "argosy/fleet_model/timeline.py: event.text.removesuffix(f'[source({event.other})]')",
         "argosy/fleet_model/timeline.py: event.text.removesuffix(f'[source({agent})]')",
     ),
@@ -251,7 +253,14 @@ def test_what_reads_a_text_is_found(line: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["one.reason or 'none'", "one.text == ''", "f'{one.reason}: {two.text}'", "one.code == 'x'", "f'{a} s'.removesuffix(' s')"]
+    "line",
+    [
+        "one.reason or 'none'",
+        "one.text == ''",
+        "f'{one.reason}: {two.text}'",
+        "one.code == 'x'",
+        "f'{a} s'.removesuffix(' s')",
+    ],
 )
 def test_what_shows_a_text_is_not_found(line: str) -> None:
     assert list(reads(line)) == []

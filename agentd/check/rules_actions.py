@@ -9,7 +9,7 @@ from agentd.check.external_knowledge import Arities, arguments, takes
 from agentd.check.finding_kinds import Kind, finding, warning
 from agentd.check.symbol_table import ANY_ARITY, Call, Mention, Survey
 from agentd.language.compiler.compile import mistake_in
-from agentd.language.errors.suggestions import near
+from agentd.language.errors.suggestions import near, similar
 from agentd.language.syntax_tree.nodes import (
     And,
     Arithmetic,
@@ -187,7 +187,7 @@ def unknown_performatives(survey: Survey) -> Iterator[Finding]:
     for call in survey.calls:
         match call.action.name, call.action.args:
             case (".send", (_, Structure(functor) as term, _, *_)) | (".broadcast", (Structure(functor) as term, _)):
-                hint = "" if functor in PERFORMATIVES else near(functor, PERFORMATIVES, 0.75)
-                if hint:
-                    text = f"{functor} is not a performative that agents handle by themselves{hint}"
+                meant = similar(functor, PERFORMATIVES, 0.75)
+                if meant is not None:
+                    text = f"{functor} is not a performative that agents handle by themselves; did you mean {meant}?"
                     yield warning(Kind.UNKNOWN_PERFORMATIVE, term.position, text)

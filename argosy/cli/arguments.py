@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
-import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Mapping
 
 from commd.process.command_line import check_command, command_parser
-from commd.process.process import EXIT_BAD_INPUT
-from schemas.files.findings import Findings
 from schemas.files.units import Duration
 from schemas.wire.keys import check_name
 
@@ -27,11 +24,7 @@ def run_subcommand(
         parser = command_parser(prog, name, *commands[name])
         add_arguments, run = load(name)
         add_arguments(parser)
-        try:
-            return run(parser.parse_intermixed_args(given[1:]))  # options may be anywhere
-        except Findings as findings:
-            print(findings, file=sys.stderr)
-            return EXIT_BAD_INPUT
+        return run(parser.parse_intermixed_args(given[1:]))  # options may be anywhere
     parser = ArgumentParser(prog=prog, description=about)
     choices = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (text, _) in commands.items():

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from argosy.cli.arguments import name
+from argosy.cli.errors import CommandError, complain
 from argosy.cli.fleet_bus import FleetBus, open_fleet_bus
 from argosy.cli.port_check import endpoint
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
 from commd.bus.tls import Tls, identity_of
 from commd.process.local_runs import router_of
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED, tls_of
+from commd.process.process import EXIT_DONE, tls_of
 from schemas.files.findings import Finding, Findings
-from schemas.humanize import printable
 from schemas.mission.model import DEFAULT_ROUTER, Mission, load_mission
 from schemas.wire import keys
 
@@ -31,7 +31,7 @@ ANY = "*"
 """Every fleet on the router."""
 
 
-class Unanswered(Exception):
+class Unanswered(CommandError):
     """A query has no answer; the text says who is running."""
 
 
@@ -106,28 +106,29 @@ async def operator_bus(place: Where) -> AsyncIterator[Bus]:
 
 
 def on_the_bus(args: Namespace, work: Callable[[Bus, Where], Awaitable[int]]) -> int:
-    """Run `work` on the bus that the arguments name, and print why if that fails. Returns the exit code."""
-    try:
-        place = where(args)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+    """Run `work` on the bus that the arguments name. Returns the exit code.
+
+    Raises Findings for a bad mission or bad keys, and CommandError if no router answers.
+    """
+    place = where(args)
 
     async def main() -> int:
         async with operator_bus(place) as bus:
-            code = await work(bus, place)
+            failed: CommandError | None = None
+            try:
+                code = await work(bus, place)
+            except CommandError as error:
+                code, failed = error.code, error
             if code != EXIT_DONE and place.mission is not None and bus.name in place.mission.security.observers:
                 print(f"note: `{bus.name}` is an observer in the mission: it may not give orders", file=sys.stderr)
+            if failed is not None:
+                raise failed
             return code
 
     try:
         return asyncio.run(main())
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
-    except (BusClosed, Unanswered) as error:
-        complain(f"error: {error}")
-        return EXIT_FAILED
+    except BusClosed as closed:
+        raise CommandError(str(closed)) from None
 
 
 async def unreached(bus: Bus) -> list[str]:
@@ -136,10 +137,24 @@ async def unreached(bus: Bus) -> list[str]:
     return [f"board {board} is not reached: {why}" for board, why in missing.items()]
 
 
+async def tell_unreached(bus: Bus) -> None:
+    """Print on stderr which boards are not reached."""
+    for line in await unreached(bus):
+        note(line)
+
+
 async def bridges(bus: Bus, fleet: str) -> list[tuple[str, str]]:
     """Return fleet and name of every robot whose bridge has a token. `fleet` may be `ANY`."""
-    tokens = await bus.tokens(keys.alive(fleet, "*", "bridged", "*"))
-    return sorted({(parsed[0], parsed[1]) for token in tokens if (parsed := keys.parse(token))})
+    return sorted(await names_there(bus, fleet, "bridged"))
+
+
+async def names_there(bus: Bus, fleet: str, daemon: str = "*") -> dict[tuple[str, str], set[str]]:
+    """Return the daemons that hold each name on the bus, by fleet and name. `fleet` may be `ANY`."""
+    found: dict[tuple[str, str], set[str]] = {}
+    for token in await bus.tokens(keys.alive(fleet, "*", daemon, "*")):
+        if (parsed := keys.parse(token)) is not None and len(parsed[2]) == 3:
+            found.setdefault((parsed[0], parsed[1]), set()).add(parsed[2][1])
+    return found
 
 
 def put_out(text: str) -> bool:
@@ -161,9 +176,3 @@ def put_out(text: str) -> bool:
 def note(text: str) -> None:
     """Print a note on stderr."""
     complain(f"note: {text}")
-
-
-def complain(text: str) -> None:
-    """Print on stderr, without control characters; ignore a closed stream."""
-    with suppress(OSError):
-        print("\n".join(map(printable, text.split("\n"))), file=sys.stderr, flush=True)

@@ -12,11 +12,12 @@ from shlex import quote
 
 from argosy.check.command import check_mission
 from argosy.check.fleet_rules import AFTER_RESTART
+from argosy.cli.errors import BadInput, CommandError
 from argosy.deploy.board_needs import files_of, reach_of_robots, secrets_of
 from argosy.deploy.firewall import firewall_files, firewall_unit, reachable, rules_path
 from argosy.deploy.unit_files import VENV, Board, unit_files
 from commd.daemon import chosen
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE
 from commd.router import config
 from schemas.files.findings import Finding, Findings
 from schemas.mission.model import Mission, load_mission
@@ -37,21 +38,16 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Write the tree. Returns 0, 2 for an unsuitable mission, 1 if the folder cannot be written."""
+    """Write the tree. Raises Findings for an unsuitable mission, CommandError if the folder cannot be written."""
+    mission = load_mission(args.mission)
+    board = Board(mission, chosen(mission, args.board), args.venv, args.one_process)
     try:
-        mission = load_mission(args.mission)
-        board = Board(mission, chosen(mission, args.board), args.venv, args.one_process)
         written = write(board, args.out)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
     except FileExistsError:
-        print(f"error: {args.out} is not empty: what an older mission needed must not stay there", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(f"{args.out} is not empty: files of an older mission must not stay there") from None
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"error: {where}{error.strerror or error}", file=sys.stderr)
-        return EXIT_FAILED
+        raise CommandError(f"{where}{error.strerror or error}") from None
     for finding in check_mission(args.mission, restarts=True)[1]:
         if finding.kind == AFTER_RESTART:  # systemd starts every daemon again
             print(finding, file=sys.stderr)

@@ -13,7 +13,8 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 from zipfile import ZIP_DEFLATED, ZipFile
 
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from argosy.cli.errors import BadInput, CommandError
+from commd.process.process import EXIT_DONE
 
 PLATFORMS = ("aarch64", "x86_64")
 PYTHONS = ("3.11", "3.13")
@@ -28,7 +29,7 @@ _OF_THIS_MACHINE = frozenset({"INSTALLER", "REQUESTED", "RECORD", "direct_url.js
 """Metadata files that an installer adds."""
 
 
-class NoWheel(RuntimeError):
+class NoWheel(CommandError):
     """A wheel cannot be built or downloaded; the text says why."""
 
 
@@ -63,7 +64,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Fill the folder. Returns 0 when it is complete, 1 when a wheel is not available, 2 for bad input."""
+    """Fill the folder. Raises NoWheel when a wheel is not available, BadInput if the folder cannot be written."""
     try:
         out: Path = args.out
         out.mkdir(parents=True, exist_ok=True)
@@ -71,11 +72,9 @@ def run(args: Namespace) -> int:
         for python in args.python:
             _download(wheel, args.extras, args.platform, python, out)
     except NoWheel as error:
-        print(f"error: {error}; {args.out} is not complete", file=sys.stderr)
-        return EXIT_FAILED
+        raise NoWheel(f"{error}; {args.out} is not complete") from None
     except OSError as error:
-        print(f"error: {error.filename or args.out}: {error.strerror}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(f"{error.filename or args.out}: {error.strerror}") from None
     wheels = list(out.glob("*.whl"))
     size = sum(path.stat().st_size for path in wheels) / 1e6
     needed = f"what it needs on {args.platform}, Python {' and '.join(args.python)}"

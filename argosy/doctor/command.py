@@ -23,7 +23,7 @@ from argosy.doctor.security_checks import findings as access
 from argosy.status.command import call_the_roll, settled
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError, QueryFailed
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from commd.router.self_check import LINKS_WITHIN, measure_all
 from schemas.files.findings import Findings
 from schemas.humanize import count, printable
@@ -51,19 +51,11 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Print the findings. Returns 1 if one is an error, else 0."""
-    try:
-        mission = load_mission(args.mission)
-        place = where(args)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+    mission, place = load_mission(args.mission), where(args)
     said = certificates(mission, args.keys)
     try:
         with _quiet():
             said += asyncio.run(examine(mission, place))
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
     except BusClosed as closed:
         do = f"is the fleet there? {target_of(mission, 'start', 'its boards')}; or name another router by --router"
         said.append(Said("error", "router", str(closed), do))

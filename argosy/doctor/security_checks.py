@@ -18,6 +18,7 @@ from pathlib import Path
 
 import zenoh
 
+from argosy.cli.operator_bus import names_there
 from argosy.doctor.findings import Said
 from commd.bus.access_probe import router_name, which_are_answered, which_come_through
 from commd.bus.bus import Bus, open_bus
@@ -95,7 +96,9 @@ async def _at(bus: Bus, mission: Mission, name: str, rights: Rights, board: str,
     router = f"the router of {board}"
     try:
         async with _two(bus, endpoint) as (speaker, listener):
-            trials = _trials(mission, rights, board, await _present(listener, mission))
+            there = await names_there(listener, mission.fleet)
+            present = {f"{name}/{daemon}" for (_, name), its in there.items() for daemon in its}
+            trials = _trials(mission, rights, board, present)
             done = await _try(speaker, listener, trials)
     except BusClosed as closed:
         return [Said("warning", WHAT, f"{router} is not reached, its rules were not tried: {closed}")]
@@ -133,13 +136,6 @@ async def _two(bus: Bus, endpoint: str) -> AsyncIterator[tuple[Bus, Bus]]:
             for _ in range(2)
         ]
         yield one, other
-
-
-async def _present(bus: Bus, mission: Mission) -> set[str]:
-    """Return the running daemons, as `uav1/bridged`: queries to others have no answer, allowed or not."""
-    tokens = await bus.tokens(keys.alive(mission.fleet, "*", "*", "*"))
-    parsed = [found for token in tokens if (found := keys.parse(token)) is not None]
-    return {f"{name}/{rest[1]}" for _, name, rest in parsed if len(rest) == 3}
 
 
 def _trials(mission: Mission, rights: Rights, at: str, present: Collection[str]) -> list[Trial]:

@@ -129,7 +129,8 @@ class Reporter:
 
     def _event(self, agent: str, event: ActivityEvent, at: float) -> None:
         self._letters.event(agent, event, at)
-        what, level, text = _what(event), _level(event), _text(agent, event)
+        what: What = "told" if event.kind == "stopped" else event.kind
+        level, text = _level(event), _text(agent, event)
         if what in ("action", "outcome") and not self._is_new(what, event.id):
             return
         self._timeline.add(
@@ -157,10 +158,6 @@ class Reporter:
         if len(self._reported) > MOST_REPORTED:
             del self._reported[next(iter(self._reported))]
         return True
-
-
-def _what(event: ActivityEvent) -> What:
-    return "told" if event.kind == "stopped" else event.kind
 
 
 def _level(event: ActivityEvent) -> Level:

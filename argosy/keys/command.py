@@ -7,7 +7,7 @@ import ssl
 import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -164,7 +164,7 @@ def add(args: Namespace, kind: str) -> int:
             folder.add(name, cast("Kind", kind), hosts_of(mission, name), tuple(args.address or ()))
         _tell_members(folder, args.names)
         others = [name for name in _boards(folder) if name not in args.names]
-        whom = _and(args.names)
+        whom = ", ".join(args.names)
         _tell_anchors(folder, others, f"copy these files to the boards and restart commd, so that they accept {whom}:")
         if kind == "board":
             _tell_anchors(
@@ -201,7 +201,7 @@ def revoke(args: Namespace) -> int:
         _check_names(mission, args.names, list(folder.record.members), "machine that was given a certificate")
         for name in args.names:
             folder.revoke(name)
-        whom = _and(args.names)
+        whom = ", ".join(args.names)
         print(f"revoked: {whom}")
         _tell_anchors(
             folder, _boards(folder), f"copy these files to the boards and restart commd, so that they refuse {whom}:"
@@ -241,8 +241,9 @@ def _opened(args: Namespace, mission: Mission) -> Iterator[KeyStore]:
     read_record(path, mission.fleet)
     with alone(path):
         pem = read_secret(path)
+        password = _asked("password of the fleet's secret: ") if b"ENCRYPTED" in pem else None
         try:
-            authority = Authority.read(pem, _password() if b"ENCRYPTED" in pem else None)
+            authority = Authority.read(pem, password.encode() if password is not None else None)
         except (ValueError, TypeError):
             raise wrong(
                 path / SECRET, "the fleet's secret cannot be used: wrong password, or an invalid file"
@@ -288,29 +289,21 @@ def _tell_anchors(folder: KeyStore, names: Sequence[str], words: str) -> None:
         print(f"  {name}: {folder.machine(name) / ROOT}")
 
 
-def _and(names: Sequence[str]) -> str:
-    return ", ".join(names)
-
-
-def _password() -> bytes:
-    return _asked("password of the fleet's secret: ", getpass).encode()
-
-
 def _new_password() -> bytes:
-    first = _asked("new password of the fleet's secret: ", getpass)
-    if PASSWORD not in os.environ and first != _asked("once more: ", getpass):
+    first = _asked("new password of the fleet's secret: ")
+    if PASSWORD not in os.environ and first != _asked("once more: "):
         raise wrong(Path("--password"), "the passwords differ: nothing was changed")
     if not first:
         raise wrong(Path("--password"), "an empty password locks nothing: nothing was done")
     return first.encode()
 
 
-def _asked(prompt: str, ask: Callable[[str], str]) -> str:
+def _asked(prompt: str) -> str:
     if (given := os.environ.get(PASSWORD)) is not None:
         return given
     if not sys.stdin.isatty():
         raise wrong(Path("--password"), f"there is no terminal to ask for the password: set {PASSWORD}")
-    return ask(prompt)
+    return getpass(prompt)
 
 
 def _days(text: str) -> int:

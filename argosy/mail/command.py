@@ -9,9 +9,10 @@ from pathlib import Path
 
 import msgspec
 
+from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import Where, add_router_argument, on_the_bus
 from commd.bus.bus import Bus
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.humanize import columns, count, json_lines, printable, shortened, size, span
 from schemas.mission.model import Mission, load_mission
@@ -37,16 +38,14 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Print the mailboxes. Returns 1 if a board did not answer, 2 for a mission or a file that cannot be read."""
-    try:
-        if args.file is not None:
-            return _show([_of_file(args.file)], [], args)
-        if args.mission is None:
-            raise Findings([Finding("argosy mail", 0, 0, "expected a MISSION, or a board's database by --file")])
-        wanted = _wanted(load_mission(args.mission), args.board)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+    """Print the mailboxes. Returns 1 if a board did not answer. Raises Findings for an unreadable mission or file."""
+    if args.file is not None:
+        from commd.mail.inspection import mailboxes_of_file  # a query needs no SQLite
+
+        return _show([mailboxes_of_file(args.file)], [], args)
+    if args.mission is None:
+        raise BadInput("argosy mail: expected a MISSION, or a board's database by --file")
+    wanted = _wanted(load_mission(args.mission), args.board)
 
     async def ask(bus: Bus, where: Where) -> int:
         key = keys.mailboxes(where.fleet, args.board or "*")
@@ -75,12 +74,6 @@ def _wanted(mission: Mission, board: str | None) -> list[str]:
     if board is not None and board not in boards:
         raise Findings([Finding(str(mission.path), 0, 0, f"no board `{board}`{did_you_mean(board, boards)}")])
     return [board] if board is not None else boards
-
-
-def _of_file(path: Path) -> Mailboxes:
-    from commd.mail.inspection import mailboxes_of_file  # a query needs no SQLite
-
-    return mailboxes_of_file(path)
 
 
 def _show(boxes: list[Mailboxes], silent: list[str], args: Namespace) -> int:

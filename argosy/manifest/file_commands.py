@@ -7,6 +7,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from argosy.cli.errors import BadInput
 from bridged.drivers.registry import check_manifest, load_robot_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
@@ -105,14 +106,10 @@ def add_convert_arguments(parser: ArgumentParser) -> None:
 
 
 def convert(args: Namespace) -> int:
-    """Convert a pair. Returns 2, with every problem told, if it cannot be read or the file is there already."""
-    try:
-        manifest = load_ini_pair(args.actions, args.percepts)
-        if wrong := check_manifest(manifest):
-            raise Findings(wrong)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+    """Convert a pair. Raises Findings with every problem of the pair, and BadInput if the file cannot be written."""
+    manifest = load_ini_pair(args.actions, args.percepts)
+    if wrong := check_manifest(manifest):
+        raise Findings(wrong)
     text = HEADER.format(actions=args.actions.name, percepts=args.percepts.name) + write_toml(manifest)
     if args.output is None:
         print(text, end="")
@@ -121,7 +118,6 @@ def convert(args: Namespace) -> int:
         with args.output.open("x", encoding="utf-8") as file:
             file.write(text)
     except OSError as error:
-        print(f"error: {args.output}: {error.strerror}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(f"{args.output}: {error.strerror}") from None
     print(f"{args.output}: {len(manifest.percepts)} percepts, {len(manifest.actions)} actions")
     return EXIT_DONE

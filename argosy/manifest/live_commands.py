@@ -10,10 +10,11 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus.bus import Bus
 from commd.bus.errors import QueryFailed, QueryTimeout
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.findings import did_you_mean
 from schemas.files.toml_positions import key_parts
 from schemas.manifest.edit import BadPath, part_of
@@ -64,14 +65,9 @@ def get_manifest(args: Namespace) -> int:
 
 def set_manifest(args: Namespace) -> int:
     """Change the running manifest of a robot. Returns 2 if the bridge refused the change, with all reasons."""
-    try:
-        values = dict(map(_assignment, args.changes))
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+    values = dict(map(_assignment, args.changes))
     if not values and not args.remove:
-        print("error: expected what to change: PATH=VALUE or --remove PATH", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput("expected what to change: PATH=VALUE or --remove PATH")
     change = ManifestChange(set=values, remove=tuple(args.remove), version=args.version)
 
     async def ask(bus: Bus, fleet: str) -> int:
@@ -88,21 +84,21 @@ def set_manifest(args: Namespace) -> int:
 
 
 def _assignment(text: str) -> tuple[str, Any]:
-    """Read `PATH=VALUE`. Raises ValueError in words."""
+    """Read `PATH=VALUE`. Raises BadInput."""
     at = text.find("=")
     while at >= 0 and not key_parts(text[:at].strip()):
         at = text.find("=", at + 1)
     if at < 0:
-        raise ValueError(f"expected PATH=VALUE such as percepts.altitude.rate=5, got `{text}`")
+        raise BadInput(f"expected PATH=VALUE such as percepts.altitude.rate=5, got `{text}`")
     path, value = text[:at].strip(), text[at + 1 :].strip()
     try:
         read = tomllib.loads(f"value = {value}")
     except (ValueError, RecursionError):
         read = {}
     if list(read) != ["value"]:
-        raise ValueError(f"{path}: `{value}` is no value in TOML; a text needs quotes: {path}='\"...\"'")
+        raise BadInput(f"{path}: `{value}` is no value in TOML; a text needs quotes: {path}='\"...\"'")
     if not _is_plain(read["value"]):
-        raise ValueError(f"{path}: expected finite numbers, texts, lists and tables, got `{value}`")
+        raise BadInput(f"{path}: expected finite numbers, texts, lists and tables, got `{value}`")
     return path, read["value"]
 
 
@@ -125,8 +121,7 @@ def _on_the_bus(args: Namespace, ask: Callable[[Bus, str], Awaitable[int]]) -> i
         try:
             return await ask(bus, await _fleet_of(bus, where, args.robot))
         except BadRecord as error:
-            print(f"error: {error}", file=sys.stderr)
-            return EXIT_FAILED
+            raise CommandError(str(error)) from None
 
     return on_the_bus(args, work)
 

@@ -9,13 +9,14 @@ from collections.abc import Iterable, Iterator
 from math import isfinite
 from pathlib import Path
 
+from argosy.cli.errors import BadInput, CommandError
 from argosy.plot.csv_tables import write_tables
 from argosy.plot.data import Heard, Scene, SceneReader, part_of
 from argosy.plot.figure import FORMATS, NOTHING, PANELS, Panel, has, write_plot
 from argosy.plot.style import INCH, WIDTHS
 from argosy.recording.metadata import SECOND
-from argosy.recording.reader import BadRecording, Recording, open_recording
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from argosy.recording.reader import Recording, open_recording
+from commd.process.process import EXIT_DONE
 from schemas.files.findings import Findings
 from schemas.humanize import count
 from schemas.mission.model import Mission, read_mission
@@ -85,37 +86,20 @@ def _width(text: str) -> float:
 _width.__name__ = f"width (one, two, or {LEAST:g} to {MOST:g} millimetres)"
 
 
-class NothingToPlot(Exception):
-    """There is no figure; `code` is the exit code."""
-
-    def __init__(self, message: str, code: int = EXIT_BAD_INPUT) -> None:
-        super().__init__(message)
-        self.code = code
-
-
 def run(args: Namespace) -> int:
-    """Plot a recording. Returns the exit code."""
+    """Plot a recording. Returns the exit code. Raises BadInput, and CommandError where there is nothing to plot."""
     if args.csv is None and args.out is not None and args.out.suffix not in FORMATS:
-        print(f"error: --out {args.out}: expected a name that ends in {', '.join(FORMATS)}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(f"--out {args.out}: expected a name that ends in {', '.join(FORMATS)}")
+    recording = open_recording(args.file)
+    if recording.missing:
+        print(f"warning: {recording.missing}", file=sys.stderr)
     try:
-        recording = open_recording(args.file)
-        if recording.missing:
-            print(f"warning: {recording.missing}", file=sys.stderr)
         scene = part_of(read_scene(recording, args.fleet, args.robot), args.robot, args.begin, args.end)
-        told = _tables(scene, args.csv) if args.csv is not None else _figure(scene, args)
-    except NothingToPlot as error:
-        print(f"error: {args.file}: {error}", file=sys.stderr)
-        return error.code
-    except BadRecording as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        told = _tables(scene, args) if args.csv is not None else _figure(scene, args)
     except ValueError as error:
-        print(f"error: {args.file}: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(f"{args.file}: {error}") from None
     except OSError as error:
-        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
-        return EXIT_FAILED
+        raise CommandError(f"{error.filename}: {error.strerror}") from None
     for note in scene.notes:
         print(f"note: {note}", file=sys.stderr)
     print(told)
@@ -125,21 +109,19 @@ def run(args: Namespace) -> int:
 def read_scene(recording: Recording, fleet: str | None = None, wanted: Iterable[str] = ()) -> Scene:
     """Return the scene of one fleet in a recording.
 
-    Raises NothingToPlot if it is not clear of which, and before all is read if a `wanted` robot cannot be in it.
+    Raises ValueError if it is not clear of which, and before all is read if a `wanted` robot cannot be in it.
     """
     fleets = recording.fleets
     if fleet is not None and fleet not in fleets:
-        raise NothingToPlot(f"there is no fleet {fleet} in it; there are {', '.join(fleets) or 'none'}")
+        raise ValueError(f"there is no fleet {fleet} in it; there are {', '.join(fleets) or 'none'}")
     if fleet is None and len(fleets) > 1:
-        raise NothingToPlot(f"it has several fleets, choose one with --fleet: {', '.join(fleets)}")
+        raise ValueError(f"it has several fleets, choose one with --fleet: {', '.join(fleets)}")
     whose = fleet or (fleets[0] if fleets else "*")
     title, robot_of, agents, mission = _team(recording, whose)
     robots = dict.fromkeys(robot_of.values())
     for name in wanted:
         if name not in robots:
-            raise NothingToPlot(
-                f"--robot {name}: there is no such robot in it; there are {', '.join(robots) or 'none'}"
-            )
+            raise ValueError(f"--robot {name}: there is no such robot in it; there are {', '.join(robots) or 'none'}")
     unread: Counter[str] = Counter()
     speed = next((one.speed for _, one in recording.typed(MindActivity)), recording.facts.speed)
     reader = SceneReader(title, whose, robot_of, agents, mission=mission, speed=speed)
@@ -182,18 +164,18 @@ def _figure(scene: Scene, args: Namespace) -> str:
     there = [panel for panel in PANELS if has(scene, panel)]
     lacking = [panel for panel in args.panels or PANELS if panel not in there]
     if (args.panels and lacking) or not there:
-        raise NothingToPlot(f"it has {NOTHING[lacking[0]]}; {_told(scene)}", EXIT_FAILED)
+        raise CommandError(f"{args.file}: it has {NOTHING[lacking[0]]}; {_told(scene)}")
     unknown = [panel for panel in lacking if panel != "messages" or not scene.told]
     scene.notes.extend(f"it has {NOTHING[panel]}" for panel in unknown)
     write_plot(scene, args.panels or there, args.width, out)
     return f"{out}: {_told(scene)}, {scene.begin:.1f} s to {scene.end:.1f} s, {args.width / INCH:.2f} in wide"
 
 
-def _tables(scene: Scene, folder: Path) -> str:
-    written = write_tables(scene, folder)
+def _tables(scene: Scene, args: Namespace) -> str:
+    written = write_tables(scene, args.csv)
     if not written:
-        raise NothingToPlot(f"it has {NOTHING['track']}; {_told(scene)}", EXIT_FAILED)
-    return f"{folder}: {', '.join(written)}: {_told(scene)}"
+        raise CommandError(f"{args.file}: it has {NOTHING['track']}; {_told(scene)}")
+    return f"{args.csv}: {', '.join(written)}: {_told(scene)}"
 
 
 def _told(scene: Scene) -> str:

@@ -78,12 +78,10 @@ def write_plot(scene: Scene, panels: list[Panel], width: float, out: Path) -> No
         told = {"Creator" if kind != "png" else "Software": "argosy plot", "Title": f"{scene.title}"}
         drawn = BytesIO()
         figure.savefig(drawn, format=kind, dpi=RESOLUTION, metadata={**told, **dated})
-    out.write_bytes(_rounded(drawn.getvalue()) if kind == "svg" else drawn.getvalue())
-
-
-def _rounded(svg: bytes) -> bytes:
-    """Return an SVG with two decimals and without indents, to be smaller: hundredths of a point are enough."""
-    return _INDENT.sub(b"\n", _DIGITS.sub(lambda found: found[1] or found[0], svg))
+    data = drawn.getvalue()
+    if kind == "svg":  # without indents, and with two decimals, to be smaller: hundredths of a point are enough
+        data = _INDENT.sub(b"\n", _DIGITS.sub(lambda found: found[1] or found[0], data))
+    out.write_bytes(data)
 
 
 def _draw(scene: Scene, panels: list[Panel], wide: float) -> Any:

@@ -82,8 +82,9 @@ def _places(axes: Any, scene: Scene, origin: tuple[float, float]) -> list[Any]:
         style: dict[str, Any] = {"marker": marker, "markersize": 4 if target else 9 if marker == "*" else 3.6}
         for place in places:
             x, y = offset(origin, place.position)
-            fill = "none" if target else _fill(scene, place)
-            edge = colour_of(scene, place.robot)[0] if target else INK
+            colour = colour_of(scene, place.robot)[0]
+            fill = "none" if target else SEEN if place.label else colour  # others may have seen it, too
+            edge = colour if target else INK
             look: dict[str, Any] = {
                 "markerfacecolor": fill,
                 "markeredgecolor": edge,
@@ -107,11 +108,6 @@ def _places(axes: Any, scene: Scene, origin: tuple[float, float]) -> list[Any]:
         }
         handles.append(Line2D([], [], linestyle="none", label=kind, **style, **legend))
     return handles
-
-
-def _fill(scene: Scene, place: Place) -> str:
-    """Return the colour of the robot for what it did; sightings have none, as others may have seen them too."""
-    return SEEN if place.label else colour_of(scene, place.robot)[0]
 
 
 def _path(track: Track, scene: Scene, origin: tuple[float, float]) -> list[tuple[float, float]]:

@@ -81,7 +81,7 @@ def modes(axes: Any, scene: Scene, inches: float) -> list[Any]:
     rows = mode_rows(scene)
     shades = {name: MODES[index % len(MODES)] for index, name in enumerate(scene.modes)}
     used: dict[str, None] = {}
-    size = _size(axes) - 1
+    size = float(axes.xaxis.label.get_size()) - 1
     for index, row in enumerate(rows):
         for (begin, mode), (end, _) in pairwise([*scene.tracks[row].modes, (scene.end, "")]):
             begin, end = max(begin, scene.begin), min(end, scene.end)
@@ -234,7 +234,3 @@ def _rows(axes: Any, labels: Iterable[str], lines: bool = True) -> None:
     axes.tick_params(axis="y", length=0)
     if not lines:
         axes.grid(False, axis="y")
-
-
-def _size(axes: Any) -> float:
-    return float(axes.xaxis.label.get_size())

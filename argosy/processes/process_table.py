@@ -12,6 +12,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from argosy.cli.errors import CommandError
 from argosy.cli.port_check import in_use
 from argosy.processes import simulators
 from argosy.processes.mavlink_links import together
@@ -22,7 +23,7 @@ _PORT = re.compile(r"(?P<before>.+:)(?P<port>\d+)")
 _HIGHEST = 65_535
 
 
-class NoPort(ValueError):
+class NoPort(CommandError):
     """There are not enough free ports for the routers; says from which on it was looked for."""
 
 

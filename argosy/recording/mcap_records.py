@@ -21,6 +21,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Metadata, Schema
 
+from argosy.cli.errors import BadInput
 from schemas.files.text_files import open_regular
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -36,7 +37,7 @@ _READ: dict[int, Any] = {
 }
 
 
-class BadRecording(ValueError):
+class BadRecording(BadInput):
     """A file is not a recording of ours; the text says which and why, in one line."""
 
 

@@ -122,7 +122,12 @@ class End:
     def metadata(self) -> dict[str, str]:
         """Return the content of the metadata record."""
         figures = {name: str(getattr(self, name)) for name in ("ended", "messages", "dropped", "too_large", "unread")}
-        said = {"why": self.why, **figures, "gaps": msgspec.json.encode(self.gaps).decode(), "following": self.following}
+        said = {
+            "why": self.why,
+            **figures,
+            "gaps": msgspec.json.encode(self.gaps).decode(),
+            "following": self.following,
+        }
         return said | {_SUM: _sum(said)}
 
 

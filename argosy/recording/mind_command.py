@@ -14,9 +14,10 @@ from pathlib import Path
 from agentd.extensions.plugins import discover
 from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
+from argosy.cli.errors import BadInput
 from argosy.recording import mind_inputs
 from argosy.recording.mind_verification import OTHER_VERSION, SHOWN, ReplayCheck
-from argosy.recording.reader import BadRecording, Recording, open_recording
+from argosy.recording.reader import Recording, open_recording
 from argosy.recording.records import TokenSeen
 from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE
 from schemas.files.text_files import read_bounded
@@ -71,22 +72,18 @@ def add_mind_arguments(parser: ArgumentParser) -> None:
     )
 
 
-class ReplayRefused(Exception):
-    """The mind cannot be replayed as asked; the text is for the terminal."""
-
-
 def run_mind(args: Namespace) -> int:
-    """Live an agent again. Returns 0 if all of it agrees, 1 if it does not or not all is there, 2 for bad input."""
+    """Live an agent again. Returns 0 if all of it agrees, 1 if it does not or not all is there. Raises BadInput."""
+    if ignored := _given(args, NOT_FOR_A_MIND):
+        raise BadInput(f"{ignored}: has no meaning with --mind: nothing is said on a bus")
     try:
-        if ignored := _given(args, NOT_FOR_A_MIND):
-            raise ReplayRefused(f"error: {ignored}: has no meaning with --mind: nothing is said on a bus")
         edited = {path: _text(path) for path in args.program}
-        recording = open_recording(args.file)
-        fleet = _fleet(recording, args)
-        asked = _lives(recording, args, fleet, edited)
-    except (ReplayRefused, BadRecording) as error:
-        print(error if isinstance(error, ReplayRefused) else f"error: {error}", file=sys.stderr)
+    except SyntaxErrors as errors:
+        print(errors, file=sys.stderr)
         return EXIT_BAD_INPUT
+    recording = open_recording(args.file)
+    fleet = _fleet(recording, args)
+    asked = _lives(recording, args, fleet, edited)
     if recording.missing:
         print(f"warning: {recording.missing}", file=sys.stderr)
     discover()
@@ -97,14 +94,12 @@ def run_mind(args: Namespace) -> int:
 
 
 def _text(path: Path) -> str:
-    """Return the text of an edited program. Raises ReplayRefused if it is none."""
+    """Return the text of an edited program. Raises BadInput if it cannot be read, SyntaxErrors if it is none."""
     try:
         parse_file(path)
         return read_bounded(path).decode("utf-8-sig")
     except OSError as error:
-        raise ReplayRefused(f"error: {path}: {error.strerror}") from None
-    except SyntaxErrors as errors:
-        raise ReplayRefused(str(errors)) from None
+        raise BadInput(f"{path}: {error.strerror}") from None
 
 
 def without_a_mind(args: Namespace) -> str:
@@ -119,7 +114,7 @@ def _given(args: Namespace, options: Mapping[str, tuple[str, object]]) -> str:
 
 
 def _fleet(recording: Recording, args: Namespace) -> str:
-    """Return of which fleet the agent is. Raises ReplayRefused."""
+    """Return of which fleet the agent is. Raises BadInput."""
     parsed = [keys.parse(topic.key) for topic in recording.topics if topic.record == MindInputs.__name__]
     there = {(one[0], one[1]) for one in parsed if one is not None and args.fleet in (None, one[0])}
     fleets = sorted(fleet for fleet, agent in there if agent == args.mind)
@@ -127,17 +122,17 @@ def _fleet(recording: Recording, args: Namespace) -> str:
     if not fleets:
         known = ", ".join(sorted({agent for _, agent in there}))
         others = f"there are those of {known}" if known else "nor of any other agent"
-        raise ReplayRefused(f"error: {args.file}: there are no inputs of {args.mind}{of_fleet} in it, {others}")
+        raise BadInput(f"{args.file}: there are no inputs of {args.mind}{of_fleet} in it, {others}")
     if len(fleets) > 1:
-        raise ReplayRefused(f"error: {args.file}: {args.mind} is in several fleets: say --fleet {' or '.join(fleets)}")
+        raise BadInput(f"{args.file}: {args.mind} is in several fleets: say --fleet {' or '.join(fleets)}")
     return fleets[0]
 
 
 def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path, str]) -> list[ReplayCheck]:
-    """Return the lives that were asked for. Raises ReplayRefused."""
+    """Return the lives that were asked for. Raises BadInput."""
     lived = [life for life in recording.lives(args.mind) if life.fleet == fleet]
     if not lived:
-        raise ReplayRefused(f"error: {args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
+        raise BadInput(f"{args.file}: no inputs of {args.mind} can be read: {OTHER_VERSION}")
     last, there = len(lived), _lives_on(recording, lived[-1])
     found = [
         ReplayCheck(number, life, args, edited, followed=number < last, lives_on=there and number == last)
@@ -146,9 +141,7 @@ def _lives(recording: Recording, args: Namespace, fleet: str, edited: dict[Path,
     if args.life is None:
         return found
     if not 1 <= args.life <= len(found):
-        raise ReplayRefused(
-            f"error: {args.file}: --life {args.life}: there are {len(found)} lives of {args.mind} in it"
-        )
+        raise BadInput(f"{args.file}: --life {args.life}: there are {len(found)} lives of {args.mind} in it")
     return [found[args.life - 1]]
 
 

@@ -274,14 +274,12 @@ class _Wanted:
     def track(self, channel: Channel, name: str) -> Track | None:
         if self._names and name not in self._names:
             return None
-        if self._only and not (is_plain(channel.topic) and self._matches(channel.topic)):
+        if self._only and not is_plain(channel.topic):
+            return None
+        if self._only and not any(one.intersects(zenoh.KeyExpr(channel.topic)) for one in self._only):
             return None
         said = channel.metadata
         return Track(channel.topic, name, said.get("encoding", ""), said.get("origin", "put"))
-
-    def _matches(self, topic: str) -> bool:
-        key = zenoh.KeyExpr(topic)
-        return any(one.intersects(key) for one in self._only)
 
 
 def _record_name(schema: Schema) -> str:

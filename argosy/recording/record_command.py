@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from argosy.cli.arguments import duration
+from argosy.cli.errors import BadInput
 from argosy.cli.fleet_bus import FleetBus
 from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, on_the_bus, unreached
 from argosy.recording.backfill import Backfill
@@ -27,8 +28,7 @@ from argosy.recording.write_queue import WriteQueue
 from argosy.recording.writer import COMPRESSIONS
 from commd.bus.bus import Bus
 from commd.process.output import ERROR, NOTICE, flush, stderr, stdout
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Findings
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import count, size
 from schemas.mission.model import Mission, load_mission
 from schemas.version import RELEASE
@@ -103,17 +103,12 @@ def run(args: Namespace) -> int:
     """Record until ctrl-C, SIGTERM or a limit. Returns 0 if the file is complete, 1 if writing failed."""
     logging.basicConfig(format="note: %(message)s", level=logging.WARNING, force=True)
     notes = dict(note.partition("=")[::2] for note in args.note)
-    try:
-        mission = load_mission(args.mission) if args.mission else None
-        fleet = mission.fleet if mission is not None else args.fleet or ANY
-        only = wanted_keys(fleet, args.only)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+    mission = load_mission(args.mission) if args.mission else None
+    fleet = mission.fleet if mission is not None else args.fleet or ANY
+    only = wanted_keys(fleet, args.only)
     path = args.output or Path(f"{fleet if fleet != ANY else 'argosy'}-{time.strftime('%Y%m%d-%H%M%S')}.mcap")
     if path.exists() and not args.force:
-        print(f"error: {path} exists: name another file with -o, or overwrite it with --force", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(f"{path} exists: name another file with -o, or overwrite it with --force")
 
     async def record(bus: Bus, where: Where) -> int:
         write_queue = WriteQueue()
@@ -125,13 +120,13 @@ def run(args: Namespace) -> int:
                 path, facts, limits, write_queue, compression=args.compression, overwrite=args.force, several=several
             )
         except OSError as error:
-            print(f"error: {path}: {error.strerror}", file=sys.stderr)
-            return EXIT_BAD_INPUT
+            raise BadInput(f"{path}: {error.strerror}") from None
         return await _Recording(bus, recorder, Backfill(bus, fleet, write_queue, recorder.minds, only)).run(fleet, only)
 
-    code = on_the_bus(args, record)
-    flush()
-    return code
+    try:
+        return on_the_bus(args, record)
+    finally:
+        flush()
 
 
 def _facts(

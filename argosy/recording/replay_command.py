@@ -17,18 +17,18 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
+from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.cli.port_check import in_use
 from argosy.recording.metadata import SECOND
 from argosy.recording.mind_command import add_mind_arguments, run_mind, without_a_mind
 from argosy.recording.mind_inputs import MOST_MISSING, PART, Life, in_words
 from argosy.recording.player import LATE, Part, Player, foreign
-from argosy.recording.reader import BadRecording, Recording, open_recording
+from argosy.recording.reader import Recording, open_recording
 from argosy.recording.records import wanted_keys
 from commd.bus.bus import Bus, open_bus
 from commd.bus.errors import BusClosed
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Findings
+from commd.process.process import EXIT_DONE
 from schemas.humanize import count, printable, size
 from schemas.mission.model import DEFAULT_ROUTER
 from schemas.wire import keys
@@ -95,43 +95,33 @@ def run(args: Namespace) -> int:
     if args.mind is not None:
         return run_mind(args)
     if wrong := without_a_mind(args):
-        print(f"error: {wrong}", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    try:
-        recording = open_recording(args.file)
-        if args.info:
-            print(contents(recording, as_json=args.json), end="")
-            return EXIT_DONE
-        place, rename = _place(args, recording)
-    except (BadRecording, Findings, ValueError) as error:
-        print(error if isinstance(error, Findings) else f"error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(wrong)
+    recording = open_recording(args.file)
+    if args.info:
+        print(contents(recording, as_json=args.json), end="")
+        return EXIT_DONE
+    place, rename = _place(args, recording)
     if recording.missing:
         print(f"note: {recording.missing}", file=sys.stderr)
     part = Part(args.begin, args.end, tuple(wanted_keys("*", args.only)), args.speed)
     try:
         return asyncio.run(_replay(recording, part, place, rename, args))
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
     except (BusClosed, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_FAILED
+        raise CommandError(str(error)) from None
 
 
 def _place(args: Namespace, recording: Recording) -> tuple[Where, dict[str, str]]:
-    """Return where to replay, and the new name of each fleet. Raises ValueError for impossible arguments."""
+    """Return where to replay, and the new name of each fleet. Raises BadInput for impossible arguments."""
     if args.end is not None and args.end <= args.begin:
-        raise ValueError(f"--to {args.end:g}: expected more than --from {args.begin:g}")
+        raise BadInput(f"--to {args.end:g}: expected more than --from {args.begin:g}")
     if args.begin > recording.seconds:
-        raise ValueError(f"--from {args.begin:g}: {args.file} ends after {recording.seconds:.1f} s")
+        raise BadInput(f"--from {args.begin:g}: {args.file} ends after {recording.seconds:.1f} s")
     fleets = recording.fleets
     if args.fleet is not None:
         if len(fleets) > 1:
-            raise ValueError(f"--fleet {args.fleet}: {args.file} has several fleets: {', '.join(fleets)}")
+            raise BadInput(f"--fleet {args.fleet}: {args.file} has several fleets: {', '.join(fleets)}")
         if not _NAME.fullmatch(args.fleet):
-            raise ValueError(f"--fleet {args.fleet}: expected letters, digits, `_`, `-` and `.`")
-    wanted_keys("*", args.only)
+            raise BadInput(f"--fleet {args.fleet}: expected letters, digits, `_`, `-` and `.`")
     return where(args), {fleet: args.fleet or fleet + SUFFIX for fleet in fleets}
 
 
@@ -139,8 +129,7 @@ async def _replay(recording: Recording, part: Part, place: Where, rename: dict[s
     async with _bus(place, next(iter(rename.values()), "")) as bus:
         player = Player(bus, recording, rename)
         if not args.force and (there := await _somebody(bus, rename.values(), player)):
-            print(f"error: {_danger(there)}", file=sys.stderr)
-            return EXIT_FAILED
+            raise CommandError(_danger(there))
         return await _Replay(bus, player, part, args).run(list(rename.values()))
 
 
@@ -201,8 +190,7 @@ class _Replay:
             self._player.clear()
         self._report()
         if self._somebody:
-            print(f"error: stopped: {_danger(self._somebody)}", file=sys.stderr)
-            return EXIT_FAILED
+            raise CommandError(f"stopped: {_danger(self._somebody)}")
         return EXIT_DONE if self._signal is None else 128 + self._signal
 
     async def _play(self) -> None:

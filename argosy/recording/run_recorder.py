@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from argosy.cli.errors import BadInput
 from argosy.cli.extras import install_command
 from schemas.wire.log_lines import LogLine, RecordingEnded
 
@@ -15,7 +16,7 @@ IN_A_REPORT = "recording.mcap"
 MISSING = f"no recording: it needs `{install_command('record')}`"
 
 
-class NoRecording(Exception):
+class NoRecording(BadInput):
     """A recording that was requested is impossible; the text says why."""
 
 

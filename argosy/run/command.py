@@ -18,16 +18,17 @@ import msgspec
 
 from agentd.process import loading_notice
 from argosy.check.command import at_start, check_mission
+from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.journal import Entry, Journal
 from argosy.cli.port_check import endpoint, in_use, link_in_use
 from argosy.fleet_model.mission_clock import steady_clock
 from argosy.fleet_model.model import FleetModel
 from argosy.fleet_model.robots import MAX_POINTS
 from argosy.processes.mavlink_links import address_of, bound_links, free_links, group_of, ports_of
-from argosy.processes.process_table import NoPort, Setup, free_after, places, real_robots
+from argosy.processes.process_table import Setup, free_after, places, real_robots
 from argosy.processes.resource_usage import Meter
 from argosy.processes.simulators import only_real, vehicle_of
-from argosy.recording.run_recorder import NoRecording, RunRecording, recording_of
+from argosy.recording.run_recorder import RunRecording, recording_of
 from argosy.run.end_conditions import Ending
 from argosy.run.mission_runner import MissionRunner
 from argosy.run.run_status import Status
@@ -82,14 +83,6 @@ def _speed(text: str) -> float:
 _speed.__name__ = "speed (0 < X <= 100)"
 
 
-class RunRefused(Exception):
-    """The run cannot begin; `code` is the exit code."""
-
-    def __init__(self, message: str, code: int = EXIT_BAD_INPUT) -> None:
-        super().__init__(message)
-        self.code = code
-
-
 def run(args: Namespace) -> int:
     """Run a mission. Returns the exit code: 0 only if the mission was done."""
     with loading_notice([args.mission]):
@@ -105,19 +98,18 @@ def run(args: Namespace) -> int:
         if not mission.router.external:
             told = f"waiting for another run that starts at {wanted}"
             ports.enter_context(starting(wanted, lambda: print(told, file=sys.stderr, flush=True)))
-        try:
-            setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
-            log = _open_log(args.report, stack)
-            setup, unrecorded = _recording(setup, args)
-            _check_ports(setup)
-            if setup.real and not args.yes:  # a person may take his time
-                ports.close()
-            _consent(setup, args)
-            if args.router is None:  # a user who names a router names it to the other commands, too
-                stack.enter_context(announced(mission.fleet, setup.router))
-        except RunRefused as refused:
-            print(f"error: {refused}", file=sys.stderr)
-            return refused.code
+        setup = _setup(mission, args, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="argosy-"))))
+        log = _open_log(args.report, stack)
+        recording = recording_of(args.record, args.report)
+        unrecorded = "" if isinstance(recording, RunRecording) else recording
+        if isinstance(recording, RunRecording):
+            setup = replace(setup, recording=recording)
+        _check_ports(setup)
+        if setup.real and not args.yes:  # a person may take his time
+            ports.close()
+        _consent(setup, args)
+        if args.router is None:  # a user who names a router names it to the other commands, too
+            stack.enter_context(announced(mission.fleet, setup.router))
         return _fly(setup, args, log, unrecorded, ports.close)
 
 
@@ -125,32 +117,29 @@ def _setup(mission: Mission, args: Namespace, state: Path) -> Setup:
     real, unknown = real_robots(mission, [name for names in args.real for name in names.split(",")])
     if unknown:
         known = ", ".join(mission.robots) or "none"
-        raise RunRefused(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
+        raise BadInput(f"--real {unknown[0]}: there is no such robot; the mission has {known}")
     if alone := {name: why for name, why in only_real(mission).items() if name not in real}:
         name, why = next(iter(alone.items()))
         where = f"{name} on {link}" if (link := mission.robots[name].link) else name
         together = ",".join(group_of(mission, name))
-        raise RunRefused(f"{where}: {why}; fly the real one with --real {together}")
+        raise BadInput(f"{where}: {why}; fly the real one with --real {together}")
     mission, links = _linked(mission, real)
     speed = args.speed if args.speed is not None else 1.0 if real else mission.speed
     if real and mission.radio is not None:
         line = mission.positions.of(("radio",))[0]
         told = f"{', '.join(sorted(real))} is real, and `radio` is a model of the air between simulated robots"
-        raise RunRefused(f"{mission.path}:{line}: {told}: take it out to fly real ones")
+        raise BadInput(f"{mission.path}:{line}: {told}: take it out to fly real ones")
     if real and speed != 1:
-        raise RunRefused(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
-    try:
-        router = args.router or _router(mission)
-        routers = places(mission, router, ports_of(mission))
-    except NoPort as error:
-        raise RunRefused(str(error), EXIT_FAILED) from None
+        raise BadInput(f"--speed {speed:g}: {', '.join(sorted(real))} is real, and real time runs at speed 1")
+    router = args.router or _router(mission)
+    routers = places(mission, router, ports_of(mission))
     restart = args.restart or mission.restart == "on-failure"
     setup = Setup(mission, router, speed, real, state, _telling(mission), routers, restart, args.report, links=links)
     if mixed := setup.mixed():
         real_ones, others = ([one for one in mixed if (one in real) == wanted] for wanted in (True, False))
         link = mission.robots[mixed[0]].link
         told = f"{', '.join(real_ones)} is real, and {', '.join(others)} on the same link {link} would be simulated"
-        raise RunRefused(f"{told}: fly all of them with --real {','.join(mixed)}")
+        raise BadInput(f"{told}: fly all of them with --real {','.join(mixed)}")
     return setup
 
 
@@ -158,7 +147,7 @@ def _linked(mission: Mission, real: frozenset[str]) -> tuple[Mission, dict[str, 
     """Return the mission with a link for each simulated vehicle that it names none for, and those links by robot."""
     open_ones = [name for name, robot in mission.robots.items() if vehicle_of(robot) == "copter" and not robot.link]
     if wanted := [name for name in open_ones if name in real]:
-        raise RunRefused(f"--real {wanted[0]}: the mission names no `link` to it")
+        raise BadInput(f"--real {wanted[0]}: the mission names no `link` to it")
     links = free_links(open_ones)
     robots = {name: msgspec.structs.replace(mission.robots[name], link=link) for name, link in links.items()}
     return replace(mission, robots=mission.robots | robots), links
@@ -172,32 +161,21 @@ def _router(mission: Mission) -> str:
     return next(free_after(mission.router.endpoint, ports_of(mission)))
 
 
-def _recording(setup: Setup, args: Namespace) -> tuple[Setup, str]:
-    """Return the setup with its recording, or why there is none."""
-    try:
-        recording = recording_of(args.record, args.report)
-    except NoRecording as error:
-        raise RunRefused(str(error)) from None
-    if isinstance(recording, RunRecording):
-        return replace(setup, recording=recording), ""
-    return setup, recording
-
-
 def _check_ports(setup: Setup) -> None:
     """Check that router and links are free before anything starts: two runs must not share a link."""
     mission = setup.mission
     if mission.router.external is False and (why := in_use(setup.router)):
         other = "another one, such as --router tcp/127.0.0.1:7448, and give the robots other links"
-        raise RunRefused(f"{setup.router} {why}: is another mission running? Name {other}", EXIT_FAILED)
+        raise CommandError(f"{setup.router} {why}: is another mission running? Name {other}")
     for link, robots in bound_links(mission, setup.simulators()).items():
         line = mission.positions.of(("robots", robots[-1], "link"))[0]
         boards = list(dict.fromkeys(mission.robots[robot].board for robot in robots))
         if len(boards) > 1:
             told = f"{link} is a link of {' and of '.join(boards)}, and here they are one machine"
-            raise RunRefused(f"{mission.path}:{line}: {told}: give {robots[-1]} another one")
+            raise BadInput(f"{mission.path}:{line}: {told}: give {robots[-1]} another one")
         if link.port and (why := link_in_use(link)):
             advice = f"is another mission running? Give {', '.join(robots)} another link"
-            raise RunRefused(f"{mission.path}:{line}: {link} {why}: {advice}", EXIT_FAILED)
+            raise CommandError(f"{mission.path}:{line}: {link} {why}: {advice}")
 
 
 def _telling(mission: Mission) -> frozenset[str]:
@@ -214,7 +192,7 @@ def _open_log(report: Path | None, stack: ExitStack) -> TextIO | None:
         report.mkdir(parents=True, exist_ok=True)
         return stack.enter_context((report / "mission.log").open("w", encoding="utf-8"))
     except OSError as error:
-        raise RunRefused(f"--report {report}: {error.strerror}") from None
+        raise BadInput(f"--report {report}: {error.strerror}") from None
 
 
 def _consent(setup: Setup, args: Namespace) -> None:
@@ -222,10 +200,10 @@ def _consent(setup: Setup, args: Namespace) -> None:
     if not setup.real or args.yes:
         return
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise RunRefused(f"this would {_consequences(setup)}; without a terminal to ask at, confirm by --yes")
+        raise BadInput(f"this would {_consequences(setup)}; without a terminal to ask at, confirm by --yes")
     print(f"this will {_consequences(setup)}. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        raise RunRefused("nothing was started", EXIT_FAILED)
+        raise CommandError("nothing was started")
 
 
 def _consequences(setup: Setup) -> str:
@@ -244,7 +222,7 @@ def _fly(setup: Setup, args: Namespace, log: TextIO | None, unrecorded: str, bou
     journal = Journal(clock.now, log)
     model = FleetModel(steady_clock, mission=setup.mission, track_points=MAX_POINTS, sees_runs=False)
     status = Status(setup, model, journal, Meter(), [], clock.now, recorded=unrecorded)
-    _bus_log_to(journal)
+    logging.basicConfig(handlers=[_JournalHandler(journal)], level=logging.WARNING, force=True)
     flight = MissionRunner(status, bound)
     with _view(status, args.plain) as view:
         journal.shown = view.show
@@ -294,17 +272,14 @@ def _view(status: Status, plain: bool) -> _View:
 
 
 class _JournalHandler(logging.Handler):
+    """Shows log lines of our own bus in the view, not across it."""
+
     def __init__(self, journal: Journal) -> None:
         super().__init__(logging.WARNING)
         self._journal = journal
 
     def emit(self, record: logging.LogRecord) -> None:
         self._journal.add("argosy", record.getMessage(), "warning")
-
-
-def _bus_log_to(journal: Journal) -> None:
-    """Show log lines of our own bus in the view, not across it."""
-    logging.basicConfig(handlers=[_JournalHandler(journal)], level=logging.WARNING, force=True)
 
 
 class PlainView:

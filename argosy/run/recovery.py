@@ -76,7 +76,7 @@ class Recovery:
         until = status.now() + self._mission.bring_home
         while not self.hurry.is_set() and (left := until - status.now()) > 0:
             self._look_after_daemons()
-            if not (away := self._away()):
+            if not (away := [robot for robot in self.armed() if robot.name in self._bridged()]):
                 break
             for bridge in self._supervisor.of_kind("bridged"):
                 if bridge.alive and bridge not in told and self._knows_its_vehicles(bridge):
@@ -117,10 +117,6 @@ class Recovery:
             ):
                 self._restarts.died(child, anyway=True)
         self._restarts.tell(self._status.serves)
-
-    def _away(self) -> list[FleetRobot]:
-        """Return the armed vehicles whose bridge runs, or is restarted; others are left to a pilot."""
-        return [robot for robot in self.armed() if robot.name in self._bridged()]
 
     def _paused(self) -> list[str]:
         """Return the paused robots that an operator can continue: their bridge runs, or is restarted."""

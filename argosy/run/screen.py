@@ -72,9 +72,10 @@ class Screen:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         width, height = options.max_width, options.height or console.height
         options = options.update(height=None)
-        sections = [
+        agents = (self._agent(agent, width) for agent in self.status.agents.values())
+        sections: list[tuple[str, list[Table | Text]]] = [
             ("vehicle", self._vehicles(width)),
-            ("agent", self._agents(width)),
+            ("agent", [*agents, *self._done()]),
             ("processes", self._processes()),
         ]
         lines = [line for part in self._head() for line in console.render_lines(part, options, pad=False)]
@@ -110,9 +111,6 @@ class Screen:
                 silent = status.mission_seconds(now - robot.seen.heard)
                 table.add_row(*_robot(robot, width, silent, age(status, robot)))
         return [*([table] if table.row_count else []), *map(_no_vehicle, others)]
-
-    def _agents(self, width: int) -> list[Table | Text]:
-        return [*(self._agent(agent, width) for agent in self.status.agents.values()), *self._done()]
 
     def _agent(self, agent: FleetAgent, width: int) -> Table:
         status, model = self.status, self.status.model
@@ -175,18 +173,16 @@ class Screen:
                 state, said = ("●", "green"), self._health(child.process.kind.name, child.process.subject)
             else:
                 state, said = ("○", "yellow"), "coming up"
+            number = self.status.restarts[child.name]
+            restarted = f"restarted {count(number, 'time')}" if number else ""
             table.add_row(
                 Text.assemble(state, " ", child.name),
                 Text(f"pid {child.pid}", style="dim"),
                 f"{usage.cpu * 100:.1f} %" if usage and child.alive else "",
                 f"{usage.memory / MEGABYTE:.1f} MB" if usage and child.alive else "",
-                Text(printable(", ".join(filter(None, (said, self._restarts(child.name))))), style="dim"),
+                Text(printable(", ".join(filter(None, (said, restarted)))), style="dim"),
             )
         return [table]
-
-    def _restarts(self, name: str) -> str:
-        number = self.status.restarts[name]
-        return f"restarted {count(number, 'time')}" if number else ""
 
     def _health(self, daemon: str, subject: str) -> str:
         told = [self.status.model.health_of(name, daemon) for name in subject.split()]

@@ -19,8 +19,8 @@ from argosy.processes.mavlink_links import MEETING, address_of, peer_of
 from argosy.processes.process_table import Kind, Process, python_command, real_robots
 from argosy.processes.simulators import command, machine_of, only_real, vehicle_of
 from argosy.processes.supervisor import Child, Supervisor
-from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from bridged.drivers.mavlink.transport.address import LinkAddressError
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import Finding, Findings, did_you_mean
 from schemas.files.units import host_and_port
 from schemas.mission.model import DEFAULT_PORT, Mission
@@ -60,17 +60,12 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Simulate until ctrl-C. Returns the exit code: 1 if a simulator ended by itself."""
+    """Simulate until ctrl-C. Returns the exit code: 1 if a simulator ended by itself. Raises Findings."""
     mission, findings = check_mission(args.mission)
     errors = [finding for finding in at_start(findings) if finding.severity == "error"]
-    try:
-        if mission is None or errors:
-            raise Findings(errors)
-        processes = _processes(mission, args)
-    except Findings as found:
-        print(found, file=sys.stderr)
-        return EXIT_BAD_INPUT
-    return asyncio.run(_watch(processes))
+    if mission is None or errors:
+        raise Findings(errors)
+    return asyncio.run(_watch(_processes(mission, args)))
 
 
 def _processes(mission: Mission, args: Namespace) -> list[Process]:
@@ -95,7 +90,9 @@ def _processes(mission: Mission, args: Namespace) -> list[Process]:
         try:
             apart = host if machine != robot.board else None
             if (link := address_of(robot)) is not None:
-                _check_free(peer_of(link, apart))
+                end = peer_of(link, apart)
+                if end.kind in MEETING and end.port and (why := link_in_use(end)):
+                    raise ValueError(f"{end} {why}")
             argv = command(mission, name, args.router or _router(mission, address, apart), apart, args.report)
         except (LinkAddressError, ValueError) as error:
             findings.append(mission.positions.finding(("robots", name, "link"), f"{name}: {error}"))
@@ -130,12 +127,6 @@ def _router(mission: Mission, address: str, apart: str | None) -> str:
         return mission.router.endpoint
     host, port = host_and_port(address, DEFAULT_PORT)
     return f"tcp/{host}:{port}"
-
-
-def _check_free(end: LinkAddress) -> None:
-    """Raises ValueError if a simulator could not listen at its end of a link."""
-    if end.kind in MEETING and end.port and (why := link_in_use(end)):
-        raise ValueError(f"{end} {why}")
 
 
 async def _watch(processes: list[Process]) -> int:

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from argosy.cli.errors import BadInput
 from argosy.processes.simulators import servo_log, vehicle_of, victims
 from bridged.drivers.registry import load_robot_manifest
 from bridged.simulation.copter.world import ServoMove, Victim, read_moves
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Findings
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.geo import distance
 from schemas.manifest.ini import truth
 from schemas.manifest.loader import Manifest
@@ -281,18 +281,13 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> int:
     """Judge a run. Returns 0 only if every victim got exactly one buoy and none fell elsewhere."""
+    mission = load_mission(args.mission)
     try:
-        mission = load_mission(args.mission)
         verdict = (judge_recording if args.report.is_file() else judge_run)(mission, args.report)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
     except OSError as error:
         hint = f"was it flown with `argosy run {args.mission} --report {args.report}`?"
-        print(f"error: {error.filename}: {error.strerror}: {hint}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(f"{error.filename}: {error.strerror}: {hint}") from None
     except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(str(error)) from None
     print(verdict)
     return EXIT_DONE if verdict.good else EXIT_FAILED

@@ -12,11 +12,11 @@ from typing import Any
 
 import msgspec
 
+from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import ANY, Where, add_router_argument, on_the_bus, unreached
 from argosy.fleet_model.fleet_status import FleetStatus, Row
 from commd.bus.bus import Bus
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Findings
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import json_lines, printable
 from schemas.liveness import SILENT_AFTER
 from schemas.mission.model import Mission, load_mission
@@ -52,13 +52,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Print the status. Returns 0 if every expected daemon is up, 1 if not."""
     if args.mission and args.fleet:
-        print("error: argosy status: the mission names its fleet: leave out --fleet", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    try:
-        mission = load_mission(args.mission) if args.mission else None
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput("argosy status: the mission names its fleet: leave out --fleet")
+    mission = load_mission(args.mission) if args.mission else None
 
     async def ask(bus: Bus, where: Where) -> int:
         fleet_status = call_the_roll(bus, where.fleet, mission)

@@ -14,12 +14,12 @@ from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.core import Metric
 from prometheus_client.registry import Collector
 
+from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import ANY, Where, on_the_bus
 from argosy.fleet_model.fleet_status import Row
 from argosy.status.command import add_roll_arguments, call_the_roll
 from commd.bus.bus import Bus
-from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED
-from schemas.files.findings import Findings
+from commd.process.process import EXIT_FAILED
 from schemas.files.units import host_and_port
 from schemas.mission.model import load_mission
 from schemas.wire.records import Health
@@ -56,13 +56,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(args: Namespace) -> int:
     """Serve until ctrl-C."""
     if args.mission and args.fleet:
-        print("error: argosy metrics: the mission names its fleet: leave out --fleet", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    try:
-        mission = load_mission(args.mission) if args.mission else None
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput("argosy metrics: the mission names its fleet: leave out --fleet")
+    mission = load_mission(args.mission) if args.mission else None
     host, port = host_and_port(args.listen)
 
     async def serve(bus: Bus, where: Where) -> int:
@@ -72,8 +67,7 @@ def run(args: Namespace) -> int:
         try:
             server = await asyncio.start_server(page.answer, host.strip("[]"), port, limit=REQUEST_BYTES)
         except OSError as error:
-            print(f"error: cannot listen at {args.listen}: {error.strerror or error}", file=sys.stderr)
-            return EXIT_FAILED
+            raise CommandError(f"cannot listen at {args.listen}: {error.strerror or error}") from None
         print(f"serving http://{args.listen}/metrics", flush=True)
         if not _is_loopback(host):
             print(

@@ -7,6 +7,7 @@ import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from typing import Final, get_args
 
+from argosy.cli.errors import CommandError
 from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, bridges, on_the_bus, unreached
 from commd.bus.bus import Bus
 from commd.bus.errors import BusError, QueryTimeout
@@ -57,11 +58,12 @@ def run(args: Namespace) -> int:
         there = True
         return await _stop(bus, where, args.order, args.robot)
 
-    code = on_the_bus(args, stop)
-    if code == EXIT_FAILED and not there and args.mission:  # why, is said; of whom, too
-        for robot in args.robot or load_mission(args.mission).robots:
+    try:
+        return on_the_bus(args, stop)
+    except CommandError:
+        for robot in args.robot or load_mission(args.mission).robots if args.mission and not there else ():
             print(f"{robot}: {args.order} NOT confirmed (nobody was reached)")
-    return code
+        raise
 
 
 async def _stop(bus: Bus, where: Where, order: str, wanted: list[str]) -> int:

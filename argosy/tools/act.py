@@ -11,12 +11,13 @@ from contextlib import aclosing, contextmanager, suppress
 from msgspec.structs import replace
 
 from argosy.cli.arguments import duration, name
+from argosy.cli.errors import BadInput, complain
 from argosy.cli.fleet_bus import FleetBus
-from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, complain, on_the_bus, put_out
+from argosy.cli.operator_bus import ANY, Unanswered, Where, add_fleet_arguments, on_the_bus, put_out
 from argosy.tools.record_text import called, read_action, unknown
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed, BusError
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.files.findings import did_you_mean
 from schemas.humanize import printable
 from schemas.liveness import ACTION_SILENT, ROUTER_GRACE
@@ -100,22 +101,16 @@ def run(args: Namespace) -> int:
     try:
         wanted, parameters = read_action(args.action, args.arguments) if args.action else ("", ())
     except BadTerm as bad:
-        complain(f"error: {bad}")
-        return EXIT_BAD_INPUT
+        raise BadInput(str(bad)) from None
 
     async def act(bus: Bus, where: Where) -> int:
-        try:
-            session = await _session(bus, where, args.agent)
-            fleet, there = await actions(session, where, args.agent)
-        except Unanswered as unanswered:
-            complain(f"error: {unanswered}")
-            return EXIT_FAILED
+        session = await _session(bus, where, args.agent)
+        fleet, there = await actions(session, where, args.agent)
         if not wanted:
             put_out("\n".join(printable(one.signature) for one in there))
             return EXIT_DONE
         if wanted not in {one.name for one in there}:
-            complain(f"error: {args.agent}: {unknown('action', wanted, [one.name for one in there])}")
-            return EXIT_BAD_INPUT
+            raise BadInput(f"{args.agent}: {unknown('action', wanted, [one.name for one in there])}")
         return await _perform(session, fleet, args.agent, wanted, parameters, args.deadline and float(args.deadline))
 
     return on_the_bus(args, act)

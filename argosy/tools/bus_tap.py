@@ -17,7 +17,7 @@ from threading import Lock
 import zenoh
 
 from argosy.cli.fleet_bus import FleetBus
-from argosy.cli.operator_bus import ANY, Where, note, unreached
+from argosy.cli.operator_bus import ANY, Where, names_there, note
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed
 from schemas.wire import keys
@@ -199,21 +199,6 @@ class Copies:
         said.append({heard.board})
         self._order.append((heard.arrived, what))
         return True
-
-
-async def names_there(bus: Bus, fleet: str) -> dict[tuple[str, str], set[str]]:
-    """Return the daemons of each name, by fleet and name."""
-    found: dict[tuple[str, str], set[str]] = {}
-    for token in await bus.tokens(keys.alive(fleet, "*", "*", "*")):
-        if (parsed := keys.parse(token)) is not None and len(parsed[2]) == 3:
-            found.setdefault((parsed[0], parsed[1]), set()).add(parsed[2][1])
-    return found
-
-
-async def tell_unreached(bus: Bus) -> None:
-    """Print on stderr which boards are not reached."""
-    for line in await unreached(bus):
-        note(line)
 
 
 async def tell_who_is_there(bus: Bus, where: Where, text: str | None, seconds: float = QUIET) -> None:

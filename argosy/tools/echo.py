@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from argosy.cli.arguments import count
-from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out
+from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out, tell_unreached
 from argosy.tools.bus_tap import (
     QUIET,
     ROOM,
@@ -20,7 +20,6 @@ from argosy.tools.bus_tap import (
     Heard,
     add_key_argument,
     key_expressions,
-    tell_unreached,
     tell_who_is_there,
 )
 from argosy.tools.record_text import line_of, plain
@@ -92,12 +91,12 @@ def _line(heard: Heard) -> str:
     return f"{at} {shortened(heard.key)}  {said}{'  (last known)' if heard.last_known else ''}"
 
 
-def _raw(heard: Heard) -> str:
-    return f"{heard.key} {heard.payload.decode(errors='backslashreplace')}"
-
-
 def _raw_on_a_terminal(heard: Heard) -> str:
     return escaped(_raw(heard))
+
+
+def _raw(heard: Heard) -> str:
+    return f"{heard.key} {heard.payload.decode(errors='backslashreplace')}"
 
 
 def _json(heard: Heard) -> str:

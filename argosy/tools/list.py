@@ -10,8 +10,18 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from argosy.cli.arguments import duration
-from argosy.cli.operator_bus import ANY, Where, add_fleet_arguments, complain, note, on_the_bus, put_out
-from argosy.tools.bus_tap import BusTap, names_there, tell_unreached, what_is_told
+from argosy.cli.errors import complain
+from argosy.cli.operator_bus import (
+    ANY,
+    Where,
+    add_fleet_arguments,
+    names_there,
+    note,
+    on_the_bus,
+    put_out,
+    tell_unreached,
+)
+from argosy.tools.bus_tap import BusTap, what_is_told
 from argosy.tools.record_text import candidates
 from commd.bus.bus import Bus
 from commd.bus.errors import BusClosed

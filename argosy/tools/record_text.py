@@ -36,7 +36,6 @@ from schemas.wire.records import (
     Mail,
     Mailboxes,
     ManifestChange,
-    Message,
     Outcome,
     Perception,
     Receipt,
@@ -82,13 +81,15 @@ def in_words(record: Record) -> str:
         case Health():
             return _health(record)
         case Mail():
-            return "; ".join(map(_message, record.messages)) or "no mail"
+            sent = (f"{one.sender} > {one.receiver} {one.performative} {write(one.content)}" for one in record.messages)
+            return "; ".join(sent) or "no mail"
         case Receipt():
             reasons = [f"{place}: {why}" for place, why in (*record.refused.items(), *record.later.items())]
             return f"taken {record.taken}" + _list(", refused or later: ", reasons)
         case BoardServices():
             offers = (f"{name} ({', '.join(its)})" if its else name for name, its in record.agents.items())
-            return f"{record.board}: {', '.join(offers) or 'nobody'}" + _list("; found ", record.found) + _why(record)
+            problem = f"; {record.problem}" if record.problem else ""
+            return f"{record.board}: {', '.join(offers) or 'nobody'}" + _list("; found ", record.found) + problem
         case Mailboxes():
             waits = (f"{one.sender} > {one.receiver} {one.messages}" for one in record.queues)
             return f"{record.board}: {', '.join(waits) or 'no mail waits'}; {record.dead_count} given up"
@@ -146,10 +147,6 @@ def _health(health: Health) -> str:
     return ", ".join(parts) + _list("; ", (note.text for note in health.notes), "; ")
 
 
-def _message(message: Message) -> str:
-    return f"{message.sender} > {message.receiver} {message.performative} {write(message.content)}"
-
-
 def _mind(record: MindView | MindInputs | MindDecisions | MindActivity) -> str:
     match record:
         case MindView():
@@ -180,10 +177,6 @@ def _event(event: ActivityEvent) -> str:
             return f"received of {event.other} {event.performative} {event.text}"
     said = " ".join(filter(None, (event.kind, event.text, event.state)))
     return said + (f": {event.reason}" if event.reason else "")
-
-
-def _why(services: BoardServices) -> str:
-    return f"; {services.problem}" if services.problem else ""
 
 
 def _list(before: str, items: Iterable[str], between: str = ", ") -> str:

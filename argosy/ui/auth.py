@@ -67,7 +67,7 @@ class AuthGuard:
 
     def _address(self, token: str) -> str:
         host = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(self.listen, self.listen)  # noqa: S104
-        return f"http://{_bracketed(host)}:{self.port}/?token={token}"
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/?token={token}"
 
     def names(self, host: str) -> bool:
         """Whether a `Host` header names this server: an address cannot be pointed elsewhere, and other names are few.
@@ -145,7 +145,3 @@ def is_loopback(host: str) -> bool:
         return ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host

@@ -19,14 +19,14 @@ import zenoh
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
+from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import add_fleet_arguments, where
 from argosy.ui.auth import AuthGuard, is_loopback
 from argosy.ui.fleet_session import FleetSession
 from argosy.ui.server import application
 from commd.bus.tls import identity_of
 from commd.process.log_handler import one_line
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Findings
+from commd.process.process import EXIT_DONE
 from schemas.mission.model import load_mission
 
 PORT = 8080
@@ -59,15 +59,10 @@ def run(args: Namespace) -> int:
     logging.getLogger("bus").setLevel(logging.ERROR)  # the page and the link report the router
     _tell_defects_in_a_line(logging.getLogger("aiohttp.server"))
     if args.tiles is not None and not args.tiles.is_dir():
-        print(f"error: --tiles: {args.tiles} is no folder", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    try:
-        place, mission = where(args), load_mission(args.mission) if args.mission else None
-        identity = identity_of(place.tls, time.time()).name if place.tls is not None else ""
-        return asyncio.run(_serve(args, FleetSession(place, mission, identity, tiles=args.tiles is not None)))
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput(f"--tiles: {args.tiles} is no folder")
+    place, mission = where(args), load_mission(args.mission) if args.mission else None
+    identity = identity_of(place.tls, time.time()).name if place.tls is not None else ""
+    return asyncio.run(_serve(args, FleetSession(place, mission, identity, tiles=args.tiles is not None)))
 
 
 def _tell_defects_in_a_line(log: logging.Logger) -> None:
@@ -105,9 +100,9 @@ async def _serve(args: Namespace, following: FleetSession) -> int:
         listening = await asyncio.to_thread(_socket, args.listen, args.port)
     except OSError as error:
         hint = "" if args.port == 0 else "; --port 0 takes any that is free"
-        what = f"cannot listen at {args.listen} port {args.port}: {error.strerror or error}{hint}"
-        print(f"error: {what}", file=sys.stderr)
-        return EXIT_FAILED
+        raise CommandError(
+            f"cannot listen at {args.listen} port {args.port}: {error.strerror or error}{hint}"
+        ) from None
     auth = AuthGuard(args.listen, listening.getsockname()[1])
     app = application(auth, following, args.tiles)
     runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE)

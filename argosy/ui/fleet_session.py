@@ -49,7 +49,7 @@ class FleetSession:
     def __init__(self, place: Where, mission: Mission | None, identity: str = "", tiles: bool = False) -> None:
         """`identity` is the name in our certificate, if we have one; `tiles`: there are tiles for the map."""
         self.place, self.mission, self.identity = place, mission, identity
-        self.link = FleetLink(place, mission, WANTED, choosing=True, notify=_notify)
+        self.link = FleetLink(place, mission, WANTED, choosing=True, notify=_report)
         self.model = self.link.model
         self.shown = Shown(self._tracks)
         self._run = self.model.run
@@ -77,7 +77,7 @@ class FleetSession:
         except Exception as error:  # shown on the page; its other parts and its orders go on
             what = f"a defect of argosy ui: {type(error).__name__}: {one_line(str(error))}"
             if what != self._defect:
-                print(f"argosy ui: {what}", file=sys.stderr, flush=True)
+                _report(what)
             self._defect = what
             self.shown.add({"defect": DefectView(text=what), "head": self._head()} | self._ordered())
         else:
@@ -216,5 +216,5 @@ class FleetSession:
         return Outcome(ok=self.link.choose(wish.fleet))
 
 
-def _notify(text: str) -> None:
+def _report(text: str) -> None:
     print(f"argosy ui: {text}", file=sys.stderr, flush=True)

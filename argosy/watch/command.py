@@ -9,9 +9,9 @@ import signal
 import sys
 from argparse import ArgumentParser, Namespace
 
+from argosy.cli.errors import BadInput
 from argosy.cli.operator_bus import Where, add_fleet_arguments, where
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Findings
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.mission.model import Mission, load_mission
 
 
@@ -24,19 +24,10 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Show the fleet until the user leaves. Returns 2 for a bad mission or no terminal."""
-    try:
-        mission = load_mission(args.mission) if args.mission else None
-        place = where(args)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+    """Show the fleet until the user leaves. Raises BadInput without a terminal."""
+    mission, place = load_mission(args.mission) if args.mission else None, where(args)
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        print(
-            "error: argosy watch needs a terminal; in a pipe use argosy status, argosy echo or argosy why",
-            file=sys.stderr,
-        )
-        return EXIT_BAD_INPUT
+        raise BadInput("argosy watch needs a terminal; in a pipe use argosy status, argosy echo or argosy why")
     logging.getLogger().addHandler(logging.NullHandler())  # the view shows what the bus would log
     return asyncio.run(_show(place, mission, args.filter))
 
@@ -58,9 +49,6 @@ async def _show(place: Where, mission: Mission | None, words: str) -> int:
     finally:
         dialling.cancel()
         (ended,) = await asyncio.gather(dialling, return_exceptions=True)
-    if isinstance(ended, Findings):  # the router cannot be reached with these keys
-        print(ended, file=sys.stderr)
-        return EXIT_BAD_INPUT
-    if isinstance(ended, Exception):
+    if isinstance(ended, Exception):  # such as Findings: the router cannot be reached with these keys
         raise ended
     return EXIT_FAILED if app.return_code else EXIT_DONE

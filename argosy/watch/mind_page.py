@@ -176,23 +176,15 @@ def beliefs(agent: FleetAgent, now: float) -> list[Row]:
     groups: dict[str, list[Row]] = {}
     for belief in view.believed:
         age = f"{span(view.time - belief.since)}" if belief.since is not None else ""
-        row = Row(joined(f"  {_without_source(belief.text, belief.sources)}", (age, DIM)), indent=4)
+        sources = f"[{','.join(f'source({source})' for source in belief.sources)}]"  # the heading has them
+        row = Row(joined(f"  {belief.text.removesuffix(sources)}", (age, DIM)), indent=4)
         groups.setdefault(", ".join(belief.sources) or "nobody says who told it", []).append(row)
     rows = _old(agent, now)
-    for source in sorted(groups, key=_order):
+    for source in sorted(groups, key=lambda one: ({"percept": 1, "self": 2}.get(one, 0), one)):
         rows += [head(f"from {source} {len(groups[source])}"), *groups[source]]
     if view.beliefs_left_out:
         rows.append(Row(Text(f"{view.beliefs_left_out} more are believed and not shown", WARN)))
     return rows or [Row(Text("it believes nothing", DIM))]
-
-
-def _without_source(text: str, sources: tuple[str, ...]) -> str:
-    """Remove the sources: the heading has them."""
-    return text.removesuffix(f"[{','.join(f'source({source})' for source in sources)}]")
-
-
-def _order(source: str) -> tuple[int, str]:
-    return ({"percept": 1, "self": 2}.get(source, 0), source)
 
 
 def decisions(agent: FleetAgent, opened: set[str], now: float) -> list[Row]:

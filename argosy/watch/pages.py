@@ -247,16 +247,13 @@ class TimelineRows:
         new = [
             (one.at, one.number, _entry_row(model, one))
             for one in model.timeline.since(self._number)
-            if self._concerns(one)
+            if not self._names or one.who in self._names
         ]
         self._number = model.timeline.number
         if new:  # agents report a moment later than bridges: sort by time
             self._entries = sorted([*self._entries, *new], key=lambda entry: entry[:2])[-MOST_ENTRIES:]
             self.rows = [row for _, _, row in self._entries]
         return self.rows
-
-    def _concerns(self, entry: Entry) -> bool:
-        return not self._names or entry.who in self._names
 
 
 def _entry_row(model: FleetModel, entry: Entry) -> Row:

@@ -10,13 +10,13 @@ from pathlib import Path
 import msgspec
 
 from argosy.cli.arguments import count, name
-from argosy.cli.operator_bus import Unanswered, Where, add_fleet_arguments, complain, note, on_the_bus, put_out
+from argosy.cli.errors import BadInput
+from argosy.cli.operator_bus import Where, add_fleet_arguments, note, on_the_bus, put_out
 from argosy.why.answer import Explanation, plain
 from argosy.why.explain import LAST, explain, tell
 from argosy.why.question import subject_of
 from commd.bus.bus import Bus
-from commd.process.process import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FAILED
-from schemas.files.findings import Findings
+from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import escaped
 
 
@@ -36,22 +36,17 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Print the explanation.
+    """Print the explanation. Returns 1 if the agent has nothing of that name.
 
-    Returns 1 if the agent does not answer, is not in the recording or has nothing of that name, 2 for what no goal,
-    belief or action can be called, and for a file that is no recording.
+    Raises Findings for a NAME that no goal, belief or action can have, BadInput for a file that is no recording, and
+    CommandError if the agent does not answer or is not in the recording.
     """
-    try:
-        if args.about:
-            subject_of(args.about)
-    except Findings as findings:
-        print(findings, file=sys.stderr)
-        return EXIT_BAD_INPUT
+    if args.about:
+        subject_of(args.about)
     if args.recording is not None:
         return _of_recording(args)
     if args.at is not None:
-        print("error: argosy why: --at needs --recording FILE", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        raise BadInput("argosy why: --at needs --recording FILE")
 
     async def ask(bus: Bus, where: Where) -> int:
         return _show(await explain(bus, where.fleet, args.agent, args.about, args.last), args.json)
@@ -60,24 +55,12 @@ def run(args: Namespace) -> int:
 
 
 def _of_recording(args: Namespace) -> int:
-    from argosy.recording.reader import BadRecording  # a running fleet needs no mcap
-    from argosy.why.from_recording import NotRecorded, recorded_view
+    from argosy.why.from_recording import recorded_view  # a running fleet needs no mcap
 
-    try:
-        view, notes = recorded_view(args.recording, args.agent, args.at)
-    except BadRecording as error:
-        complain(f"error: {error}")
-        return EXIT_BAD_INPUT
-    except NotRecorded as error:  # as an agent that does not answer
-        complain(f"error: {error}")
-        return EXIT_FAILED
+    view, notes = recorded_view(args.recording, args.agent, args.at)
     for text in notes:
         note(text)
-    try:
-        return _show(tell(view, args.about, last=args.last), args.json)
-    except Unanswered as lost:
-        complain(f"error: {lost}")
-        return EXIT_FAILED
+    return _show(tell(view, args.about, last=args.last), args.json)
 
 
 def _show(told: Explanation, as_json: bool) -> int:

@@ -63,7 +63,9 @@ def doing(memory: Memory, wanted: Callable[[IntentionView], bool] = lambda _: Tr
     view = memory.view
     alike: dict[tuple[object, ...], list[IntentionView]] = {}
     for intention in filter(wanted, view.intentions):
-        alike.setdefault(_shape(intention), []).append(intention)
+        goals = ("".join(parts_of(event)[:2]) for event in intention.stack)
+        shape = (*goals, intention.state, intention.waits_for, intention.at)
+        alike.setdefault(shape, []).append(intention)
     for same in islice(alike.values(), MOST_INTENTIONS):
         lines = list(intention_lines(memory, same[0]))
         if len(same) > 1:
@@ -72,16 +74,6 @@ def doing(memory: Memory, wanted: Callable[[IntentionView], bool] = lambda _: Tr
     left = view.intentions_left_out + sum(map(len, islice(alike.values(), MOST_INTENTIONS, None)))
     if left > 0:
         yield Paragraph("now", (Line(f"And {count(left, 'more intention')}."),))
-
-
-def _shape(intention: IntentionView) -> tuple[object, ...]:
-    stack = tuple(_name(event) for event in intention.stack)
-    return (*stack, intention.state, intention.waits_for, intention.at)
-
-
-def _name(event: str) -> str:
-    sign, name, _ = parts_of(event)
-    return sign + name
 
 
 def intention_lines(memory: Memory, intention: IntentionView) -> Iterator[Line]:

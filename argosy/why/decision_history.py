@@ -62,7 +62,7 @@ class Memory:
         for decision in self.decisions:
             if decision.cycle >= failure.cycle and decision.kind.startswith("-"):
                 found = self._failure_before(decision)
-                if found is not None and _same(found, failure):
+                if found is not None and _identity(found) == _identity(failure):
                     return decision
         return None
 
@@ -110,8 +110,8 @@ class Memory:
         return None
 
 
-def _same(one: FailureView, other: FailureView) -> bool:
-    return (one.cycle, one.intention, one.formula) == (other.cycle, other.intention, other.formula)
+def _identity(failure: FailureView) -> tuple[int, int, str]:
+    return failure.cycle, failure.intention, failure.formula
 
 
 def _place(position: str) -> tuple[str, int]:

@@ -23,7 +23,7 @@ from argosy.why.wording import (
     without_annotations,
 )
 from schemas.humanize import count
-from schemas.wire.mind_records import DecisionView, FailureView, IntentionView, RejectedView
+from schemas.wire.mind_records import DecisionView, FailureView, RejectedView
 
 MOST_PLANS = 6
 """Rejected plans that are explained; further ones are counted."""
@@ -66,12 +66,9 @@ def decision_paragraph(memory: Memory, group: list[DecisionView]) -> Paragraph:
         lines.append(
             Line(f"The same {count(len(group) - 1, 'time')} before, first {ago(memory.now, group[0].time)}.", 1)
         )
-    kind: Kind = "dropped" if made.outcome == "dropped" else "failure" if _is_failure(made) else "decision"
+    failed = made.outcome == "failed" or (made.chosen is None and "!" in made.kind)
+    kind: Kind = "dropped" if made.outcome == "dropped" else "failure" if failed else "decision"
     return Paragraph(kind, tuple(lines), made.time, len(group))
-
-
-def _is_failure(made: DecisionView) -> bool:
-    return made.outcome == "failed" or (made.chosen is None and "!" in made.kind)
 
 
 def _head(made: DecisionView) -> str:
@@ -123,14 +120,11 @@ def _running(memory: Memory, made: DecisionView) -> Line:
             if intention.stack and intention.stack[0] != without_annotations(made.event):
                 inner = raiser_words(intention.stack[0])
                 return Line(f"The plan still runs: it waits for {inner}, which is{where}.", 1, intention.at)
-            return Line(f"The plan still runs{where}{_waits(intention)}.", 1, intention.at)
+            waits = awaited(intention.waits_for, " and waits for ")
+            if intention.state == "suspended":
+                waits = ", suspended"
+            return Line(f"The plan still runs{where}{waits}.", 1, intention.at)
     return Line("The plan still runs.", 1)
-
-
-def _waits(intention: IntentionView) -> str:
-    if intention.state == "suspended":
-        return ", suspended"
-    return awaited(intention.waits_for, " and waits for ")
 
 
 def failure_lines(memory: Memory, failure: FailureView) -> Iterator[Line]:
@@ -193,7 +187,10 @@ def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", inde
     if rounds:
         lines.append(Line(f"So it went round {count(rounds, 'time')} before, as far as is remembered.", indent))
     if last is not None and last[1].by is None and last[1].failure is None:
-        lines += _origin_line(memory, last[0], event_words(last[0].event) if lines else called, indent)
+        first = last[0]
+        subject = first_up(event_words(first.event) if lines else called)
+        place = "" if first.goal == ANSWERING else first.asked_at
+        lines.append(Line(f"{subject} {origin_words(memory, first)}.", indent, place))
     return lines
 
 
@@ -220,11 +217,6 @@ def _verb(made: DecisionView) -> str:
         case "+":
             return "added"
     return "raised"
-
-
-def _origin_line(memory: Memory, made: DecisionView, subject: str, indent: int) -> Iterator[Line]:
-    place = "" if made.goal == ANSWERING else made.asked_at
-    yield Line(f"{first_up(subject)} {origin_words(memory, made)}.", indent, place)
 
 
 def origin_words(memory: Memory, made: DecisionView) -> str:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from argosy.cli.operator_bus import ANY, Unanswered
+from argosy.cli.operator_bus import ANY, Unanswered, names_there
 from argosy.why.answer import Explanation, Line, Paragraph
 from argosy.why.current_state import doing, dropped, failure_paragraph, only_counted, standing
 from argosy.why.decision_history import Memory
@@ -88,7 +88,7 @@ def _now(memory: Memory, last: int, facts: MailFacts) -> list[Paragraph]:
     happened += [
         failure_paragraph(memory, failure)
         for failure in memory.failures
-        if failure not in told and not _is_told(failure.cycle, failure.error, goals)
+        if failure not in told and not (failure.error in WITHOUT_PLAN and failure.cycle in goals)
     ]
     happened += list(dropped(memory, view.drops))
     happened.sort(key=lambda paragraph: paragraph.time or 0.0)
@@ -106,10 +106,6 @@ def _went_wrong(made: DecisionView) -> bool:
     return made.outcome == "dropped" or (made.chosen is None and made.kind[-1] in "!?")
 
 
-def _is_told(cycle: int, error: str, goals: set[int]) -> bool:
-    return error in WITHOUT_PLAN and cycle in goals
-
-
 async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:
     """Return the fleet of an agent and its mind. Raises Unanswered, which lists the agents that are there."""
     selector = f"{keys.mind(fleet, agent)}?plans=true;last={REMEMBERED}"
@@ -121,7 +117,7 @@ async def view_of(bus: Bus, fleet: str, agent: str) -> tuple[str, MindView]:
         if isinstance(view, MindView):
             return _chunk(key, 0), view
         raise Unanswered(f"{agent}: {view}")
-    there = sorted({_chunk(token, 1) for token in await bus.tokens(keys.alive(fleet, "*", "agentd", "*"))})
+    there = sorted({name for _, name in await names_there(bus, fleet, "agentd")})
     where = "" if fleet == ANY else f" in fleet {fleet}"
     if not there:
         raise Unanswered(f"no agent is there{where}: does its agentd run, and is this its router?")
@@ -188,10 +184,13 @@ class Places:
 
     def far(self, paragraphs: Iterable[Paragraph]) -> tuple[Paragraph, ...]:
         """Return paragraphs whose lines have their whole position; their texts keep the short one."""
-        return tuple(replace(one, lines=tuple(map(self._far, one.lines))) for one in paragraphs)
-
-    def _far(self, line: Line) -> Line:
-        return replace(line, position=self._whole.get(line.position, line.position))
+        whole = self._whole
+        return tuple(
+            replace(
+                one, lines=tuple(replace(line, position=whole.get(line.position, line.position)) for line in one.lines)
+            )
+            for one in paragraphs
+        )
 
     def _near(self, struct: S) -> S:
         changes: dict[str, Any] = {}

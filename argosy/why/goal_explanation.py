@@ -35,7 +35,9 @@ def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list
     ]
     happened += list(dropped(memory, tuple(d for d in view.drops if d.what == "events" and subject.is_named(d.name))))
     happened += [
-        question_paragraph(memory, q, facts) for q in view.questions if _asks(subject, q.content, q.performative)
+        question_paragraph(memory, one, facts)
+        for one in view.questions
+        if subject.is_of(one.content) or subject.name in (one.performative, ".send")
     ]
     happened += list(_performed(memory, subject, {failure.formula for failure in failures}))
     happened.sort(key=lambda paragraph: paragraph.time or 0.0)
@@ -46,15 +48,11 @@ def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list
     return [*found, *program]
 
 
-def _asks(subject: Subject, content: str, performative: str) -> bool:
-    return subject.is_of(content) or subject.name in (performative, ".send")
-
-
 def _newest_of_each(failures: Iterable[FailureView]) -> list[FailureView]:
     newest: dict[tuple[str, str, str], FailureView] = {}
     for failure in failures:
-        newest.pop(key := (failure.position, failure.error, failure.reason), None)
-        newest[key] = failure
+        newest.pop(_reason(failure), None)
+        newest[_reason(failure)] = failure
     return list(newest.values())
 
 
@@ -64,7 +62,7 @@ def _failed(memory: Memory, failure: FailureView) -> Paragraph:
     made = memory.outcome_of(failure)
     if made is None or made.chosen is None:
         return failure_paragraph(memory, failure)
-    same = sum(1 for one in memory.failures if (one.position, one.error, one.reason) == _key(failure))
+    same = sum(1 for one in memory.failures if _reason(one) == _reason(failure))
     lines = [
         Line(f"{ago(memory.now, failure.time)}:{at} {failure_words(failure)}.", 0, failure.position),
         Line(
@@ -78,7 +76,7 @@ def _failed(memory: Memory, failure: FailureView) -> Paragraph:
     return Paragraph("failure", tuple(lines), failure.time, same)
 
 
-def _key(failure: FailureView) -> tuple[str, str, str]:
+def _reason(failure: FailureView) -> tuple[str, str, str]:
     return failure.position, failure.error, failure.reason
 
 
@@ -132,7 +130,8 @@ def _believed(memory: Memory, subject: Subject) -> Iterator[Paragraph]:
     if len(beliefs) > MOST_BELIEFS:
         lines.append(Line(f"And {count(len(beliefs) - MOST_BELIEFS, 'more belief')} of that name."))
     if beliefs and view.plans and not any(_fits(subject, plan, "+") for plan in view.plans):
-        indicator = f"+{_indicator(beliefs[0].text)}"
+        _, name, args = parts_of(beliefs[0].text)
+        indicator = f"+{name}/{len(args)}"
         lines.append(Line(f"It is believed, but no plan is for {indicator}: nothing is done when it comes.", 1))
     if lines:
         yield Paragraph("belief", tuple(lines))
@@ -164,18 +163,15 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
         lines.append(Line("It is not believed now.", 0))
     if sites:
         for plan, use, place in sites[:MOST_SITES]:
+            verb = "stands" if sign_of(use)[0] else "is performed"
             lines.append(
-                Line(f"{_site(use)} at {place}, in the plan {plan_words(plan)}, {_chosen(memory, plan)}", 1, place)
+                Line(f"{use} {verb} at {place}, in the plan {plan_words(plan)}, {_chosen(memory, plan)}", 1, place)
             )
     elif plans and not all(plan.trigger.startswith(("+!", "-!", "+?")) for plan in plans):
         lines.append(Line("No plan of the agent raises it: it has to be perceived, or told by others.", 1))
     elif plans:
         lines.append(Line("No plan of the agent raises it: others have to ask for it.", 1))
     yield Paragraph("plan", tuple(lines))
-
-
-def _site(use: str) -> str:
-    return f"{use} {'stands' if sign_of(use)[0] else 'is performed'}"
 
 
 def _chosen(memory: Memory, plan: PlanView) -> str:
@@ -198,11 +194,6 @@ def _fits(subject: Subject, plan: PlanView, sign: str = "") -> bool:
 
 def _raises(subject: Subject, use: str) -> bool:
     return subject.is_named(use) and (not subject.goal or subject.goal in sign_of(use)[0])
-
-
-def _indicator(text: str) -> str:
-    _, name, args = parts_of(text)
-    return f"{name}/{len(args)}"
 
 
 def names_of(view: MindView) -> list[str]:
