@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
-from tests.agentd.test_daemon import mission
+from tests.agentd.daemons import daemons, end, mission, printed
 from tests.support.processes import running
 
 ANSWERS = """\
@@ -31,18 +30,13 @@ ASKS = """\
 def test_questions_are_answered_or_time_out_after_thirty_mission_seconds(tmp_path: Path, endpoint: str) -> None:
     text = "mission: asks\nspeed: 10\nagents:\n  a: {program: a.asl}\n  b: {program: b.asl}\ndone: 'a: never'\n"
     path = mission(tmp_path, text, a=ASKS, b=ANSWERS)
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "b", "--router", endpoint) as b,
-    ):
+    with daemons(path, endpoint, "b") as (b,):
         b.says("agents=b")  # a question waits for 3 s here, and a busy machine takes its time to start another daemon
         with running("agentd", "serve", path, "a", "--router", endpoint) as a:
             a.says("[a] end")
             b.says("[b] late")
-            for daemon in (a, b):
-                daemon.signal(signal.SIGTERM)
-                assert daemon.ends() == 0
-    assert [line for line in a.lines if line.startswith("[a]")] == [
+            end(a, b)
+    assert printed(a) == [
         "[a] v 7",
         "[a] twice(4,8)[source(b)]",
         "[a] [v(7)[source(b)]]",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import subprocess
@@ -15,52 +16,24 @@ from agentd.mind import Mind
 from agentd.mind.data.effects import Effect
 from agentd.runtime import agent_host
 from agentd.runtime.mind_runner import BATCH, SLICE, Ran, reason
+from commd.bus.bus import open_bus
 from commd.common.clock import Clock
+from schemas.wire import keys
+from schemas.wire.mind_records import MindView
+from tests.agentd.daemons import TWO, daemons, end, mission
 from tests.agentd.hosts import host_on
 from tests.agentd.minds import mind_of
 from tests.support.buses import Connect, bus_test, until
 from tests.support.processes import running
 from tests.support.promises import kept
 
-PING = """\
-!start.
-+!start : peer(Other) <- .print("hello"); .send(Other, tell, ping(1)).
-+ping(N)[source(A)] : N < 5 <- .send(A, tell, ping(N+1)).
-+ping(N) <- .print("enough: ", N); +enough.
-"""
-TWO = """\
-mission: two
-agents:
-  a: {program: ping.asl, beliefs: ["peer(b)"]}
-  b: {program: wait.asl}
-done: "a: enough"
-"""
-WAIT = """\
-+ping(N)[source(A)] <- .send(A, tell, ping(N+1)).
-"""
-
-
-def mission(folder: Path, text: str = TWO, **programs: str) -> str:
-    """Write a mission and its programs; return the mission's path."""
-    for name, program in {"ping": PING, "wait": WAIT, **programs}.items():
-        (folder / f"{name}.asl").write_text(program)
-    path = folder / "m.yaml"
-    path.write_text(text)
-    return str(path)
-
 
 def test_agents_of_two_daemons_talk_through_commd(tmp_path: Path, endpoint: str) -> None:
     path = mission(tmp_path)
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "b", "--router", endpoint) as b,
-        running("agentd", "serve", path, "a", "--router", endpoint) as a,
-    ):
+    with daemons(path, endpoint, "b", "a") as (b, a):
         a.says("[a] hello")
         a.says("[a] enough: 6")
-        for daemon in (a, b):
-            daemon.signal(signal.SIGTERM)
-            assert daemon.ends() == 0
+        end(a, b)
 
 
 def test_an_agent_leaves_within_a_second_when_told_to(tmp_path: Path, endpoint: str) -> None:
@@ -80,10 +53,7 @@ def test_an_agent_leaves_within_a_second_when_told_to(tmp_path: Path, endpoint: 
 
 def test_a_second_daemon_of_an_agents_name_does_not_start_and_says_which(tmp_path: Path, endpoint: str) -> None:
     path = mission(tmp_path)
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "b", "--router", endpoint) as first,
-    ):
+    with daemons(path, endpoint, "b") as (first,):
         first.says("agents=b")
         with running("agentd", "serve", path, "b", "--router", endpoint) as second:
             assert second.ends(30) == 1
@@ -111,26 +81,34 @@ def test_what_is_wrong_is_one_line_with_its_place_before_anything_starts(
         assert "Traceback" not in agent.text
 
 
+def test_decisions_are_kept_for_observers_unless_none_are_asked_for(tmp_path: Path, endpoint: str) -> None:
+    path = mission(tmp_path, wait='!go. +!go <- .print("here").')
+
+    async def mind() -> MindView:
+        async with open_bus(endpoint, fleet="two", name="observer", daemon="test", stamp=time.time_ns) as bus:
+            return await bus.ask_one(keys.mind("two", "b"), None, MindView, 10.0)
+
+    for arguments, events in (("b --fresh", ["+!go"]), ("b --fresh --decisions 0", [])):
+        with daemons(path, endpoint, arguments) as (agent,):
+            agent.says("[b] here")
+            view = asyncio.run(mind())
+        assert [decision.event for decision in view.decisions] == events
+
+
 @pytest.mark.parametrize("delay", [0, 200])
 def test_a_program_that_stops_the_team_ends_the_daemon_with_its_exit_code(
     tmp_path: Path, endpoint: str, delay: int
 ) -> None:
     program = "+jag_shutting_down(T) <- .print(told(T)).\n"
     path = mission(tmp_path, wait=f"!g.\n+!g <- .wait(100); .stopMAS({delay},3).\n{program}")
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "b", "--router", endpoint) as agent,
-    ):
+    with daemons(path, endpoint, "b") as (agent,):
         assert agent.ends(30) == 3
         assert ("[b] told(200)" in agent.text) == (delay > 0)
 
 
 def test_included_files_and_their_mistakes_are_those_of_the_program(tmp_path: Path, endpoint: str) -> None:
     path = mission(tmp_path, wait='{ include("more.asl") }\n', more="!g.\n+!g <- .print(included).\n")
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "b", "--router", endpoint) as agent,
-    ):
+    with daemons(path, endpoint, "b") as (agent,):
         agent.says("[b] included")
     (tmp_path / "more.asl").write_text("!g.\n+!g <- .print(.\n")
     with running("agentd", "serve", path, "b", "--router", endpoint) as agent:

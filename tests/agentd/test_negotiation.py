@@ -5,16 +5,14 @@ Each rescuer claims a victim in an atomic plan, waits for a random time and test
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
 import pytest
 
 from agentd.mind.data.inputs import Mail
+from tests.agentd.daemons import daemons, end, mission, printed
 from tests.agentd.minds import World, mind_of, term
 from tests.agentd.teams import Stage, played
-from tests.agentd.test_daemon import mission
-from tests.support.processes import running
 
 FIRST_COME = """
 @claim[atomic]
@@ -67,18 +65,12 @@ def test_over_the_mail_of_real_agents_exactly_one_goes(tmp_path: Path, endpoint:
         "done: 'scout: never'\n"
     )
     path = mission(tmp_path, text, **rescuers(LOWEST_BID), scout=SCOUT.format(wait=""))
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "r1", "--router", endpoint) as one,
-        running("agentd", "serve", path, "r2", "--router", endpoint) as other,
-        running("agentd", "serve", path, "scout", "--router", endpoint),
-    ):
+    with daemons(path, endpoint, "r1", "r2", "scout") as (one, other, _):
         for daemon in (one, other):
             for victim in ("v1", "v2", "v3"):
                 daemon.says(f"s {victim}")
-            daemon.signal(signal.SIGTERM)
-            assert daemon.ends() == 0
-    found = decisions([line for line in (*one.lines, *other.lines) if line.startswith("[r")])
+        end(one, other)
+    found = decisions([*printed(one), *printed(other)])
     assert found == {victim: found[victim] for victim in ("v1", "v2", "v3")}
     assert all(sorted(both) == ["goes", "stays"] for both in found.values()), found
 

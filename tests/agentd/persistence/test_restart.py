@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import signal
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.agentd.test_daemon import mission
+from tests.agentd.daemons import end, mission, printed
 from tests.support.amount import THOROUGH
 from tests.support.processes import Daemon, running
 
@@ -39,19 +38,6 @@ class Fleet:
 def a_fleet(tmp_path: Path, endpoint: str, text: str, **programs: str) -> Iterator[Fleet]:
     with ExitStack() as stack:
         yield Fleet(stack, mission(tmp_path, text, **programs), endpoint, tmp_path / "state")
-
-
-def end(*daemons: Daemon) -> None:
-    """Let daemons leave in order; nothing in them was a defect."""
-    for daemon in daemons:
-        daemon.signal(signal.SIGTERM)
-    for daemon in daemons:
-        assert daemon.ends() == 0
-        assert "defect" not in daemon.text
-
-
-def printed(daemon: Daemon) -> list[str]:
-    return [line for line in daemon.lines if line.startswith("[")]
 
 
 STREAM = """\

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import signal
 from pathlib import Path
 
 import pytest
 
 from agentd.extensions.file_access import MOST_SAVED, AgentFiles, NotAllowed, state_folder
 from agentd.runtime.agent_group import MOST_MADE
-from tests.agentd.test_daemon import mission
+from tests.agentd.daemons import daemons, end, mission, printed
 from tests.support.buses import async_test, session
 from tests.support.processes import running
 
@@ -26,15 +25,10 @@ KID = """\
 
 def prints(path: str, endpoint: str, *arguments: str, last: str = "[a] end") -> list[str]:
     """Run agent `a` of a mission beside a router until it has said its last words; return what was printed."""
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, *arguments, "--router", endpoint) as agent,
-    ):
+    with daemons(path, endpoint, arguments) as (agent,):
         agent.says(last)
-        agent.signal(signal.SIGTERM)
-        assert agent.ends() == 0
-        assert "defect" not in agent.text
-    return [line for line in agent.lines if line.startswith("[")]
+        end(agent)
+    return printed(agent)
 
 
 MAKES = """\
@@ -165,13 +159,9 @@ def test_services_of_another_daemon_are_found_and_told_of(tmp_path: Path, endpoi
 """
     b = "!go. +!go <- .df_register(cook). +enough[source(S)] <- .df_deregister(cook); .send(S, tell, stopped).\n"
     path = mission(tmp_path, TWO, a=a, b=b)
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "a", "--router", endpoint) as first,
-        running("agentd", "serve", path, "b", "--router", endpoint),
-    ):
+    with daemons(path, endpoint, "a", "b") as (first, _):
         first.says("[a] end")
-        assert [line for line in first.lines if line.startswith("[")] == ["[a] [b]", "[a] []", "[a] end"]
+        assert printed(first) == ["[a] [b]", "[a] []", "[a] end"]
 
 
 @async_test
@@ -193,10 +183,7 @@ def test_an_agent_that_begins_anew_offers_nothing_of_its_former_life(tmp_path: P
     path = mission(tmp_path, TWO, a="!go. +!go <- .df_register(cook).\n", b="")
     path_b = "!go. +!go : true <- .df_search(cook, L); .print(L); .wait(300); !go.\n"
     (tmp_path / "b.asl").write_text(path_b)
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "b", "--router", endpoint) as watcher,
-    ):
+    with daemons(path, endpoint, "b") as (watcher,):
         with running("agentd", "serve", path, "a", "--router", endpoint):
             watcher.says("[b] [a]")
         (tmp_path / "a.asl").write_text("")
@@ -215,15 +202,12 @@ def test_agents_of_two_daemons_see_the_agents_that_each_other_make(tmp_path: Pat
 -!t(N)[error(E)] <- .print(N, " ", E).
 """
     path = mission(tmp_path, TWO, a=a, b=b, kid=KID)
-    with (
-        running("commd", "serve", path, "--router", endpoint),
-        running("agentd", "serve", path, "a", "--router", endpoint) as first,
-    ):
+    with daemons(path, endpoint, "a") as (first,):
         first.says("agents=a")
         with running("agentd", "serve", path, "b", "--router", endpoint) as second:
             first.says("[a] end")
             second.says("[kid] has ball of a")
-        assert [line for line in first.lines if line.startswith("[")] == [
+        assert printed(first) == [
             "[a] 1 action_failed",
             "[a] 2 receiver_not_found",
             "[a] end",

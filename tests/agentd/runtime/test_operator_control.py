@@ -15,10 +15,10 @@ from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from schemas.wire.mind_records import MindOrder, MindView
 from schemas.wire.records import Outcome
+from tests.agentd.daemons import daemons
 from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import term
 from tests.support.buses import Connect, bus_test, served, until
-from tests.support.processes import running
 from tests.support.promises import in_time
 
 PROGRAM = """\
@@ -343,10 +343,7 @@ def test_a_daemon_with_several_agents_pauses_the_one_that_is_meant(tmp_path: Pat
             assert (await mind(bus, "bob")).cycle > bob.cycle
             assert (await order(bus, "bob", "goal", "say(7)", fleet="two")).ok
 
-    with (
-        running("commd", "serve", str(path), "--router", endpoint),
-        running("agentd", "serve", str(path), "--router", endpoint, "--state", str(tmp_path)) as agents,
-    ):
+    with daemons(str(path), endpoint, ("--state", str(tmp_path))) as (agents,):
         asyncio.run(asyncio.wait_for(talk(), 240))
         agents.says("say 7 for operator")
         agents.process.terminate()

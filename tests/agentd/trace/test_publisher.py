@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import signal
 import time
-from collections.abc import Awaitable, Callable
-from contextlib import ExitStack
+from collections.abc import AsyncIterator
+from contextlib import ExitStack, asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -17,12 +17,12 @@ from agentd.trace import input_log as courses
 from agentd.trace import publisher as tracings
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
+from tests.agentd.daemons import mission
 from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.minds import term
 from tests.agentd.recorders import Recorder
 from tests.agentd.runtime.test_agent_group import KID, ONE
-from tests.agentd.test_daemon import mission
-from tests.support.buses import Connect, bus_test, on_a_bus, session, until
+from tests.support.buses import Connect, bus_test, session, until
 from tests.support.processes import running
 
 GREETS = """\
@@ -36,18 +36,14 @@ count(0).
 """
 
 
-def traced(endpoint: str, folder: Path, body: Callable[[Hosted, Recorder, Bus], Awaitable[None]]) -> None:
-    """Run a test with an agent that greets, and a recorder that does not listen to anything yet."""
-
-    async def everything(connect: Connect) -> None:
-        bus, other = await connect("uav"), await connect("recorder", "tool")
-        agent = await host_on(bus, "uav", GREETS, folder, others=("ann",))
-        try:
-            await body(agent, Recorder(other, "uav", "none"), other)
-        finally:
-            await agent.end()
-
-    on_a_bus(endpoint, everything)
+@asynccontextmanager
+async def traced(connect: Connect, folder: Path) -> AsyncIterator[tuple[Hosted, Bus]]:
+    """An agent that greets, and the bus of an observer."""
+    agent = await host_on(await connect("uav"), "uav", GREETS, folder, others=("ann",))
+    try:
+        yield agent, await connect("recorder", "tool")
+    finally:
+        await agent.end()
 
 
 def hello(number: int) -> Mail:
@@ -62,8 +58,9 @@ async def greeted(agent: Hosted, *numbers: int) -> None:
     await until(lambda: len(agent.prints) >= min(20, before + len(numbers)), "it has heard of each")
 
 
-def test_who_begins_to_record_late_gets_everything_since_birth(endpoint: str, tmp_path: Path) -> None:
-    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+@bus_test
+async def test_who_begins_to_record_late_gets_everything_since_birth(connect: Connect, tmp_path: Path) -> None:
+    async with traced(connect, tmp_path) as (agent, bus):
         await greeted(agent, 1, 5)
         late = Recorder(bus, "uav")
         assert await late.catch_up() == ""
@@ -80,16 +77,14 @@ def test_who_begins_to_record_late_gets_everything_since_birth(endpoint: str, tm
         assert edited.difference is not None
         assert edited.difference.inputs[-1].endswith("tell hello(2) from ann")
 
-    traced(endpoint, tmp_path, body)
 
-
-def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tracings, "MOST_BYTES", 20 * courses.INPUT_BYTES)
     monkeypatch.setattr(courses, "BATCH_BYTES", 10 * courses.INPUT_BYTES)
-
-    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+    async with traced(connect, tmp_path) as (agent, bus):
         course = agent.host._tracing.inputs
         await until(lambda: not course.on, "the beginning is dropped")
         await greeted(agent, 1, 2)
@@ -103,13 +98,12 @@ def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
         with pytest.raises(CannotReplay, match="its birth is missing"):
             replay(late.inputs)
 
-    traced(endpoint, tmp_path, body)
 
-
-def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is_lost(
-    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is_lost(
+    connect: Connect, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+    async with traced(connect, tmp_path) as (agent, bus):
         course = agent.host._tracing.inputs
         async with session(endpoint, "first", "tool") as once:
             first = Recorder(once, "uav", "inputs")
@@ -126,11 +120,10 @@ def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_something_is
         await until(lambda: bool(third.batches), "what goes in is told again")
         assert min(third.batches) == number + 1
 
-    traced(endpoint, tmp_path, body)
 
-
-def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(endpoint: str, tmp_path: Path) -> None:
-    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+@bus_test
+async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(connect: Connect, tmp_path: Path) -> None:
+    async with traced(connect, tmp_path) as (agent, bus):
         activity = Recorder(bus, "uav", "activity")
         await until(lambda: agent.host._tracing.activity.listened, "the agent knows that somebody listens")
         assert not agent.host._tracing.inputs.listened
@@ -165,8 +158,6 @@ def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(endpoint: str,
         assert {one.state for one in activity.activity if one.kind == "log"} <= {"error", "warning"}
         actions = [(one.kind, one.text or one.state) for one in agent.host.view().actions]
         assert actions == [("action", "takeoff(5)"), ("outcome", "refused")]
-
-    traced(endpoint, tmp_path, body)
 
 
 @bus_test
@@ -208,16 +199,15 @@ async def test_a_flood_is_bounded_and_what_is_left_out_is_counted(connect: Conne
     assert all(some.speed == 1.0 and some.now > 0 for some in recorder.told)
 
 
-def test_who_asks_for_everything_there_is_does_not_get_whole_lives(endpoint: str, tmp_path: Path) -> None:
-    async def body(agent: Hosted, recorder: Recorder, bus: Bus) -> None:
+@bus_test
+async def test_who_asks_for_everything_there_is_does_not_get_whole_lives(connect: Connect, tmp_path: Path) -> None:
+    async with traced(connect, tmp_path) as (_, bus):
         got: list[str] = []
         for key in (f"argosy/{bus.fleet}/**", f"argosy/{bus.fleet}/*/trace/inputs"):
             replies = await asyncio.to_thread(lambda key=key: list(bus._session.get(key, timeout=5.0)))  # type: ignore[misc]
             got.append(" ".join(str(reply.ok.key_expr) for reply in replies if reply.ok is not None))
         assert "trace" not in got[0]
         assert got[1].startswith(keys.trace(bus.fleet, "uav", "inputs"))
-
-    traced(endpoint, tmp_path, body)
 
 
 # --- further lives ---

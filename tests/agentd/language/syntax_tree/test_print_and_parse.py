@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from agentd.language.parse import parse_literal, parse_plan, parse_program, parse_term, parse_trigger
-from agentd.language.syntax_tree.nodes import Plan, Program, Structure, Term, Trigger
+from agentd.language.syntax_tree.nodes import Program
 from agentd.language.syntax_tree.printer import source_text
 from agentd.language.terms.format import text
 from agentd.language.terms.from_ast import instantiate
@@ -20,28 +22,21 @@ SLOW_TO_MAKE = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.fi
 SOME = settings(max_examples=some_of(60), deadline=None, derandomize=True, suppress_health_check=SLOW_TO_MAKE)
 
 
-@settings(SOME, max_examples=some_of(200))
-@given(terms)
-def test_a_printed_term_reads_back_as_itself(term: Term) -> None:
-    assert parse_term(source_text(term)) == term
-
-
+@pytest.mark.parametrize(
+    ("parse", "nodes"),
+    [
+        (parse_term, terms),
+        (parse_literal, literals(terms)),
+        (parse_trigger, triggers(terms)),
+        (parse_plan, plans(terms)),
+    ],
+    ids=["term", "literal", "trigger", "plan"],
+)
 @SOME
-@given(literals(terms))
-def test_a_printed_literal_reads_back_as_itself(literal: Structure) -> None:
-    assert parse_literal(source_text(literal)) == literal
-
-
-@SOME
-@given(triggers(terms))
-def test_a_printed_trigger_reads_back_as_itself(trigger: Trigger) -> None:
-    assert parse_trigger(source_text(trigger)) == trigger
-
-
-@SOME
-@given(plans(terms))
-def test_a_printed_plan_reads_back_as_itself(plan: Plan) -> None:
-    assert parse_plan(source_text(plan)) == plan
+@given(data=st.data())
+def test_what_is_printed_reads_back_as_itself(parse: Any, nodes: Any, data: st.DataObject) -> None:
+    node = data.draw(nodes)
+    assert parse(source_text(node)) == node
 
 
 @SOME
