@@ -27,24 +27,13 @@ from typing import Final
 from agentd.language.parse import parse_formula, parse_literal, parse_trigger
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import (
-    Body,
-    Formula,
-    Operator,
-    Plan,
-    Position,
-    Step,
-    Structure,
-    Trigger,
-    Variable,
-)
 
 Block = tuple[nodes.Item, ...]
 """The beliefs and plans of a block, in order."""
 
 Args = tuple[nodes.Term, ...]
 
-Pattern = Callable[[Position, Args, Block], Block]
+Pattern = Callable[[nodes.Position, Args, Block], Block]
 """Called with the place of the directive, its arguments and its block. Raises `WrongPattern`."""
 
 
@@ -53,29 +42,29 @@ class WrongPattern(ValueError):
 
 
 def _plan(
-    at: Position,
+    at: nodes.Position,
     operator: str,
     kind: str,
-    literal: Structure | Variable,
-    context: Formula | None = None,
-    steps: tuple[Step, ...] = (),
-) -> Plan:
-    return Plan(Trigger(operator, kind, literal, at), context, Body(steps, at), position=at)
+    literal: nodes.Structure | nodes.Variable,
+    context: nodes.Formula | None = None,
+    steps: tuple[nodes.Step, ...] = (),
+) -> nodes.Plan:
+    return nodes.Plan(nodes.Trigger(operator, kind, literal, at), context, nodes.Body(steps, at), position=at)
 
 
-def _call(at: Position, name: str, *args: nodes.Term) -> Step:
-    return Step(Operator.ACTION, nodes.InternalAction(name, args, at), at)
+def _call(at: nodes.Position, name: str, *args: nodes.Term) -> nodes.Step:
+    return nodes.Step(nodes.Operator.ACTION, nodes.InternalAction(name, args, at), at)
 
 
-def _goal(args: Args, place: int = 0) -> Structure:
-    if len(args) <= place or not isinstance(args[place], Structure):
+def _goal(args: Args, place: int = 0) -> nodes.Structure:
+    if len(args) <= place or not isinstance(args[place], nodes.Structure):
         raise WrongPattern("needs a goal" if place == 0 else f"needs a literal as argument {place + 1}")
     goal = args[place]
-    assert isinstance(goal, Structure)
+    assert isinstance(goal, nodes.Structure)
     return goal
 
 
-def _declarative(at: Position, args: Args, block: Block) -> Block:
+def _declarative(at: nodes.Position, args: Args, block: Block) -> Block:
     goal = _goal(args)
     return (
         _plan(at, "+", "!", goal, goal),
@@ -84,57 +73,57 @@ def _declarative(at: Position, args: Args, block: Block) -> Block:
     )
 
 
-def _achieves(item: nodes.Item, goal: Structure) -> bool:
+def _achieves(item: nodes.Item, goal: nodes.Structure) -> bool:
     """Whether an item is a plan that achieves the goal of the pattern."""
-    if not isinstance(item, Plan) or item.trigger.operator != "+" or item.trigger.goal != "!":
+    if not isinstance(item, nodes.Plan) or item.trigger.operator != "+" or item.trigger.goal != "!":
         return False
     return may_unify(item.trigger.literal, goal)
 
 
 def may_unify(left: nodes.Term, right: nodes.Term) -> bool:
     """Whether two terms as written can be made equal, as far as their constants tell."""
-    if isinstance(left, Variable) or isinstance(right, Variable):
+    if isinstance(left, nodes.Variable) or isinstance(right, nodes.Variable):
         return True
-    if isinstance(left, Structure) and isinstance(right, Structure):
+    if isinstance(left, nodes.Structure) and isinstance(right, nodes.Structure):
         same = (left.functor, left.negated, left.namespace) == (right.functor, right.negated, right.namespace)
         return same and len(left.args) == len(right.args) and all(map(may_unify, left.args, right.args))
     return type(left) is not type(right) or isinstance(left, nodes.ListTerm | nodes.Arithmetic) or left == right
 
 
-def _with_test(item: nodes.Item, goal: Structure) -> nodes.Item:
+def _with_test(item: nodes.Item, goal: nodes.Structure) -> nodes.Item:
     """A plan that achieves the goal ends with a test of it."""
-    if not isinstance(item, Plan) or not _achieves(item, goal):
+    if not isinstance(item, nodes.Plan) or not _achieves(item, goal):
         return item
-    test = Step(Operator.TEST, replace(item.trigger.literal, annotations=None), item.position)
+    test = nodes.Step(nodes.Operator.TEST, replace(item.trigger.literal, annotations=None), item.position)
     return replace(item, body=replace(item.body, formulas=(*item.body.formulas, test)))
 
 
-def _backtracking(at: Position, args: Args, block: Block) -> Block:
+def _backtracking(at: nodes.Position, args: Args, block: Block) -> Block:
     return (*_declarative(at, args, block), _plan(at, "-", "!", _goal(args)))
 
 
-def _exclusive(at: Position, args: Args, block: Block) -> Block:
+def _exclusive(at: nodes.Position, args: Args, block: Block) -> Block:
     goal = _goal(args)
     bare = replace(goal, annotations=None)
-    marks: list[Structure] = []
+    marks: list[nodes.Structure] = []
     items: list[nodes.Item] = []
     for item in block:
-        if not isinstance(item, Plan) or not _achieves(item, goal):
+        if not isinstance(item, nodes.Plan) or not _achieves(item, goal):
             items.append(item)
             continue
-        mark = Structure(f"p__{len(marks) + 1}", (replace(bare, namespace=None),), position=at)
+        mark = nodes.Structure(f"p__{len(marks) + 1}", (replace(bare, namespace=None),), position=at)
         marks.append(mark)
         untried = nodes.Not(mark, at)
         context = untried if item.context is None else nodes.And(untried, item.context, at)
-        noted = Step(Operator.ADD, mark, at)
+        noted = nodes.Step(nodes.Operator.ADD, mark, at)
         body = replace(item.body, formulas=(noted, *item.body.formulas))
         items.append(_with_test(replace(item, context=context, body=body), goal))
-    forget = tuple(Step(Operator.DELETE, mark, at) for mark in marks)
-    left: Formula | None = None
+    forget = tuple(nodes.Step(nodes.Operator.DELETE, mark, at) for mark in marks)
+    left: nodes.Formula | None = None
     for mark in marks:
         untried = nodes.Not(mark, at)
         left = untried if left is None else nodes.Or(left, untried, at)
-    again = Step(Operator.ACHIEVE, bare, at)
+    again = nodes.Step(nodes.Operator.ACHIEVE, bare, at)
     return (
         _plan(at, "+", "!", goal, goal),
         *items,
@@ -144,7 +133,7 @@ def _exclusive(at: Position, args: Args, block: Block) -> Block:
     )
 
 
-def _inner(at: Position, args: Args, place: int, block: Block) -> Block:
+def _inner(at: nodes.Position, args: Args, place: int, block: Block) -> Block:
     """The block as the pattern among the arguments makes it."""
     if len(args) <= place:
         return _backtracking(at, args, block)
@@ -154,9 +143,11 @@ def _inner(at: Position, args: Args, place: int, block: Block) -> Block:
     return PATTERNS[pattern.functor](at, pattern.args or args[:1], block)
 
 
-def _blind(at: Position, args: Args, block: Block, place: int = 1, hopeless: Structure | None = None) -> Block:
+def _blind(
+    at: nodes.Position, args: Args, block: Block, place: int = 1, hopeless: nodes.Structure | None = None
+) -> Block:
     goal = _goal(args)
-    again = (Step(Operator.ACHIEVE, replace(goal, annotations=None), at),)
+    again = (nodes.Step(nodes.Operator.ACHIEVE, replace(goal, annotations=None), at),)
     kept = [item for item in _inner(at, args, place, block) if not _gives_up(item, goal)]
     hope = None if hopeless is None else nodes.Not(hopeless, at)
     tries = _plan(at, "-", "!", goal, hope, again), _plan(at, "+", "!", goal, hope, again)
@@ -166,41 +157,41 @@ def _blind(at: Position, args: Args, block: Block, place: int = 1, hopeless: Str
     return (*kept, *tries, gives_up, _plan(at, "+", "", hopeless, steps=(_call(at, ".fail_goal", goal),)))
 
 
-def _gives_up(item: nodes.Item, goal: Structure) -> bool:
+def _gives_up(item: nodes.Item, goal: nodes.Structure) -> bool:
     """Whether an item is the plan by which the pattern inside lets go of the goal."""
-    if not isinstance(item, Plan) or (item.trigger.operator, item.trigger.goal) != ("-", "!"):
+    if not isinstance(item, nodes.Plan) or (item.trigger.operator, item.trigger.goal) != ("-", "!"):
         return False
     return item.trigger.literal is goal or (item.trigger.literal == goal and not item.body.formulas)
 
 
-def _single_minded(at: Position, args: Args, block: Block) -> Block:
+def _single_minded(at: nodes.Position, args: Args, block: Block) -> Block:
     return _blind(at, args, block, 2, _goal(args, 1))
 
 
-def _relativised(at: Position, args: Args, block: Block) -> Block:
+def _relativised(at: nodes.Position, args: Args, block: Block) -> Block:
     goal, motive = _goal(args), _goal(args, 1)
     ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
     return (*_blind(at, args, block, 2), ends)
 
 
-def _open_minded(at: Position, args: Args, block: Block) -> Block:
+def _open_minded(at: nodes.Position, args: Args, block: Block) -> Block:
     goal, hopeless, motive = _goal(args), _goal(args, 1), _goal(args, 2)
     ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
     return (*_blind(at, args, block, 3, hopeless), ends)
 
 
-def _maintenance(at: Position, args: Args, block: Block) -> Block:
+def _maintenance(at: nodes.Position, args: Args, block: Block) -> Block:
     goal = _goal(args)
-    adopted = _plan(at, "-", "", goal, steps=(Step(Operator.ACHIEVE, replace(goal, annotations=None), at),))
+    adopted = _plan(at, "-", "", goal, steps=(nodes.Step(nodes.Operator.ACHIEVE, replace(goal, annotations=None), at),))
     return (nodes.Belief(goal, at), adopted, *_inner(at, args, 1, block))
 
 
-def _sequence(args: Args) -> tuple[Trigger, nodes.Term, Structure]:
+def _sequence(args: Args) -> tuple[nodes.Trigger, nodes.Term, nodes.Structure]:
     """Trigger, context and goal, each as a term or as a text."""
     match args:
-        case (nodes.TriggerTerm(trigger=trigger), context, Structure() as goal):
+        case (nodes.TriggerTerm(trigger=trigger), context, nodes.Structure() as goal):
             return trigger, context, goal
-        case (nodes.String(value=trigger_text), context, goal) if isinstance(goal, Structure | nodes.String):
+        case (nodes.String(value=trigger_text), context, goal) if isinstance(goal, nodes.Structure | nodes.String):
             try:
                 trigger = parse_trigger(trigger_text)
                 context = parse_formula(context.value) if isinstance(context, nodes.String) else context
@@ -210,22 +201,25 @@ def _sequence(args: Args) -> tuple[Trigger, nodes.Term, Structure]:
     raise WrongPattern("needs a trigger, a context and a goal: sga({ +event(X) }, ready, goal(X))")
 
 
-def _sequenced(at: Position, args: Args, block: Block) -> Block:
+def _sequenced(at: nodes.Position, args: Args, block: Block) -> Block:
     trigger, context, goal = _sequence(args)
-    busy, anyone = Structure("fl", (goal,), position=at), Structure("fl", (Variable("_", position=at),), position=at)
-    turn = Structure("fg", (goal,), position=at)
-    take, note, forget = (
-        Step(Operator.ACHIEVE, turn, at),
-        Step(Operator.ADD, busy, at),
-        Step(Operator.DELETE, busy, at),
+    busy, anyone = (
+        nodes.Structure("fl", (goal,), position=at),
+        nodes.Structure("fl", (nodes.Variable("_", position=at),), position=at),
     )
-    started = Plan(trigger, nodes.And(nodes.Not(anyone, at), context, at), Body((take,), at), position=at)
-    queued = Plan(trigger, nodes.And(anyone, context, at), Body((note,), at), position=at)
+    turn = nodes.Structure("fg", (goal,), position=at)
+    take, note, forget = (
+        nodes.Step(nodes.Operator.ACHIEVE, turn, at),
+        nodes.Step(nodes.Operator.ADD, busy, at),
+        nodes.Step(nodes.Operator.DELETE, busy, at),
+    )
+    started = nodes.Plan(trigger, nodes.And(nodes.Not(anyone, at), context, at), nodes.Body((take,), at), position=at)
+    queued = nodes.Plan(trigger, nodes.And(anyone, context, at), nodes.Body((note,), at), position=at)
     return (
         *block,
         started,
         queued,
-        _plan(at, "+", "!", turn, steps=(note, Step(Operator.ACHIEVE, goal, at), forget)),
+        _plan(at, "+", "!", turn, steps=(note, nodes.Step(nodes.Operator.ACHIEVE, goal, at), forget)),
         _plan(at, "-", "!", turn, steps=(forget,)),
         _plan(at, "-", "", anyone, busy, (take,)),
     )

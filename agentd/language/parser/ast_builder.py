@@ -7,41 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, TypeVar
 
 from agentd.language.parser.build_terms import FORMULAS, KINDS, TermBuilder
 from agentd.language.parser.fact_runs import FactRun
+from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import shown
-from agentd.language.syntax_tree.nodes import (
-    Arithmetic,
-    Belief,
-    Body,
-    BodyFormula,
-    BodyTerm,
-    Directive,
-    For,
-    Fork,
-    Formula,
-    Goal,
-    If,
-    InternalAction,
-    Item,
-    ListTerm,
-    Operator,
-    Plan,
-    PlanTerm,
-    Program,
-    Rule,
-    RuleTerm,
-    Step,
-    String,
-    Structure,
-    Term,
-    Trigger,
-    TriggerTerm,
-    Variable,
-    While,
-)
 from agentd.language.syntax_tree.source import Source
 
 MOST_BLOCKS: Final = 100
@@ -50,20 +21,19 @@ MOST_BLOCKS: Final = 100
 
 @dataclass(frozen=True, slots=True)
 class _Context:
-    formula: Formula | None
+    formula: nodes.Formula
     operator: str
-    at: int
 
 
 @dataclass(frozen=True, slots=True)
 class _Subplans:
-    plans: tuple[Plan, ...]
+    plans: tuple[nodes.Plan, ...]
     at: int
 
 
 @dataclass(frozen=True, slots=True)
 class _Begin:
-    directive: Structure
+    directive: nodes.Structure
     at: int
 
 
@@ -72,8 +42,9 @@ class _End:
     at: int
 
 
-_Detail: TypeAlias = _Context | Body
-_ItemPart: TypeAlias = Item | FactRun | _Subplans | _Begin | _End
+_Detail: TypeAlias = _Context | nodes.Body
+_Part = TypeVar("_Part")
+_ItemPart: TypeAlias = nodes.Item | FactRun | _Subplans | _Begin | _End
 
 
 class Builder(TermBuilder):
@@ -88,11 +59,11 @@ class Builder(TermBuilder):
         self._runs = runs
         self._end_of_text = end_of_text
         self._depths = _BlockDepths(self.refuse)
-        self._trigger_bodies: dict[int, tuple[TriggerTerm, Body]] = {}
+        self._trigger_bodies: dict[int, tuple[nodes.TriggerTerm, nodes.Body]] = {}
 
-    def program(self, at: int, *parts: _ItemPart) -> Program:
-        open_blocks: list[tuple[_Begin, list[Item]]] = []
-        items: list[Item] = []
+    def program(self, at: int, *parts: _ItemPart) -> nodes.Program:
+        open_blocks: list[tuple[_Begin, list[nodes.Item]]] = []
+        items: list[nodes.Item] = []
         for part in parts:
             match part:
                 case _Begin():
@@ -105,7 +76,7 @@ class Builder(TermBuilder):
                         self.refuse(part.at, "{ end } without a { begin ... } before it")
                         continue
                     begin, outer = open_blocks.pop()
-                    outer.append(Directive(begin.directive, tuple(items), self.position(begin.at)))
+                    outer.append(nodes.Directive(begin.directive, tuple(items), self.position(begin.at)))
                     items = outer
                 case _Subplans():
                     self._attach(items, part)
@@ -120,83 +91,89 @@ class Builder(TermBuilder):
                 f"{{ begin {shown(name)} }} of line {line} is not closed; put {{ end }} after the last of its items"
             )
             self.refuse(self._end_of_text, message)
-        return Program(self.source.file, tuple(items))
+        return nodes.Program(self.source.file, tuple(items))
 
-    def _attach(self, items: list[Item], block: _Subplans) -> None:
+    def _attach(self, items: list[nodes.Item], block: _Subplans) -> None:
         owner = items[-1] if items else None
-        if isinstance(owner, Plan):
+        if isinstance(owner, nodes.Plan):
             items[-1] = whole = replace(owner, subplans=owner.subplans + block.plans)
             self._depths.note(block.at, whole, block.plans)
         else:
             self.refuse(block.at, "plans in { } belong to the plan before them, and there is none here")
 
-    def belief(self, at: int, literal: Structure) -> Belief | FactRun:
+    def belief(self, at: int, literal: nodes.Structure) -> nodes.Belief | FactRun:
         run = self._runs.get(at)
-        return Belief(literal, self.position(at)) if run is None else run
+        return nodes.Belief(literal, self.position(at)) if run is None else run
 
-    def rule(self, at: int, head: Structure, body: Term) -> Rule:
-        return Rule(head, self.condition_of(at, body, "the body of a rule"), self.position(at))
+    def rule(self, at: int, head: nodes.Structure, body: nodes.Term) -> nodes.Rule:
+        return nodes.Rule(head, self.condition_of(at, body, "the body of a rule"), self.position(at))
 
-    def goal(self, at: int, operator: str, literal: Structure) -> Goal:
-        return Goal(literal, operator, self.position(at))
+    def goal(self, at: int, operator: str, literal: nodes.Structure) -> nodes.Goal:
+        return nodes.Goal(literal, operator, self.position(at))
 
-    def plan(self, at: int, label: Structure | Variable | None, trigger: Trigger, *details: _Detail) -> Plan:
-        context: Formula | None = None
-        condition: Formula | None = None
-        body = Body()
+    def plan(
+        self, at: int, label: nodes.Structure | nodes.Variable | None, trigger: nodes.Trigger, *details: _Detail
+    ) -> nodes.Plan:
+        context: nodes.Formula | None = None
+        condition: nodes.Formula | None = None
+        body = nodes.Body()
         for detail in details:
-            if isinstance(detail, Body):
+            if isinstance(detail, nodes.Body):
                 body = detail
             elif detail.operator == ":":
-                context = None if detail.formula == Structure("true") else detail.formula  # as in Jason, also in terms
+                context = (
+                    None if detail.formula == nodes.Structure("true") else detail.formula
+                )  # as in Jason, also in terms
             else:
                 condition = detail.formula
-        return Plan(trigger, context, body, label, condition, (), self.position(at))
+        return nodes.Plan(trigger, context, body, label, condition, (), self.position(at))
 
-    def context(self, at: int, term: Term) -> _Context:
-        return _Context(self.condition_of(at, term, "the context of a plan"), ":", at)
+    def context(self, at: int, term: nodes.Term) -> _Context:
+        return _Context(self.condition_of(at, term, "the context of a plan"), ":")
 
-    def condition(self, at: int, term: Term) -> _Context:
-        return _Context(self.condition_of(at, term, "the goal condition of a plan"), "<:", at)
+    def condition(self, at: int, term: nodes.Term) -> _Context:
+        return _Context(self.condition_of(at, term, "the goal condition of a plan"), "<:")
 
-    def arrow(self, at: int, body: Body) -> Body:
-        return body
+    def only(self, at: int, part: _Part) -> _Part:
+        """A rule that stands for its only part."""
+        return part
 
-    def label(self, at: int, label: Structure | ListTerm) -> Structure:
-        if isinstance(label, ListTerm):
-            return Structure("", (), label, position=self.position(at))
+    arrow = any_label = lone_expression = lone_literal = lone_plan = lone_trigger = only
+
+    def label(self, at: int, label: nodes.Structure | nodes.ListTerm) -> nodes.Structure:
+        if isinstance(label, nodes.ListTerm):
+            return nodes.Structure("", (), label, position=self.position(at))
         return label
 
-    def any_label(self, at: int, label: Variable) -> Variable:
-        return label
+    def goal_trigger(
+        self, at: int, operator: str, goal: str, literal: nodes.Structure | nodes.Variable
+    ) -> nodes.Trigger:
+        return nodes.Trigger(operator, goal, literal, self.position(at))
 
-    def goal_trigger(self, at: int, operator: str, goal: str, literal: Structure | Variable) -> Trigger:
-        return Trigger(operator, goal, literal, self.position(at))
-
-    def belief_trigger(self, at: int, operator: str, literal: Structure | Variable) -> Trigger:
+    def belief_trigger(self, at: int, operator: str, literal: nodes.Structure | nodes.Variable) -> nodes.Trigger:
         if operator == "^":
             self.refuse(at, "^ is for events of goals: ^!g or ^?g, often with [state(S)]")
-        return Trigger(operator, "", literal, self.position(at))
+        return nodes.Trigger(operator, "", literal, self.position(at))
 
-    def subplans(self, at: int, *parts: Plan | _Subplans) -> _Subplans:
-        plans: list[Item] = []
+    def subplans(self, at: int, *parts: nodes.Plan | _Subplans) -> _Subplans:
+        plans: list[nodes.Item] = []
         for part in parts:
             if isinstance(part, _Subplans):
                 self._attach(plans, part)
             else:
                 plans.append(part)
-        return _Subplans(tuple(plan for plan in plans if isinstance(plan, Plan)), at)
+        return _Subplans(tuple(plan for plan in plans if isinstance(plan, nodes.Plan)), at)
 
-    def directive(self, at: int, call: Structure) -> Directive | _End:
+    def directive(self, at: int, call: nodes.Structure) -> nodes.Directive | _End:
         if call.functor == "end" and not call.args:
             return _End(at)
-        if call.functor == "register_function" and call.args and isinstance(call.args[0], String):
+        if call.functor == "register_function" and call.args and isinstance(call.args[0], nodes.String):
             self.functions.add(call.args[0].value)
         elif call.functor == "include":
             self.includes = True
-        return Directive(call, None, self.position(at))
+        return nodes.Directive(call, None, self.position(at))
 
-    def begin(self, at: int, word: str, call: Structure) -> _Begin:
+    def begin(self, at: int, word: str, call: nodes.Structure) -> _Begin:
         if word != "begin":
             if word == "end":
                 self.refuse(at, "the end of a block is written { end }")
@@ -206,68 +183,78 @@ class Builder(TermBuilder):
                 )
         return _Begin(call, at)
 
-    def call(self, at: int, name: str, arguments: tuple[Term, ...] | None) -> Structure:
-        return Structure(name, arguments or (), position=self.position(at))
+    def call(self, at: int, name: str, arguments: tuple[nodes.Term, ...] | None) -> nodes.Structure:
+        return nodes.Structure(name, arguments or (), position=self.position(at))
 
-    def body(self, at: int, *formulas: BodyFormula) -> Body:
-        body = Body(formulas, self.position(at))
+    def body(self, at: int, *formulas: nodes.BodyFormula) -> nodes.Body:
+        body = nodes.Body(formulas, self.position(at))
         self._depths.body(at, body)
         return body
 
-    def braced(self, at: int, body: Body | None) -> Body:
-        return body if body is not None else Body((), self.position(at))
+    def braced(self, at: int, body: nodes.Body | None) -> nodes.Body:
+        return body if body is not None else nodes.Body((), self.position(at))
 
-    def if_block(self, at: int, condition: Term, body: Body, *rest: tuple[Formula, Body] | Body | None) -> If:
+    def if_block(
+        self,
+        at: int,
+        condition: nodes.Term,
+        body: nodes.Body,
+        *rest: tuple[nodes.Formula, nodes.Body] | nodes.Body | None,
+    ) -> nodes.If:
         otherwise = rest[-1]
         branches = tuple(branch for branch in rest if isinstance(branch, tuple))
         first = (self.formula_of(at, condition, "the condition of if"), body)
-        return If((first, *branches), otherwise if isinstance(otherwise, Body) else None, self.position(at))
+        return nodes.If((first, *branches), otherwise if isinstance(otherwise, nodes.Body) else None, self.position(at))
 
-    def elif_(self, at: int, condition: Term, body: Body) -> tuple[Formula, Body]:
+    def elif_(self, at: int, condition: nodes.Term, body: nodes.Body) -> tuple[nodes.Formula, nodes.Body]:
         return self.formula_of(at, condition, "the condition of elif"), body
 
-    def while_block(self, at: int, condition: Term, body: Body) -> While:
-        return While(self.formula_of(at, condition, "the condition of while"), body, self.position(at))
+    def while_block(self, at: int, condition: nodes.Term, body: nodes.Body) -> nodes.While:
+        return nodes.While(self.formula_of(at, condition, "the condition of while"), body, self.position(at))
 
-    def for_block(self, at: int, condition: Term, body: Body) -> For:
-        return For(self.formula_of(at, condition, "the condition of for"), body, self.position(at))
+    def for_block(self, at: int, condition: nodes.Term, body: nodes.Body) -> nodes.For:
+        return nodes.For(self.formula_of(at, condition, "the condition of for"), body, self.position(at))
 
-    def fork_or(self, at: int, *branches: BodyFormula) -> Fork:
-        return Fork("|||", tuple(self._branch(at, branch) for branch in branches), self.position(at))
+    def fork_or(self, at: int, *branches: nodes.BodyFormula) -> nodes.Fork:
+        return nodes.Fork("|||", tuple(self._branch(at, branch) for branch in branches), self.position(at))
 
-    def fork_and(self, at: int, *branches: BodyFormula) -> Fork:
-        return Fork("|&|", tuple(self._branch(at, branch) for branch in branches), self.position(at))
+    def fork_and(self, at: int, *branches: nodes.BodyFormula) -> nodes.Fork:
+        return nodes.Fork("|&|", tuple(self._branch(at, branch) for branch in branches), self.position(at))
 
-    def _branch(self, at: int, formula: BodyFormula) -> Body:
-        if isinstance(formula, Step) and formula.operator is Operator.ACTION and isinstance(formula.term, BodyTerm):
+    def _branch(self, at: int, formula: nodes.BodyFormula) -> nodes.Body:
+        if (
+            isinstance(formula, nodes.Step)
+            and formula.operator is nodes.Operator.ACTION
+            and isinstance(formula.term, nodes.BodyTerm)
+        ):
             return formula.term.body
-        body = Body((formula,), formula.position)
+        body = nodes.Body((formula,), formula.position)
         self._depths.body(at, body)
         return body
 
-    def group(self, at: int, *formulas: BodyFormula) -> Step:
+    def group(self, at: int, *formulas: nodes.BodyFormula) -> nodes.Step:
         position = self.position(at)
-        return Step(Operator.ACTION, BodyTerm(self.body(at, *formulas), position), position)
+        return nodes.Step(nodes.Operator.ACTION, nodes.BodyTerm(self.body(at, *formulas), position), position)
 
-    def expression_step(self, at: int, term: Term) -> Step:
+    def expression_step(self, at: int, term: nodes.Term) -> nodes.Step:
         position = self.position(at)
         signed = self.signed.get(id(term))
         if signed is not None:
             self.bad_signs.pop(id(term), None)
-            return Step(Operator(signed.sign), self._changed(at, signed.operand), position)
-        if isinstance(term, TriggerTerm) and id(term) in self._trigger_bodies:
-            term = BodyTerm(self._trigger_bodies[id(term)][1], term.position)
-        if not isinstance(term, (*FORMULAS, BodyTerm)):
-            if isinstance(term, Arithmetic) and self._refuse_changes_in_a_row(term):
-                return Step(Operator.ACTION, term, position)
+            return nodes.Step(nodes.Operator(signed.sign), self._changed(at, signed.operand), position)
+        if isinstance(term, nodes.TriggerTerm) and id(term) in self._trigger_bodies:
+            term = nodes.BodyTerm(self._trigger_bodies[id(term)][1], term.position)
+        if not isinstance(term, (*FORMULAS, nodes.BodyTerm)):
+            if isinstance(term, nodes.Arithmetic) and self._refuse_changes_in_a_row(term):
+                return nodes.Step(nodes.Operator.ACTION, term, position)
             self.refuse(at, f"{KINDS[type(term)]} is not a formula of a plan body; a value is computed by X = ...")
-        return Step(Operator.ACTION, term, position)
+        return nodes.Step(nodes.Operator.ACTION, term, position)
 
-    def _refuse_changes_in_a_row(self, term: Arithmetic) -> bool:
+    def _refuse_changes_in_a_row(self, term: nodes.Arithmetic) -> bool:
         """Refuse ``+a +b``, read as a sum: changes of beliefs are separated by semicolons."""
         while len(term.operands) == 2:
             left, right = term.operands
-            if not isinstance(left, Arithmetic):
+            if not isinstance(left, nodes.Arithmetic):
                 break
             if id(left) in self.bad_signs:
                 self.bad_signs.pop(id(left))
@@ -276,75 +263,63 @@ class Builder(TermBuilder):
             term = left
         return False
 
-    def operator_step(self, at: int, operator: str, term: Term) -> Step:
-        kind = Operator(operator)
-        if kind in (Operator.ADD_FIRST, Operator.ADD_LAST):
+    def operator_step(self, at: int, operator: str, term: nodes.Term) -> nodes.Step:
+        kind = nodes.Operator(operator)
+        if kind in (nodes.Operator.ADD_FIRST, nodes.Operator.ADD_LAST):
             term = self._changed(at, term)
-        elif kind is Operator.TEST:
-            if isinstance(term, InternalAction):
+        elif kind is nodes.Operator.TEST:
+            if isinstance(term, nodes.InternalAction):
                 self._refuse_operator(at, operator, term)
             else:
                 term = self.formula_of(at, term, "what follows ?")
-        return Step(kind, term, self.position(at))
+        return nodes.Step(kind, term, self.position(at))
 
-    def _refuse_operator(self, at: int, operator: str, action: InternalAction) -> None:
+    def _refuse_operator(self, at: int, operator: str, action: nodes.InternalAction) -> None:
         message = f"{operator} cannot be applied to an internal action; write {shown(action.name)} without {operator}"
         self.refuse(at, message)
 
-    def _changed(self, at: int, term: Term) -> Term:
+    def _changed(self, at: int, term: nodes.Term) -> nodes.Term:
         """What + and - add and delete: a belief, or a plan or rule in braces."""
-        if isinstance(term, TriggerTerm):
-            return PlanTerm(Plan(term.trigger, position=term.position), term.position)
-        if isinstance(term, InternalAction):
+        if isinstance(term, nodes.TriggerTerm):
+            return nodes.PlanTerm(nodes.Plan(term.trigger, position=term.position), term.position)
+        if isinstance(term, nodes.InternalAction):
             message = (
                 f"an internal action is not a belief: {shown(term.name)} takes no + or -; is a ';' missing before it?"
             )
             self.refuse(at, message)
-        elif not isinstance(term, Structure | Variable | PlanTerm | RuleTerm):
+        elif not isinstance(term, nodes.Structure | nodes.Variable | nodes.PlanTerm | nodes.RuleTerm):
             self.refuse(at, f"{KINDS[type(term)]} is not a belief; + and - change beliefs, or plans and rules in {{ }}")
         return term
 
-    def body_term(self, at: int, body: Body | None) -> BodyTerm | TriggerTerm:
+    def body_term(self, at: int, body: nodes.Body | None) -> nodes.BodyTerm | nodes.TriggerTerm:
         position = self.position(at)
         if body is not None and len(body.formulas) == 1:
             step = body.formulas[0]
             if (
-                isinstance(step, Step)
-                and step.operator in (Operator.ADD, Operator.DELETE)
-                and isinstance(step.term, Structure | Variable)
+                isinstance(step, nodes.Step)
+                and step.operator in (nodes.Operator.ADD, nodes.Operator.DELETE)
+                and isinstance(step.term, nodes.Structure | nodes.Variable)
             ):
-                trigger = TriggerTerm(Trigger(step.operator.value, "", step.term, step.position), position)
+                trigger = nodes.TriggerTerm(nodes.Trigger(step.operator.value, "", step.term, step.position), position)
                 self._trigger_bodies[id(trigger)] = (trigger, body)
                 return trigger
-        return BodyTerm(body if body is not None else Body((), position), position)
+        return nodes.BodyTerm(body if body is not None else nodes.Body((), position), position)
 
-    def trigger_term(self, at: int, trigger: Trigger) -> TriggerTerm:
-        return TriggerTerm(trigger, self.position(at))
+    def trigger_term(self, at: int, trigger: nodes.Trigger) -> nodes.TriggerTerm:
+        return nodes.TriggerTerm(trigger, self.position(at))
 
-    def plan_term(self, at: int, *parts: Structure | Variable | Trigger | _Detail) -> PlanTerm:
+    def plan_term(self, at: int, *parts: nodes.Structure | nodes.Variable | nodes.Trigger | _Detail) -> nodes.PlanTerm:
         first = parts[0]
         label = None
-        if isinstance(first, Structure | Variable):
+        if isinstance(first, nodes.Structure | nodes.Variable):
             label, parts = first, parts[1:]
         trigger = parts[0]
-        assert isinstance(trigger, Trigger)
-        details = [part for part in parts if isinstance(part, _Context | Body)]
-        return PlanTerm(self.plan(at, label, trigger, *details), self.position(at))
+        assert isinstance(trigger, nodes.Trigger)
+        details = [part for part in parts if isinstance(part, _Context | nodes.Body)]
+        return nodes.PlanTerm(self.plan(at, label, trigger, *details), self.position(at))
 
-    def rule_term(self, at: int, head: Structure, body: Term) -> RuleTerm:
-        return RuleTerm(self.rule(at, head, body), self.position(at))
-
-    def lone_expression(self, at: int, term: Term) -> Term:
-        return term
-
-    def lone_literal(self, at: int, literal: Structure) -> Structure:
-        return literal
-
-    def lone_plan(self, at: int, plan: Plan) -> Plan:
-        return plan
-
-    def lone_trigger(self, at: int, trigger: Trigger) -> Trigger:
-        return trigger
+    def rule_term(self, at: int, head: nodes.Structure, body: nodes.Term) -> nodes.RuleTerm:
+        return nodes.RuleTerm(self.rule(at, head, body), self.position(at))
 
 
 class _BlockDepths:
@@ -355,11 +330,11 @@ class _BlockDepths:
         self._depths: dict[int, int] = {}
         """By identity, of those with blocks in them."""
 
-    def body(self, at: int, body: Body) -> None:
+    def body(self, at: int, body: nodes.Body) -> None:
         """A body has been read."""
         self.note(at, body, [block for formula in body.formulas for block in _blocks(formula)])
 
-    def note(self, at: int, owner: Body | Plan, blocks: Sequence[Body | Plan]) -> None:
+    def note(self, at: int, owner: nodes.Body | nodes.Plan, blocks: Sequence[nodes.Body | nodes.Plan]) -> None:
         """Something with these blocks in it has been read. It is refused once, where it becomes too deep."""
         depth = 1 + max((self._depths.get(id(block), 0) for block in blocks), default=-1)
         if depth == MOST_BLOCKS + 1:
@@ -376,13 +351,17 @@ class _BlockDepths:
         self._refuse(at, message)
 
 
-def _blocks(formula: BodyFormula) -> tuple[Body, ...]:
+def _blocks(formula: nodes.BodyFormula) -> tuple[nodes.Body, ...]:
     """The bodies inside a formula."""
     match formula:
-        case If(branches=branches, otherwise=otherwise):
+        case nodes.If(branches=branches, otherwise=otherwise):
             return (*(body for _, body in branches), *([] if otherwise is None else [otherwise]))
-        case While(body=body) | For(body=body) | Step(operator=Operator.ACTION, term=BodyTerm(body=body)):
+        case (
+            nodes.While(body=body)
+            | nodes.For(body=body)
+            | nodes.Step(operator=nodes.Operator.ACTION, term=nodes.BodyTerm(body=body))
+        ):
             return (body,)
-        case Fork(branches=bodies):
+        case nodes.Fork(branches=bodies):
             return bodies
     return ()

@@ -5,53 +5,34 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, TypeGuard
+from typing import Any, TypeAlias, TypeGuard
 
+from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import Problem, problem_on, shown
-from agentd.language.syntax_tree.nodes import (
-    And,
-    Arithmetic,
-    BodyTerm,
-    Formula,
-    InternalAction,
-    ListTerm,
-    Not,
-    Number,
-    Or,
-    PlanTerm,
-    Position,
-    Relation,
-    RuleTerm,
-    String,
-    Structure,
-    Term,
-    TriggerTerm,
-    Variable,
-)
 from agentd.language.syntax_tree.source import Source
 
 NOT_IN_CONDITIONS = frozenset((".wait", ".suspend", ".foreach", ".loop", ".if_then_else", ".fork", ".join"))
 """Internal actions that suspend or run a body: refused in contexts and rules, where nothing can wait."""
 
-FORMULAS = (Structure, Variable, InternalAction, Relation, Not, And, Or)
-_NUMERIC = (Number, Variable, Arithmetic, InternalAction)
+FORMULAS = (nodes.Structure, nodes.Variable, nodes.InternalAction, nodes.Relation, nodes.Not, nodes.And, nodes.Or)
+_NUMERIC = (nodes.Number, nodes.Variable, nodes.Arithmetic, nodes.InternalAction)
 
 KINDS: dict[type, str] = {
-    Number: "a number",
-    String: "a string",
-    ListTerm: "a list",
-    Structure: "an atom or structure",
-    Variable: "a variable",
-    InternalAction: "an internal action",
-    Arithmetic: "an arithmetic expression",
-    Relation: "a comparison",
-    Not: "a logical formula",
-    And: "a logical formula",
-    Or: "a logical formula",
-    PlanTerm: "a plan",
-    TriggerTerm: "a trigger",
-    BodyTerm: "a plan body",
-    RuleTerm: "a rule",
+    nodes.Number: "a number",
+    nodes.String: "a string",
+    nodes.ListTerm: "a list",
+    nodes.Structure: "an atom or structure",
+    nodes.Variable: "a variable",
+    nodes.InternalAction: "an internal action",
+    nodes.Arithmetic: "an arithmetic expression",
+    nodes.Relation: "a comparison",
+    nodes.Not: "a logical formula",
+    nodes.And: "a logical formula",
+    nodes.Or: "a logical formula",
+    nodes.PlanTerm: "a plan",
+    nodes.TriggerTerm: "a trigger",
+    nodes.BodyTerm: "a plan body",
+    nodes.RuleTerm: "a rule",
 }
 
 
@@ -59,15 +40,15 @@ KINDS: dict[type, str] = {
 class Signed:
     """An expression with a sign, as written: ``--b`` is a belief change as a formula, else minus minus b."""
 
-    expression: Arithmetic
+    expression: nodes.Arithmetic
     sign: str
-    operand: Term
+    operand: nodes.Term
 
 
-Scope: TypeAlias = str | Variable
+Scope: TypeAlias = str | nodes.Variable
 
 
-def is_formula(term: Term) -> TypeGuard[Formula]:
+def is_formula(term: nodes.Term) -> TypeGuard[nodes.Formula]:
     """Whether a term can be true or false: a literal, a comparison, a connection of such."""
     return isinstance(term, FORMULAS)
 
@@ -85,71 +66,75 @@ class TermBuilder:
         self.functions: set[str] = set()
         self.includes = False
         self.signed: dict[int, Signed] = {}
-        self.bad_signs: dict[int, tuple[int, Term]] = {}
-        self._calls: list[tuple[int, Structure]] = []
+        self.bad_signs: dict[int, tuple[int, nodes.Term]] = {}
+        self._calls: list[tuple[int, nodes.Structure]] = []
 
-    def position(self, at: int) -> Position:
-        return Position(self.source.file, *self.source.place(at))
+    def position(self, at: int) -> nodes.Position:
+        return nodes.Position(self.source.file, *self.source.place(at))
 
-    def refuse(self, where: int | Position, message: str) -> None:
-        line, column = (where.line, where.column) if isinstance(where, Position) else self.source.place(where)
+    def refuse(self, where: int | nodes.Position, message: str) -> None:
+        line, column = (where.line, where.column) if isinstance(where, nodes.Position) else self.source.place(where)
         self.problems.append(problem_on(self.source, line, column, message))
 
-    def or_(self, at: int, left: Term, right: Term) -> Or:
-        return Or(self.formula_of(at, left, "left of |"), self.formula_of(at, right, "right of |"), self.position(at))
+    def or_(self, at: int, left: nodes.Term, right: nodes.Term) -> nodes.Or:
+        return nodes.Or(
+            self.formula_of(at, left, "left of |"), self.formula_of(at, right, "right of |"), self.position(at)
+        )
 
-    def and_(self, at: int, left: Term, right: Term) -> And:
-        return And(self.formula_of(at, left, "left of &"), self.formula_of(at, right, "right of &"), self.position(at))
+    def and_(self, at: int, left: nodes.Term, right: nodes.Term) -> nodes.And:
+        return nodes.And(
+            self.formula_of(at, left, "left of &"), self.formula_of(at, right, "right of &"), self.position(at)
+        )
 
-    def not_(self, at: int, operand: Term) -> Not:
-        return Not(self.formula_of(at, operand, "what follows not"), self.position(at))
+    def not_(self, at: int, operand: nodes.Term) -> nodes.Not:
+        return nodes.Not(self.formula_of(at, operand, "what follows not"), self.position(at))
 
-    def relate(self, at: int, left: Term, operator: str, right: Term) -> Relation:
-        return Relation(operator, left, right, self.position(at))
+    def relate(self, at: int, left: nodes.Term, operator: str, right: nodes.Term) -> nodes.Relation:
+        return nodes.Relation(operator, left, right, self.position(at))
 
-    def binary(self, at: int, left: Term, operator: str, right: Term) -> Arithmetic:
+    def binary(self, at: int, left: nodes.Term, operator: str, right: nodes.Term) -> nodes.Arithmetic:
         self._operand(at, left, operator)
         if id(left) not in self.bad_signs:  # else `+a +b`, two changes of beliefs, of which is told once
             self._operand(at, right, operator)
         position = self.position(at)
         if len(operator) == 2 and operator != "**":  # `5--2` is 5 - (-2)
-            right = Arithmetic(operator[1], (right,), position)
+            right = nodes.Arithmetic(operator[1], (right,), position)
             operator = operator[0]
-        return Arithmetic(operator, (left, right), position)
+        return nodes.Arithmetic(operator, (left, right), position)
 
-    def unary(self, at: int, sign: str, operand: Term) -> Arithmetic:
+    def unary(self, at: int, sign: str, operand: nodes.Term) -> nodes.Arithmetic:
         position = self.position(at)
-        expression = Arithmetic(sign[-1], (operand,), position)
+        expression = nodes.Arithmetic(sign[-1], (operand,), position)
         if len(sign) == 2:
-            expression = Arithmetic(sign[0], (expression,), position)
+            expression = nodes.Arithmetic(sign[0], (expression,), position)
         self.signed[id(expression)] = Signed(expression, sign, operand)
         if not isinstance(operand, _NUMERIC):
             self.bad_signs[id(expression)] = (at, operand)
         return expression
 
-    def _operand(self, at: int, term: Term, operator: str) -> None:
-        if isinstance(term, Structure) and not term.negated and term.args:
+    def _operand(self, at: int, term: nodes.Term, operator: str) -> None:
+        if isinstance(term, nodes.Structure) and not term.negated and term.args:
             self._calls.append((at, term))
         elif not isinstance(term, _NUMERIC):
             self._refuse_operand(at, term, operator)
 
-    def _refuse_operand(self, at: int, term: Term, operator: str) -> None:
+    def _refuse_operand(self, at: int, term: nodes.Term, operator: str) -> None:
         message = f"{operator} computes with numbers, its operand must not be {KINDS[type(term)]}"
-        if isinstance(term, String):
+        if isinstance(term, nodes.String):
             message += "; strings are joined with .concat"
-        elif isinstance(term, Structure) and not term.args and not term.negated:
+        elif isinstance(term, nodes.Structure) and not term.args and not term.negated:
             message = f"{operator} computes with numbers, its operand must not be the atom {shown(term.functor)}"
             message += "; a variable begins with a capital letter"
         self.refuse(at, message)
 
-    def number(self, at: int, text: str) -> Number:
-        return Number(float(text), self.position(at))
+    def number(self, at: int, text: str) -> nodes.Number:
+        return nodes.Number(float(text), self.position(at))
 
-    def string(self, at: int, text: str) -> String:
-        return String(string_value(text), self.position(at))
+    def string(self, at: int, text: str) -> nodes.String:
+        return nodes.String(string_value(text), self.position(at))
 
-    def truth(self, at: int, text: str) -> Structure:
-        return Structure(text, position=self.position(at))
+    def truth(self, at: int, text: str) -> nodes.Structure:
+        return nodes.Structure(text, position=self.position(at))
 
     def literal(
         self,
@@ -157,72 +142,65 @@ class TermBuilder:
         scope: Scope | None,
         tilde: str | None,
         name: str,
-        arguments: tuple[Term, ...] | None,
-        annotations: ListTerm | None,
-    ) -> Structure:
-        return Structure(name, arguments or (), annotations, tilde is not None, scope, self.position(at))
+        arguments: tuple[nodes.Term, ...] | None,
+        annotations: nodes.ListTerm | None,
+    ) -> nodes.Structure:
+        return nodes.Structure(name, arguments or (), annotations, tilde is not None, scope, self.position(at))
 
-    def negated_literal(
-        self,
-        at: int,
-        tilde: str,
-        scope: Scope,
-        name: str,
-        arguments: tuple[Term, ...] | None,
-        annotations: ListTerm | None,
-    ) -> Structure:
-        return Structure(name, arguments or (), annotations, True, scope, self.position(at))
+    def negated_literal(self, at: int, tilde: str, scope: Scope, *rest: Any) -> nodes.Structure:
+        return self.literal(at, scope, tilde, *rest)
 
     def variable(
-        self, at: int, scope: Scope | None, tilde: str | None, name: str, annotations: ListTerm | None
-    ) -> Variable:
-        return Variable(name, annotations, tilde is not None, scope, self.position(at))
+        self, at: int, scope: Scope | None, tilde: str | None, name: str, annotations: nodes.ListTerm | None
+    ) -> nodes.Variable:
+        return nodes.Variable(name, annotations, tilde is not None, scope, self.position(at))
 
-    def negated_variable(self, at: int, tilde: str, scope: Scope, name: str, annotations: ListTerm | None) -> Variable:
-        return Variable(name, annotations, True, scope, self.position(at))
+    def negated_variable(self, at: int, tilde: str, scope: Scope, *rest: Any) -> nodes.Variable:
+        return self.variable(at, scope, tilde, *rest)
 
-    def internal(self, at: int, name: str, arguments: tuple[Term, ...] | None) -> InternalAction:
-        return InternalAction(name, arguments or (), self.position(at))
+    def internal(self, at: int, name: str, arguments: tuple[nodes.Term, ...] | None) -> nodes.InternalAction:
+        return nodes.InternalAction(name, arguments or (), self.position(at))
 
     def scope(self, at: int, name: str | None) -> Scope:
         if name is None:
             return ""
-        return Variable(name, position=self.position(at)) if name[0].isupper() or name[0] == "_" else name
+        return nodes.Variable(name, position=self.position(at)) if name[0].isupper() or name[0] == "_" else name
 
-    def arguments(self, at: int, *terms: Term) -> tuple[Term, ...]:
+    def arguments(self, at: int, *terms: nodes.Term) -> tuple[nodes.Term, ...]:
         return terms
 
-    def elements(self, at: int, *terms: Term) -> tuple[Term, ...]:
-        return terms
+    elements = arguments
 
-    def list_(self, at: int, items: tuple[Term, ...] = (), tail: Variable | ListTerm | None = None) -> ListTerm:
-        return ListTerm(items, tail, self.position(at))
+    def list_(
+        self, at: int, items: tuple[nodes.Term, ...] = (), tail: nodes.Variable | nodes.ListTerm | None = None
+    ) -> nodes.ListTerm:
+        return nodes.ListTerm(items, tail, self.position(at))
 
     annotations = list_
 
-    def annotations_rest(self, at: int, tail: Variable | ListTerm) -> ListTerm:
-        return ListTerm((), tail, self.position(at))
+    def annotations_rest(self, at: int, tail: nodes.Variable | nodes.ListTerm) -> nodes.ListTerm:
+        return nodes.ListTerm((), tail, self.position(at))
 
-    def formula_of(self, at: int, term: Term, where: str) -> Formula:
+    def formula_of(self, at: int, term: nodes.Term, where: str) -> nodes.Formula:
         if is_formula(term):
             return term
         if self.bad_signs.pop(id(term), None):
             sign = self.signed[id(term)].sign
             self.refuse(term.position, f"{where} is only tested: there is no {sign}, a belief is changed in a body")
-            return Structure("false", position=self.position(at))
+            return nodes.Structure("false", position=self.position(at))
         self.refuse(term.position, f"{where}: expected a formula that can be true or false, got {KINDS[type(term)]}")
-        return Structure("false", position=self.position(at))
+        return nodes.Structure("false", position=self.position(at))
 
-    def condition_of(self, at: int, term: Term, where: str) -> Formula:
+    def condition_of(self, at: int, term: nodes.Term, where: str) -> nodes.Formula:
         formula = self.formula_of(at, term, where)
-        pending: list[Term] = [formula]
+        pending: list[nodes.Term] = [formula]
         while pending:
             match pending.pop():
-                case InternalAction(name, position=place) if name in NOT_IN_CONDITIONS:
+                case nodes.InternalAction(name, position=place) if name in NOT_IN_CONDITIONS:
                     self.refuse(place, f"{name} cannot be used in {where}: it may have to wait; use it in the body")
-                case And(left, right) | Or(left, right):
+                case nodes.And(left, right) | nodes.Or(left, right):
                     pending += (right, left)
-                case Not(operand):
+                case nodes.Not(operand):
                     pending.append(operand)
         return formula
 
@@ -234,7 +212,7 @@ class TermBuilder:
     def finish(self) -> None:
         """Report what could be judged only with the whole text read."""
         for at, operand in self.bad_signs.values():
-            if isinstance(operand, Structure) and operand.args and not operand.negated:
+            if isinstance(operand, nodes.Structure) and operand.args and not operand.negated:
                 self._calls.append((at, operand))
             else:
                 self._refuse_operand(at, operand, self.source.text[at])

@@ -6,56 +6,43 @@ Written as Jason writes terms (expressions in brackets, lists without blanks), e
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TypeAlias
+from collections.abc import Callable, Iterable
+from typing import Final, TypeAlias, get_args
 
-from agentd.language.syntax_tree.nodes import (
-    And,
-    Arithmetic,
-    Belief,
-    Body,
-    BodyFormula,
-    BodyTerm,
-    Directive,
-    For,
-    Fork,
-    Goal,
-    If,
-    InternalAction,
-    Item,
-    ListTerm,
-    Not,
-    Number,
-    Operator,
-    Or,
-    Plan,
-    PlanTerm,
-    Program,
-    Relation,
-    Rule,
-    RuleTerm,
-    Step,
-    String,
-    Structure,
-    Term,
-    Trigger,
-    TriggerTerm,
-    Variable,
-    While,
-)
+from agentd.language.syntax_tree import nodes
 
-Node: TypeAlias = Program | Item | Trigger | Body | BodyFormula | Term
+Node: TypeAlias = nodes.Program | nodes.Item | nodes.Trigger | nodes.Body | nodes.BodyFormula | nodes.Term
 _Pieces: TypeAlias = list[str | Node]
+_TERMS: Final = get_args(nodes.Term)
 
 
 def source_text(node: Node) -> str:
     """The text of a program, an item, a trigger, a body or a formula of it, or a term. Any depth: no recursion."""
+    return _text([node], None)
+
+
+def unbraced_text(
+    node: nodes.Plan | nodes.Trigger | nodes.Rule | nodes.Body, term_text: Callable[[nodes.Term], str]
+) -> str:
+    """The text of what braces may hold, without them, each term in it as ``term_text`` writes it."""
+    match node:
+        case nodes.Body():
+            return _text([node], term_text)
+        case nodes.Plan(subplans=subplans) if subplans:
+            inner = _separated([[plan] for plan in subplans], " ")
+            return _text([*_unfinished(node), " { ", *inner, " }"], term_text)
+    return _text(_unfinished(node), term_text)
+
+
+def _text(pending: _Pieces, term_text: Callable[[nodes.Term], str] | None) -> str:
     out: list[str] = []
-    pending: _Pieces = [node]
+    pending.reverse()
     while pending:
         piece = pending.pop()
         if isinstance(piece, str):
             out.append(piece)
+        elif term_text is not None and isinstance(piece, _TERMS):
+            out.append(term_text(piece))
         else:
             pending.extend(reversed(_pieces(piece)))
     return "".join(out)
@@ -64,71 +51,75 @@ def source_text(node: Node) -> str:
 def _pieces(node: Node) -> _Pieces:
     """What a node consists of, in order: text and the nodes inside it."""
     match node:
-        case Number(value):
+        case nodes.Number(value):
             return [_number(value)]
-        case String(value):
+        case nodes.String(value):
             return ['"', value.replace('"', '\\"').replace("\n", "\\n"), '"']
-        case Variable() | Structure():
+        case nodes.Variable() | nodes.Structure():
             return _literal(node)
-        case InternalAction(name, args):
+        case nodes.InternalAction(name, args):
             return [name, *_arguments(args)]
-        case ListTerm(items, tail):
+        case nodes.ListTerm(items, tail):
             return [
                 "[",
                 *_separated([_operand(item) for item in items]),
                 *(["|", tail] if tail is not None else []),
                 "]",
             ]
-        case Arithmetic(operator, operands):
+        case nodes.Arithmetic(operator, operands):
             left = operands[:-1]
             return ["(", *left, f" {operator} " if operator.isalpha() else operator, operands[-1], ")"]
-        case Relation(operator, left, right):
+        case nodes.Relation(operator, left, right):
             return ["(", *_operand(left), f" {operator} ", *_operand(right), ")"]
-        case And(left, right):
+        case nodes.And(left, right):
             return ["(", left, " & ", right, ")"]
-        case Or(left, right):
+        case nodes.Or(left, right):
             return ["(", left, " | ", right, ")"]
-        case Not(operand):
+        case nodes.Not(operand):
             return ["not (", operand, ")"]
-        case PlanTerm(Plan() as inner) | TriggerTerm(Trigger() as inner) | RuleTerm(Rule() as inner):
+        case (
+            nodes.PlanTerm(nodes.Plan() as inner)
+            | nodes.TriggerTerm(nodes.Trigger() as inner)
+            | nodes.RuleTerm(nodes.Rule() as inner)
+        ):
             return ["{ ", *_unfinished(inner), " }"]
-        case BodyTerm(body):
+        case nodes.BodyTerm(body):
             return _block(body)
-        case Step() | If() | While() | For() | Fork():
+        case nodes.Step() | nodes.If() | nodes.While() | nodes.For() | nodes.Fork():
             return _formula(node)
-        case Body(formulas):
+        case nodes.Body(formulas):
             return _separated([[formula] for formula in formulas], "; ")
-        case Trigger():
+        case nodes.Trigger():
             return _unfinished(node)
         case _:
             return _item(node)
 
 
-def _item(node: Program | Item) -> _Pieces:
+def _item(node: nodes.Program | nodes.Item) -> _Pieces:
     match node:
-        case Program(items=items):
+        case nodes.Program(items=items):
             return _separated([[item] for item in items], "\n")
-        case Belief(literal):
+        case nodes.Belief(literal):
             return [literal, "."]
-        case Goal(literal, operator):
+        case nodes.Goal(literal, operator):
             return [operator, literal, "."]
-        case Directive(name, None):
+        case nodes.Directive(name, None):
             return ["{ ", name, " }"]
-        case Directive(name, items):
+        case nodes.Directive(name, items):
             return ["{ begin ", name, " }\n", *_each(items or (), "\n"), "{ end }"]
-        case Plan(subplans=()) | Rule():
+        case nodes.Plan(subplans=()) | nodes.Rule():
             return [*_unfinished(node), "."]
-        case Plan(subplans=subplans):
+        case nodes.Plan(subplans=subplans):
             return [*_unfinished(node), ". {\n", *_each(subplans, "\n"), "}"]
     raise TypeError(f"no syntax: {node!r}")
 
 
-def _unfinished(node: Plan | Trigger | Rule) -> _Pieces:
+def _unfinished(node: nodes.Plan | nodes.Trigger | nodes.Rule) -> _Pieces:
     """A plan, trigger or rule without its dot."""
     match node:
-        case Trigger(operator, goal, literal):
+        case nodes.Trigger(operator, goal, literal):
             return [operator, goal, literal]
-        case Rule(head, body):
+        case nodes.Rule(head, body):
             return [head, " :- ", body]
     pieces: _Pieces = []
     if node.label is not None:
@@ -143,39 +134,41 @@ def _unfinished(node: Plan | Trigger | Rule) -> _Pieces:
     return pieces
 
 
-def _formula(node: BodyFormula) -> _Pieces:
+def _formula(node: nodes.BodyFormula) -> _Pieces:
     match node:
-        case Step(operator, term):
+        case nodes.Step(operator, term):
             return [operator.value, term]
-        case If(branches, otherwise):
+        case nodes.If(branches, otherwise):
             pieces: _Pieces = []
             for i, (condition, body) in enumerate(branches):
                 pieces += [" elif (" if i else "if (", condition, ") ", *_block(body)]
             return pieces if otherwise is None else [*pieces, " else ", *_block(otherwise)]
-        case While(condition, body):
+        case nodes.While(condition, body):
             return ["while (", condition, ") ", *_block(body)]
-        case For(condition, body):
+        case nodes.For(condition, body):
             return ["for (", condition, ") ", *_block(body)]
-        case Fork(operator, bodies):
+        case nodes.Fork(operator, bodies):
             return _separated([_branch(body) for body in bodies], f" {operator} ")
 
 
-def _branch(body: Body) -> _Pieces:
+def _branch(body: nodes.Body) -> _Pieces:
     match body.formulas:
-        case (Step(operator, term) as step,) if operator is not Operator.ACTION or not isinstance(term, BodyTerm):
+        case (nodes.Step(operator, term) as step,) if operator is not nodes.Operator.ACTION or not isinstance(
+            term, nodes.BodyTerm
+        ):
             return [step]
     return _block(body)
 
 
-def _block(body: Body) -> _Pieces:
+def _block(body: nodes.Body) -> _Pieces:
     return ["{ ", body, " }"] if body.formulas else ["{ }"]
 
 
-def _literal(node: Structure | Variable) -> _Pieces:
+def _literal(node: nodes.Structure | nodes.Variable) -> _Pieces:
     pieces: _Pieces = ["~"] if node.negated else []
     if node.namespace is not None:
         pieces += [node.namespace, "::"]
-    if isinstance(node, Variable):
+    if isinstance(node, nodes.Variable):
         pieces.append(node.name)
     else:
         pieces += [node.functor, *_arguments(node.args)]
@@ -184,13 +177,13 @@ def _literal(node: Structure | Variable) -> _Pieces:
     return pieces
 
 
-def _arguments(args: tuple[Term, ...]) -> _Pieces:
+def _arguments(args: tuple[nodes.Term, ...]) -> _Pieces:
     return ["(", *_separated([[arg] for arg in args]), ")"] if args else []
 
 
-def _operand(term: Term) -> _Pieces:
+def _operand(term: nodes.Term) -> _Pieces:
     """A term where a logical formula needs brackets; all but ``not`` have theirs."""
-    return ["(", term, ")"] if isinstance(term, Not) else [term]
+    return ["(", term, ")"] if isinstance(term, nodes.Not) else [term]
 
 
 def _separated(parts: Iterable[_Pieces], separator: str = ",") -> _Pieces:
@@ -202,7 +195,7 @@ def _separated(parts: Iterable[_Pieces], separator: str = ",") -> _Pieces:
     return pieces
 
 
-def _each(items: Iterable[Item], end: str) -> _Pieces:
+def _each(items: Iterable[nodes.Item], end: str) -> _Pieces:
     pieces: _Pieces = []
     for item in items:
         pieces += [item, end]

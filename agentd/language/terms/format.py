@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.printer import unbraced_text
 from agentd.language.syntax_tree.signatures import DEFAULT
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.numbers import number_text
@@ -238,76 +238,10 @@ def _push_collection(term: Collection, pending: list[Any]) -> None:
 
 def code_text(code: Code) -> str:
     """A plan, trigger, body or rule, with the values that its variables had when it became a term."""
-    inner = _Source(code.values).of(code.syntax)
+    inner = unbraced_text(code.syntax, lambda node: text(instantiate(node, code.values)))
     if code.bare:
         return inner
     return "{ }" if not inner else f"{{ {inner} }}"
-
-
-class _Source:
-    """Writes syntax with the values of some variables put in."""
-
-    def __init__(self, values: dict[str, Any]) -> None:
-        self._values = values
-
-    def of(self, node: Any) -> str:
-        match node:
-            case nodes.Plan():
-                return self.plan(node)
-            case nodes.Trigger():
-                return self.trigger(node)
-            case nodes.Rule(head=head, body=body):
-                return f"{self.term(head)} :- {self.term(body)}"
-            case nodes.Body():
-                return self.body(node)
-        raise TypeError(node)
-
-    def term(self, node: nodes.Term) -> str:
-        return text(instantiate(node, self._values))
-
-    def trigger(self, node: nodes.Trigger) -> str:
-        return f"{node.operator}{node.goal}{self.term(node.literal)}"
-
-    def plan(self, node: nodes.Plan) -> str:
-        parts = [f"@{self.term(node.label)} "] if node.label is not None else []
-        parts.append(self.trigger(node.trigger))
-        if node.context is not None:
-            parts.append(f" : {self.term(node.context)}")
-        if node.goal_condition is not None:
-            parts.append(f" <: {self.term(node.goal_condition)}")
-        if node.body.formulas:
-            parts.append(f" <- {self.body(node.body)}")
-        if node.subplans:
-            parts.append(" { " + ". ".join(self.plan(p) for p in node.subplans) + ". }")
-        return "".join(parts)
-
-    def body(self, node: nodes.Body) -> str:
-        return "; ".join(self.formula(f) for f in node.formulas)
-
-    def block(self, node: nodes.Body) -> str:
-        inner = self.body(node)
-        return f"{{ {inner} }}" if inner else "{ }"
-
-    def formula(self, node: nodes.BodyFormula) -> str:
-        match node:
-            case nodes.Step(operator=operator, term=term):
-                return f"{operator.value}{self.term(term)}"
-            case nodes.If(branches=branches, otherwise=otherwise):
-                words = [
-                    f"{'elif' if i else 'if'} ({self.term(condition)}) {self.block(body)}"
-                    for i, (condition, body) in enumerate(branches)
-                ]
-                if otherwise is not None:
-                    words.append(f"else {self.block(otherwise)}")
-                return " ".join(words)
-            case nodes.While(condition=condition, body=body):
-                return f"while ({self.term(condition)}) {self.block(body)}"
-            case nodes.For(condition=condition, body=body):
-                return f"for ({self.term(condition)}) {self.block(body)}"
-            case nodes.Fork(operator=operator, branches=bodies):
-                return f" {operator} ".join(
-                    f"({self.body(b)})" if len(b.formulas) > 1 else self.body(b) for b in bodies
-                )
 
 
 def qualified(functor: str, namespace: str) -> str:
