@@ -85,9 +85,6 @@ class ErrorContext:
         starts = self.tokens.starts
         return index > 0 and starts[index] == starts[index - 1] + len(self.tokens.texts[index - 1])
 
-    def begins_line(self, index: int) -> bool:
-        return index in self.tokens.first_in_line
-
     def _begins_plan(self, index: int) -> bool:
         """Whether the token is a label, or the sign of a goal's trigger."""
         text, after = self.tokens.texts[index], "".join(self.tokens.texts[index + 1 : index + 2])
@@ -136,7 +133,7 @@ class ErrorContext:
             depth += (texts[index] == "{") - (texts[index] == "}")
             if not depth:
                 return True
-            if self._begins_plan(index) and self.begins_line(index):
+            if self._begins_plan(index) and index in self.tokens.first_in_line:
                 return False
         return False
 
@@ -168,19 +165,9 @@ class ErrorContext:
 
     def ends_gap(self, index: int, gap: str) -> bool:
         """Whether the ``..`` or ``...`` of a pattern reaches no further back than a token."""
-        if gap == ".." and (self.begins_line(index) or self.tokens.texts[index] == "<-"):
+        if gap == ".." and (index in self.tokens.first_in_line or self.tokens.texts[index] == "<-"):
             return True
         return self.tokens.types[index] == "_END"
-
-    def before_arguments(self, index: int) -> int:
-        """The index of the token before the round brackets that end at an index; the index itself if none do."""
-        texts, depth = self.tokens.texts, 0
-        while index >= 0 and (depth or texts[index] == ")"):
-            depth += (texts[index] == ")") - (texts[index] == "(")
-            index -= 1
-            if not depth:
-                break
-        return index
 
     def opened_at(self) -> str:
         """``'(' of line 1, column 9``: the innermost open bracket and its place."""

@@ -17,7 +17,7 @@ from agentd.language.errors.error_context import BEGIN_TERM, CLOSERS, END_TERM, 
 from agentd.language.errors.lexical import COUNTING, foreign_sign
 from agentd.language.errors.suggestions import near
 from agentd.language.parser.lalr import machine
-from agentd.language.parser.lexer import END_OF_TEXT, Tokens
+from agentd.language.parser.lexer import END_OF_TEXT, Tokens, before_brackets
 from agentd.language.syntax_tree.errors import shown
 from agentd.language.syntax_tree.source import Source
 from schemas.humanize import joined
@@ -47,6 +47,7 @@ class Element:
     types: frozenset[str]
     texts: frozenset[str]
     expression: re.Pattern[str] | None
+    marked: bool
     begins_line: bool
     adjoins: bool
     arguments: bool
@@ -92,7 +93,7 @@ class Row:
         index = error.index - 1
         for element in self.before:
             if element.arguments:
-                index = error.before_arguments(index)
+                index = before_brackets(error.tokens.types, index, "LPAR", "RPAR")
             while element.gap and index >= 0 and not element.fits(error, index):
                 if error.ends_gap(index, element.gap):
                     return None
@@ -108,7 +109,7 @@ class Row:
         if indices.stop > len(error.tokens.types):
             return None
         for element, index in zip(self.after, indices, strict=True):
-            if error.begins_line(index) != element.begins_line or not element.fits(error, index):
+            if (index in error.tokens.first_in_line) != element.begins_line or not element.fits(error, index):
                 return None
         return list(indices)
 
@@ -133,8 +134,12 @@ def _row(line: str) -> Row:
     where, *words = pattern.split()
     where, _, accepted = where.partition("+")
     parts, *opened = where.split("/")
-    elements = list(_elements(words))
-    mark = next(index for index, word in enumerate(word for word in words if word not in _GAPS) if _is_marked(word))
+    elements = [
+        _element(word, after if after in _GAPS else "")  # a gap belongs to the element before it
+        for word, after in zip(words, [*words[1:], ""], strict=True)
+        if word not in _GAPS
+    ]
+    mark = next(index for index, element in enumerate(elements) if element.marked)
     return Row(
         line,
         frozenset(parts.split(",")) if parts != "item" else _PARTS_OF_ITEMS,
@@ -148,17 +153,6 @@ def _row(line: str) -> Row:
 
 
 _PARTS_OF_ITEMS = frozenset(("label", "trigger", "goal", "belief", "context", "rule", "body", "braces"))
-
-
-def _is_marked(word: str) -> bool:
-    return len(word) > 1 and "^" in word[: len(word) - len(word.lstrip(_PREFIXES))]
-
-
-def _elements(words: list[str]) -> Iterator[Element]:
-    """The elements of a pattern; a gap belongs to the one before it."""
-    for word, after in zip(words, [*words[1:], ""], strict=True):
-        if word not in _GAPS:
-            yield _element(word, after if after in _GAPS else "")
 
 
 def _element(word: str, gap: str) -> Element:
@@ -177,7 +171,7 @@ def _element(word: str, gap: str) -> Element:
         words, classes = body.split("|"), _classes()
         types = frozenset().union(*(classes[name] for name in words if name in classes))
         texts = frozenset(name for name in words if name not in classes)
-    return Element(types, texts, expression, "$" in prefixes, "%" in prefixes, arguments, gap)
+    return Element(types, texts, expression, "^" in prefixes, "$" in prefixes, "%" in prefixes, arguments, gap)
 
 
 @lru_cache(maxsize=1)

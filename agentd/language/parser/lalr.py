@@ -6,12 +6,13 @@ comes into being. A builder's method gets the offset where its rule begins and t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import itemgetter
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
+from agentd.language.parser.build_terms import TermBuilder
 from agentd.language.parser.lexer import END_OF_TEXT, Tokens
 from agentd.language.parser.parse_tables import RuleTable, Tables, load
 
@@ -30,21 +31,12 @@ class Reduction:
     index: int
 
 
-class Recovery(Protocol):
-    """What to do where no rule goes on: reports the problem and gives the index to go on at, or None to stop.
+Recovery: TypeAlias = Callable[[int, list[int], list[int], bool], int | None]
+"""What to do where no rule goes on: reports the problem and gives the index to go on at, or None to stop.
 
-    ``states`` is the stack of the machine, the state that does not go on last, ``offsets`` where what led to each
-    begins; ``at_item`` is true if no token of an item has been read yet.
-    """
-
-    def __call__(self, index: int, states: list[int], offsets: list[int], at_item: bool) -> int | None: ...
-
-
-class Unfinished(Protocol):
-    """A builder, as far as the machine knows it: besides this it has a method for each rule of the grammar."""
-
-    def unfinished(self, values: Sequence[Any]) -> None:
-        """These values are not finished and never will be: their item goes wrong at the next token."""
+It gets the index of the token, the stack of the machine, the state that does not go on last, the offsets where what led
+to each begins, and whether no token of an item has been read yet.
+"""
 
 
 class Stopped(Exception):
@@ -63,8 +55,11 @@ class Machine:
         self.entered_by = {a: symbol for row in tables.states for symbol, a in row.items() if a >= 0}
         self._chains: dict[tuple[int, int, str], int] = {}
 
-    def run(self, tokens: Tokens, start: str, builder: Unfinished, recover: Recovery) -> Any:
-        """The value of a text that is a ``start``. Raises `Stopped` if ``recover`` returns None."""
+    def run(self, tokens: Tokens, start: str, builder: TermBuilder, recover: Recovery) -> Any:
+        """The value of a text that is a ``start``. Raises `Stopped` if ``recover`` returns None.
+
+        ``builder`` has a method for each rule of the grammar.
+        """
         rows, reductions, chains = self.tables.states, self.reductions, self._chains
         builds = [getattr(builder, r.name) if r.kind == _BUILD else None for r in reductions]
         types, texts, starts = tokens.types, tokens.texts, tokens.starts
@@ -78,12 +73,13 @@ class Machine:
             action = rows[state].get(kind)
             if action is None:
                 builder.unfinished(values)
-                resume = recover(index, states, offsets, self._at_item(states))
+                kept = self._complete(states)
+                resume = recover(index, states, offsets, len(states) == kept)
                 if resume is None:
                     raise Stopped
                 index = resume
                 kind = types[index]
-                self._unwind(states, values, offsets)
+                del states[kept:], values[kept:], offsets[kept:]
                 state = states[-1]
             elif action >= 0:
                 states.append(action)
@@ -155,18 +151,11 @@ class Machine:
             state = rows[below][rule.origin]
         return state
 
-    def _at_item(self, states: list[int]) -> bool:
-        """Whether nothing of an item of the program has been read yet."""
-        return len(states) == 1 or (len(states) == 2 and states[1] in self._items(states[0]))
-
-    def _items(self, start: int) -> set[int]:
-        """The states in which a program may go on with its next item."""
-        return {state for symbol, state in self.tables.states[start].items() if symbol.startswith("__program_star")}
-
-    def _unwind(self, states: list[int], values: list[Any], offsets: list[int]) -> None:
-        """Back to the items of the program that are complete."""
-        kept = 2 if len(states) > 1 and states[1] in self._items(states[0]) else 1
-        del states[kept:], values[kept:], offsets[kept:]
+    def _complete(self, states: list[int]) -> int:
+        """How many states hold the items of the program that are complete: 1 without any, else 2."""
+        start = self.tables.states[states[0]]
+        items = [state for symbol, state in start.items() if symbol.startswith("__program_star")]
+        return 2 if len(states) > 1 and states[1] in items else 1
 
 
 @lru_cache(maxsize=1)
@@ -183,24 +172,14 @@ def _reduction(rule: RuleTable) -> Reduction:
         return Reduction(kind, rule.origin, rule.name, rule.size, None, index)
     if rule.listing:
         extends = bool(rule.spliced) and children[0] == rule.spliced[0]
-        pick = _extender(children, rule.spliced) if extends else _gatherer(children, rule.spliced)
+        pick = _extender(children, rule.spliced) if extends else _splicer(children, rule.spliced)
         return Reduction(_EXTEND if extends else _LIST, rule.origin, rule.name, rule.size, pick, index)
     return Reduction(_BUILD, rule.origin, rule.name, rule.size, _picker(children, rule.spliced, rule.size), index)
 
 
 def _picker(children: list[int], spliced: list[int], size: int) -> Callable[[list[Any]], Sequence[Any]] | None:
     if spliced:
-
-        def splice(values: list[Any]) -> Sequence[Any]:
-            picked: list[Any] = []
-            for child in children:
-                if child in spliced:
-                    picked.extend(values[child])
-                else:
-                    picked.append(values[child] if child >= 0 else None)
-            return picked
-
-        return splice
+        return _splicer(children, spliced)
     if children == list(range(size)):
         return None
     if len(children) == 1:
@@ -218,14 +197,17 @@ def _picker(children: list[int], spliced: list[int], size: int) -> Callable[[lis
     return pick
 
 
-def _gatherer(children: list[int], spliced: list[int]) -> Callable[[list[Any]], Sequence[Any]]:
-    def gather(values: list[Any]) -> Sequence[Any]:
-        gathered: list[Any] = []
+def _splicer(children: list[int], spliced: list[int]) -> Callable[[list[Any]], Sequence[Any]]:
+    def splice(values: list[Any]) -> Sequence[Any]:
+        picked: list[Any] = []
         for child in children:
-            gathered.extend(_one(values[child], child in spliced))
-        return gathered
+            if child in spliced:
+                picked.extend(values[child])
+            else:
+                picked.append(values[child] if child >= 0 else None)
+        return picked
 
-    return gather
+    return splice
 
 
 def _extender(children: list[int], spliced: list[int]) -> Callable[[list[Any]], Sequence[Any]]:
@@ -235,11 +217,7 @@ def _extender(children: list[int], spliced: list[int]) -> Callable[[list[Any]], 
     def extend(values: list[Any]) -> Sequence[Any]:
         gathered: list[Any] = values[first]
         for child in rest:
-            gathered.extend(_one(values[child], child in spliced))
+            gathered.extend(values[child] if child in spliced else (values[child],))
         return gathered
 
     return extend
-
-
-def _one(value: Any, spliced: bool) -> Iterable[Any]:
-    return value if spliced else (value,)

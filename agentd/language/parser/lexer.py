@@ -56,30 +56,13 @@ class Lexicon:
     fixed: dict[str, str]
     keywords: dict[str, str]
     ignored: frozenset[str]
-    arrow: str
-    ends_body: str
-    before_formula: frozenset[str]
-    starts_formula: frozenset[str]
-    ends_formula: frozenset[str]
 
 
 def lexicon(tables: Tables) -> Lexicon:
     operators = "|".join(re.escape(text) for text in sorted(tables.fixed, key=len, reverse=True))
     groups = [f"(?P<{name}>{pattern})" for name, pattern in tables.patterns.items()]
-    fixed = tables.fixed
-    words = ("NOT", "IF", "WHILE", "FOR", "NAME", "QUOTED", "INTERNAL", "VARIABLE")
-    signs = ("!", "!!", "?", "+<", "+>", "+", "-", "++", "--", "-+")
-    return Lexicon(
-        master=re.compile("|".join([*groups, rf"(?P<{BROKEN}>/\*)|(?P<OP>{operators})"])),
-        fixed=fixed,
-        keywords=tables.keywords,
-        ignored=frozenset(tables.ignored),
-        arrow=fixed["<-"],
-        ends_body="_END",
-        before_formula=frozenset(fixed[text] for text in ("<-", ";", "{", "}", "|&|", "|||")),
-        starts_formula=frozenset([*words, *(fixed[text] for text in signs)]),
-        ends_formula=frozenset([*_OPERANDS, fixed[")"], fixed["]"]]),
-    )
+    master = re.compile("|".join([*groups, rf"(?P<{BROKEN}>/\*)|(?P<OP>{operators})"]))
+    return Lexicon(master, tables.fixed, tables.keywords, frozenset(tables.ignored))
 
 
 _BELIEF_CHANGE = re.compile(r"(\+\+|--|-\+|[+-])\s*[a-zA-Z_~'{:]")
@@ -88,8 +71,19 @@ _BELIEF_CHANGE = re.compile(r"(\+\+|--|-\+|[+-])\s*[a-zA-Z_~'{:]")
 _NO_OPERAND = re.compile(r"(\+\+|--|-\+|[+-])\s*(~|[a-z][a-zA-Z0-9_]*(?![a-zA-Z0-9_]|\s*[(:]|\.[a-z]))")
 """A sign before what is never computed with: a negation, or an atom."""
 
-_OPERANDS = ("NAME", "QUOTED", "INTERNAL", "VARIABLE", "NUMBER", "STRING", "TRUE", "FALSE")
 _CONDITIONAL = frozenset(("IF", "WHILE", "FOR", "ELIF", "ELSE"))
+_GOAL = frozenset(("BANG", "BANG_BANG", "ADD_FIRST", "ADD_LAST"))
+_BEFORE_FORMULA = frozenset(("ARROW", "SEMICOLON", "LBRACE", "RBRACE", "FORK_AND", "FORK_OR"))
+_STARTS_FORMULA = (
+    frozenset(("NOT", "IF", "WHILE", "FOR", "NAME", "QUOTED", "INTERNAL", "VARIABLE", "QUERY"))
+    | {"PLUS", "MINUS", "PLUS_PLUS", "MINUS_MINUS", "MINUS_PLUS"}
+    | _GOAL
+)
+_ENDS_FORMULA = frozenset(
+    ("NAME", "QUOTED", "INTERNAL", "VARIABLE", "NUMBER", "STRING", "TRUE", "FALSE", "RPAR", "RSQB")
+)
+_INSIDE = frozenset(("LPAR", "LSQB", "COMMA", "COLON", "RULE_ARROW", "UNTIL", "AT"))
+"""The tokens that show, before a formula has begun, that this is within brackets or in the head of a plan."""
 
 _SIGNS = frozenset(("+", "-", "++", "--", "-+"))
 
@@ -121,7 +115,7 @@ def tokenize(
             run = find_run(at)
             if run is not None:
                 tokens.runs[at] = run
-                types += ("NAME", lexicon.ends_body)
+                types += ("NAME", "_END")
                 texts += ("facts", ".")
                 starts += (at, run.end)
                 at = run.end
@@ -150,15 +144,15 @@ def tokenize(
             line_end = text.find("\n", at)
             if line_end < 0:
                 line_end = size
-            if in_body and kind in lexicon.starts_formula and _misses_semicolon(text, at, word, types, lexicon):
-                types.append(fixed[";"])
+            if in_body and kind in _STARTS_FORMULA and _misses_semicolon(text, at, word, types):
+                types.append("SEMICOLON")
                 texts.append(";")
                 starts.append(at)
                 tokens.warnings.append(_semicolon_warning(source, at))
             tokens.first_in_line.add(len(types))
-        if kind == lexicon.arrow:
+        if kind == "ARROW":
             in_body = True
-        elif kind == lexicon.ends_body:
+        elif kind == "_END":
             in_body = False
             at_item = find_run is not None
         types.append(kind)
@@ -171,66 +165,61 @@ def tokenize(
     return tokens
 
 
-def _misses_semicolon(text: str, at: int, word: str, types: list[str], lexicon: Lexicon) -> bool:
+def _misses_semicolon(text: str, at: int, word: str, types: list[str]) -> bool:
     """Whether a formula ends before a line's first token, and another one can only begin with it (D1).
 
     Not where a sign may go on with an expression (``X = 1`` and ``-Y`` below it), and, but for an action, not at the
     margin: a belief or a goal of the program begins there, and a dot is missing.
     """
-    if types[-1] not in lexicon.ends_formula or (word in _SIGNS and not _BELIEF_CHANGE.match(text, at)):
+    if types[-1] not in _ENDS_FORMULA or (word in _SIGNS and not _BELIEF_CHANGE.match(text, at)):
         return False
-    first = _first_of_formula(types, lexicon)
+    first = _first_of_formula(types)
     if first is None or types[first] in _CONDITIONAL:
         return False
-    literal = _first_of_literal(types, lexicon)
+    literal = _first_of_literal(types)
     if literal == first:
         return True
     if at == 0 or text[at - 1] == "\n":
         return False
-    fixed = lexicon.fixed
-    goal = types[first] in (fixed["!"], fixed["!!"], fixed["+<"], fixed["+>"])
+    goal = types[first] in _GOAL
     return word not in _SIGNS or goal or literal == first + 1 or _NO_OPERAND.match(text, at) is not None
 
 
-def _first_of_formula(types: list[str], lexicon: Lexicon) -> int | None:
+def _first_of_formula(types: list[str]) -> int | None:
     """The index of the first token of the formula that the last one is in; None within a bracket or a plan's head."""
-    fixed, index = lexicon.fixed, len(types) - 1
-    while index >= 0 and types[index] not in lexicon.before_formula:
-        inside = index
-        for opening, closing in (("[", "]"), ("(", ")")):
-            index = _before_brackets(types, index, fixed[opening], fixed[closing])
+    index = len(types) - 1
+    while index >= 0 and types[index] not in _BEFORE_FORMULA:
+        inside, index = index, _before_arguments(types, index)
         if index == inside:
-            if types[index] in (fixed["("], fixed["["], fixed[","], fixed[":"], fixed[":-"], fixed["<:"], fixed["@"]):
+            if types[index] in _INSIDE:
                 return None
             index -= 1
     return index + 1 if 0 <= index < len(types) - 1 else None
 
 
-def _first_of_literal(types: list[str], lexicon: Lexicon) -> int:
+def _first_of_literal(types: list[str]) -> int:
     """The index at which a literal or an internal action begins that the last token ends; -1 if it ends none."""
-    fixed = lexicon.fixed
-    index = _before_brackets(types, len(types) - 1, fixed["["], fixed["]"])
-    index = _before_brackets(types, index, fixed["("], fixed[")"])
+    index = _before_arguments(types, len(types) - 1)
     if index < 0 or types[index] not in ("NAME", "INTERNAL", "QUOTED"):
         return -1
-    if index >= 2 and types[index - 1] == fixed["::"] and types[index - 2] == "NAME":
+    if index >= 2 and types[index - 1] == "SCOPE" and types[index - 2] == "NAME":
         index -= 2
-    return index - 1 if types[index - 1] == fixed["~"] else index
+    return index - 1 if types[index - 1] == "TILDE" else index
 
 
-def _before_brackets(types: list[str], index: int, opening: str, closing: str) -> int:
+def _before_arguments(types: list[str], index: int) -> int:
+    """The index before the arguments and annotations that end at ``index``; ``index`` itself when there are none."""
+    return before_brackets(types, before_brackets(types, index, "LSQB", "RSQB"), "LPAR", "RPAR")
+
+
+def before_brackets(types: list[str], index: int, opening: str, closing: str) -> int:
     """The index before a bracketed part that ends at ``index``; ``index`` itself when there is none."""
-    if index < 0 or types[index] != closing:
-        return index
     depth = 0
-    while index >= 0:
-        if types[index] == closing:
-            depth += 1
-        elif types[index] == opening:
-            depth -= 1
-            if depth == 0:
-                return index - 1
+    while index >= 0 and (depth or types[index] == closing):
+        depth += (types[index] == closing) - (types[index] == opening)
         index -= 1
+        if not depth:
+            break
     return index
 
 
