@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from agentd.extensions.file_access import AgentFiles, NotAllowed
-from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program, in_namespace
+from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.terms.terms import EMPTY, atom, make_list
 from agentd.mind.data.effects import StopTeam, TeamRequest, TeamRequestRefused
@@ -327,7 +327,7 @@ class AgentGroup:
             return None
         sources = Sources(main=str(found))
         read = sources.parse_file
-        program = await asyncio.to_thread(lambda: in_namespace(read(found), namespace, read))
+        program = await asyncio.to_thread(lambda: compile_program(read(found), read, namespace=namespace))
         return Included(program, str(found), namespace, sources)
 
     async def _do_save(self, host: AgentHost, path: str, text: str) -> Any:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from agentd.extensions.plugins import discover
-from agentd.language.compiler.compile import CompiledProgram, compile_program, in_namespace
+from agentd.language.compiler.compile import CompiledProgram, compile_program
 from agentd.language.parse import parse_file, parse_program
 from schemas.files.findings import Finding
 
@@ -98,7 +98,7 @@ class SourcePaths:
 
     def included(self, path: str, beside: str, namespace: str) -> CompiledProgram:
         """Compile a file that a running program includes into a namespace; raises as `compiled` does."""
-        return in_namespace(parse_file(self.find(path, beside)), namespace, parse_file, self.find)
+        return compile_program(parse_file(self.find(path, beside)), parse_file, self.find, namespace)
 
 
 def read_folders(arguments: Iterable[str], project: Path | None = None) -> SourcePaths:

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
 
-from agentd.language.compiler.compile import CompiledProgram, DirectiveError, in_namespace
+from agentd.language.compiler.compile import CompiledProgram, DirectiveError, compile_program
 from agentd.language.parse import parse_file
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
@@ -173,4 +173,4 @@ def _namespace(plan: nodes.Plan) -> str | None:
 @lru_cache(maxsize=100)
 def _library(namespace: str) -> CompiledProgram:
     """The assertions, for the plans of a namespace."""
-    return in_namespace(parse_file(LIBRARY), namespace)
+    return compile_program(parse_file(LIBRARY), namespace=namespace)

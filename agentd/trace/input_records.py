@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from agentd.conversion.term_conversion import BadTerm, from_wire, to_wire
-from agentd.language.compiler.compile import CompiledProgram, in_namespace
+from agentd.language.compiler.compile import CompiledProgram, compile_program
 from agentd.language.terms.source_annotations import PERCEPT, SELF
 from agentd.language.terms.terms import Literal
 from agentd.mind.data.inputs import (
@@ -151,9 +151,7 @@ _FIELDS: Final[dict[type[Any], tuple[_Field, ...]]] = {
     MailRefused: (_IDENTITY, *_plain("error", "message")),
     CameBack: (
         _Field("life", "life", read=int),
-        _Field(
-            "interrupted", "interrupted", lambda all_: list(map(to_wire, all_)), lambda all_: tuple(map(_literal, all_))
-        ),
+        _Field("interrupted", "interrupted", _several_written, _several_read),
     ),
     Interrupted: (_LITERAL,),
 }
@@ -207,4 +205,4 @@ def _value_read(fields: dict[str, Any]) -> Any:
     if "program" not in fields:
         return from_wire(fields["value"]) if "value" in fields else None
     texts = Texts(dict(fields["files"].entries))
-    return in_namespace(texts.parse_file(fields["program"]), fields["namespace"], texts.parse_file)
+    return compile_program(texts.parse_file(fields["program"]), texts.parse_file, namespace=fields["namespace"])

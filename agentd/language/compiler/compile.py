@@ -48,28 +48,20 @@ def beside(path: str, file: str) -> str:
     return path if PurePosixPath(path).is_absolute() else str(PurePosixPath(file).parent / path)
 
 
-def compile_program(program: nodes.Program, load: Load | None = None, find: Find = beside) -> CompiledProgram:
-    """Carry out the directives of a parsed program. ``load`` reads included files; without it they are refused.
-
-    Raises `DirectiveError` for an unknown or wrong directive, and what ``load`` raises.
-    """
-    return in_namespace(program, DEFAULT, load, find)
-
-
-def in_namespace(
-    program: nodes.Program, namespace: str, load: Load | None = None, find: Find = beside
+def compile_program(
+    program: nodes.Program, load: Load | None = None, find: Find = beside, namespace: str = DEFAULT
 ) -> CompiledProgram:
-    """`compile_program` of a file that is loaded into a namespace."""
+    """Carry out the directives of a parsed program, which is loaded into a namespace.
+
+    ``load`` reads included files; without it they are refused. Raises `DirectiveError` for an unknown or wrong
+    directive, and what ``load`` raises.
+    """
+    expansion = _Expansion(load, find)
     try:
-        return _expanded(program, namespace, load, find)
+        expansion.file(program, namespace)
     except RecursionError:
         start = nodes.Position(program.file, 1, 1)
         raise DirectiveError(start, "a formula of this program is nested too deep") from None
-
-
-def _expanded(program: nodes.Program, namespace: str, load: Load | None, find: Find) -> CompiledProgram:
-    expansion = _Expansion(load, find)
-    expansion.file(program, namespace)
     return CompiledProgram(
         program.file,
         tuple(expansion.beliefs),
@@ -123,10 +115,6 @@ def mistake_in(directive: nodes.Directive) -> str:
     return USAGE[name]
 
 
-def _refused(directive: nodes.Directive) -> DirectiveError:
-    return DirectiveError(directive.position, mistake_in(directive), directive.name.functor)
-
-
 class _Expansion:
     """Collects the items of a program and of the files it includes."""
 
@@ -156,28 +144,32 @@ class _Expansion:
                     self.goals.append(qualifier.item(item))
                 case nodes.Plan():
                     self.plans.append(qualifier.item(item))
-                case nodes.Directive(items=None):
-                    self._directive(item, qualifier)
                 case nodes.Directive():
-                    self._block(item, qualifier)
+                    if mistake := mistake_in(item):
+                        raise DirectiveError(item.position, mistake, item.name.functor)
+                    self._directive(item, qualifier)
 
     def _directive(self, directive: nodes.Directive, qualifier: Qualifier) -> None:
-        match directive.name:
-            case nodes.Structure(functor="include", args=(nodes.String(value=path),)):
+        """Carry out a directive without a mistake."""
+        items = directive.items
+        match directive.name.functor, directive.name.args:
+            case "include", (nodes.String(path),):
                 self._include(directive, path, qualifier.current)
-            case nodes.Structure(functor="include", args=(nodes.String(value=path), nodes.Structure(functor=ns))):
-                self._include(directive, path, ns)
-            case nodes.Structure(
-                functor="register_function",
-                args=(nodes.String(value=name), nodes.Number(value=arity), nodes.String(value=rule)),
-            ):
+            case "include", (nodes.String(path), nodes.Structure(into)):
+                self._include(directive, path, into)
+            case "register_function", (nodes.String(name), nodes.Number(arity), nodes.String(rule)):
                 self.functions.append((name, int(arity), rule))
-            case nodes.Structure(functor="namespace", args=(_, nodes.Structure(functor="local" | "global"))):
+            case "namespace", (nodes.Structure(name), *_) if items is not None:
+                self.namespaced = True
+                self._items(items, qualifier.inside(name))
+            case "namespace", (_, nodes.Structure("local" | "global")):
                 pass  # declares the kind of a namespace; read by `local_names`
-            case nodes.Structure(functor="namespace", args=(nodes.Structure(), *_)):
+            case "namespace", _:
                 self.warnings.append(f"{directive.position}: warning: a namespace without block has no effect")
-            case _:
-                raise _refused(directive)
+            case pattern, args:
+                if pattern == "bdg":
+                    self.warnings.append(f"{directive.position}: warning: {_NO_RETRY}")
+                self._items(PATTERNS[pattern](directive.position, args, items or ()), qualifier)
 
     def _include(self, directive: nodes.Directive, path: str, namespace: str) -> None:
         self._includes += 1
@@ -190,23 +182,6 @@ class _Expansion:
             message = f'cannot include "{path}": {error.strerror or error}'
             raise DirectiveError(directive.position, message) from error
         self.file(included, namespace)
-
-    def _block(self, directive: nodes.Directive, qualifier: Qualifier) -> None:
-        assert directive.items is not None
-        match directive.name:
-            case nodes.Structure(functor="namespace", args=(nodes.Structure(functor=name), *_)):
-                self.namespaced = True
-                self._items(directive.items, qualifier.inside(name))
-            case nodes.Structure(functor=name, args=args) if name in PATTERNS:
-                try:
-                    items = PATTERNS[name](directive.position, args, directive.items)
-                except WrongPattern as wrong:
-                    raise _refused(directive) from wrong
-                if name == "bdg":
-                    self.warnings.append(f"{directive.position}: warning: {_NO_RETRY}")
-                self._items(items, qualifier)
-            case _:
-                raise _refused(directive)
 
 
 _QUERIES = {
