@@ -9,8 +9,8 @@ from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Code, Literal, Open, Term, Var, atom, deref, make_list
 from agentd.mind.beliefs.belief_base import Predicate, RuleClause
 from agentd.mind.beliefs.term_copy import Copier, detach, resolve_all, resolve_annots, with_source
-from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.beliefs.unification import Trail, alternatives, undo, unify
+from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.belief_updates import add_rule, believe, raise_event
 from agentd.mind.execution.input_handling import forget
@@ -96,16 +96,14 @@ def belief(mind: MindState, trail: Trail, pattern: Term) -> Iterator[None]:
 @internal_action(".relevant_rules", 2)
 def relevant_rules(mind: MindState, trail: Trail, pattern: Term, result: Term) -> bool:
     """``.relevant_rules(H, L)``: the rules whose head unifies, as terms."""
-    pattern = deref(pattern)
-    if type(pattern) is not Literal:
-        wrong_arguments(".relevant_rules takes the head of a rule")
-    known = mind.beliefs.known(pattern.sig)
+    head = argument(Literal, pattern, ".relevant_rules takes the head of a rule")
+    known = mind.beliefs.known(head.sig)
     found = []
     for entry in [] if known is None else list(reversed(known.entries.values())):
         if type(entry) is not RuleClause:
             continue
         mark = len(trail)
-        if unify(pattern.bare(), instantiate(entry.syntax.head, dict(entry.values)), trail):
+        if unify(head.bare(), instantiate(entry.syntax.head, dict(entry.values)), trail):
             found.append(Code(entry.syntax, entry.values))
         undo(trail, mark)
     return unify(result, make_list(found), trail)
@@ -118,11 +116,7 @@ def namespace(mind: MindState, trail: Trail, name: Term) -> Iterator[None]:
     ?- .namespace(N) gives N = default
     """
     found = dict.fromkeys(["default", *[p.sig.namespace for p in mind.beliefs.predicates()], *mind.namespaces])
-    mark = len(trail)
-    for each in found:
-        if unify(name, atom(each), trail):
-            yield None
-        undo(trail, mark)
+    yield from alternatives(name, map(atom, found), trail)
 
 
 @internal_action(".namespace_set_prop", 3)

@@ -8,7 +8,7 @@ from typing import Any
 from agentd.language.terms.order import compare, distinct, is_in, ordered, place_in
 from agentd.language.terms.terms import Collection, Term, Var, atom, deref, make_list, proper
 from agentd.mind.beliefs.term_copy import resolve
-from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.beliefs.unification import Trail, alternatives, unify
 from agentd.mind.data.formula_failure import Failed, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
@@ -107,27 +107,19 @@ def map_remove(mind: MindState, trail: Trail, term: Term, key: Term, value: Term
     return found is not None and unify(value, found, trail)
 
 
-def _one_by_one(members: list[Term], item: Term, trail: Trail) -> Iterator[None]:
-    mark = len(trail)
-    for member in members:
-        if unify(item, member, trail):
-            yield None
-        undo(trail, mark)
-
-
 @internal_action(".map.key", 2, backtracks=True)
 def map_key(mind: MindState, trail: Trail, term: Term, key: Term) -> Iterator[None]:
     """``.map.key(M, Key)``: each key.
 
     ?- .map.put(M, a, 1) & .map.put(M, b, 2) & .map.key(M, K) gives K = a; K = b
     """
-    yield from _one_by_one(list(_held(term, _MAP, trail).content), key, trail)
+    yield from alternatives(key, list(_held(term, _MAP, trail).content), trail)
 
 
 @internal_action(".map.value", 2, backtracks=True)
 def map_value(mind: MindState, trail: Trail, term: Term, value: Term) -> Iterator[None]:
     """``.map.value(M, V)``: the value of each key."""
-    yield from _one_by_one(list(_held(term, _MAP, trail).content.values()), value, trail)
+    yield from alternatives(value, list(_held(term, _MAP, trail).content.values()), trail)
 
 
 @internal_action(".set.create", 1)

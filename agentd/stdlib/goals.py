@@ -8,7 +8,7 @@ from typing import Any
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.terms import Literal, Term, Var, atom, deref
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.data.formula_failure import wrong_arguments
+from agentd.mind.data.formula_failure import argument
 from agentd.mind.data.intention import PLAN, STEP, Event, Intention
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution import dropping
@@ -24,10 +24,7 @@ _SUSPENDED = atom("suspend_ia")
 
 
 def _goal(term: Term) -> Literal:
-    term = deref(term)
-    if type(term) is not Literal:
-        wrong_arguments("a goal is needed")
-    return term
+    return argument(Literal, term, "a goal is needed")
 
 
 def _any_goal(term: Term) -> Any:

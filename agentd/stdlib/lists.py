@@ -19,9 +19,9 @@ from agentd.language.terms.terms import (
     spans,
 )
 from agentd.mind.beliefs.term_copy import resolve
-from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.beliefs.unification import Trail, alternatives, undo, unify
 from agentd.mind.beliefs.work_limit import work
-from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
 from agentd.stdlib.java_regex import replace_all
@@ -78,9 +78,7 @@ def nth(mind: MindState, trail: Trail, position: Term, collection: Term, item: T
                 yield None
             undo(trail, mark)
         return
-    if type(position) is not float:
-        wrong_arguments("the position for .nth is a number")
-    at = java_int(position)
+    at = java_int(argument(float, position, "the position for .nth is a number"))
     if not 0 <= at < len(members):
         raise Failed("internal_action", f"position {at} is out of range: there are {len(members)} elements")
     if unify(item, members[at], trail):
@@ -106,9 +104,7 @@ def delete(mind: MindState, trail: Trail, *args: Any) -> bool:
     if type(first) is str:
         whole = collection if type(collection) is str else text(resolve(collection))
         return unify(result, replace_all(first, "", whole), trail)
-    members = proper(collection)
-    if members is None:
-        raise Failed("internal_action", ".delete takes a list or string to delete from")
+    members = _deletable(collection)
     left = []
     for element in members:
         mark = len(trail)
@@ -126,10 +122,15 @@ def _delete_positions(what: list[Any], collection: Any, result: Any, trail: Trai
     first, after = max(start, 0), max(end, start, 0)
     if type(collection) is str:
         return unify(result, collection[:first] + collection[after:], trail)
+    members = _deletable(collection)
+    return unify(result, make_list(members[:first] + members[after:]), trail)
+
+
+def _deletable(collection: Term) -> list[Term]:
     members = proper(collection)
     if members is None:
         raise Failed("internal_action", ".delete takes a list or string to delete from")
-    return unify(result, make_list(members[:first] + members[after:]), trail)
+    return members
 
 
 @internal_action(".sort", 2)
@@ -202,13 +203,14 @@ def _parts(mind: MindState, what: str, pattern: Term, whole: Term, cuts: Any, tr
     members: Any = whole if type(whole) is str else members_of(whole, what)
     if type(wanted) is not Var and type(wanted) is not type(whole):
         wrong_arguments(f"both arguments of {what} are lists, or both strings")
-    mark = len(trail)
-    for start, end in cuts(len(members)):
-        work(mind, end - start + 1)
-        part = members[start:end]
-        if unify(pattern, part if type(part) is str else make_list(part), trail):
-            yield None
-        undo(trail, mark)
+
+    def parts() -> Iterator[Any]:
+        for start, end in cuts(len(members)):
+            work(mind, end - start + 1)
+            part = members[start:end]
+            yield part if type(part) is str else make_list(part)
+
+    yield from alternatives(pattern, parts(), trail)
 
 
 @internal_action(".prefix", 2, backtracks=True, counts=True)

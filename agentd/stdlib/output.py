@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 from agentd.language.terms.format import code_text, printed, text
 from agentd.language.terms.numbers import java_int
@@ -11,7 +12,7 @@ from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.effects import Log, Print
-from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.formula_failure import argument
 from agentd.mind.data.intention import values_of
 from agentd.mind.data.registry import internal_action
 from agentd.mind.plans.plan_terms import plans_for, read_trigger, shown_term
@@ -38,10 +39,8 @@ _LEVELS = {"severe": "error", "warning": "warning", "info": "info"}
 @internal_action(".log", (1, None))
 def log(mind: MindState, trail: Trail, level: Term, *args: Term) -> bool:
     """``.log(Level, T, ...)``: as ``.print``; below ``info`` it is shown only after ``.verbose(2)``."""
-    name = deref(level)
-    if type(name) is not Literal:
-        raise Failed("unknown", ".log takes a level first")
-    shown = _LEVELS.get(name.sig.functor, "debug" if name.sig.functor in ("fine", "finer", "finest") else "info")
+    name = argument(Literal, level, ".log takes a level first", "unknown").functor
+    shown = _LEVELS.get(name, "debug" if name in ("fine", "finer", "finest") else "info")
     line = "".join([printed(resolve(a)) for a in args])
     mind.effects.append(Log(shown, line) if shown == "debug" and mind.verbose < DEBUGGING else _line(mind, line))
     return True
@@ -50,23 +49,23 @@ def log(mind: MindState, trail: Trail, level: Term, *args: Term) -> bool:
 @internal_action(".verbose", 1)
 def verbose(mind: MindState, trail: Trail, level: Term) -> bool:
     """``.verbose(N)``: 0 prints without the agent's name, 1 is normal, 2 also shows log lines below info."""
-    number = deref(level)
-    if type(number) is not float:
-        raise Failed("unknown", ".verbose takes a number")
-    mind.verbose = java_int(number)
+    mind.verbose = java_int(argument(float, level, ".verbose takes a number", "unknown"))
     return True
 
 
 @internal_action(".printf", (1, None))
 def printf(mind: MindState, trail: Trail, pattern: Term, *args: Term) -> bool:
     """``.printf(Format, T, ...)``: Java's format; every number is a double."""
-    form = deref(pattern)
-    if type(form) is not str:
-        wrong_arguments(".printf takes a format string first")
+    form = argument(str, pattern, ".printf takes a format string first")
     from agentd.stdlib.java_format import java_format  # it needs `decimal`, which costs every other program memory
 
     mind.effects.append(_line(mind, java_format(form, [deref(resolve(a)) for a in args])))
     return True
+
+
+def _values(mind: MindState) -> dict[str, Any]:
+    """The variables of the running plan that have a value."""
+    return values_of(mind.current.stack[-1]) if mind.current is not None and mind.current.stack else {}
 
 
 _PLACE = re.compile(r"#\{([A-Za-z_]\w*)\}")
@@ -75,10 +74,7 @@ _PLACE = re.compile(r"#\{([A-Za-z_]\w*)\}")
 @internal_action(".puts", (1, 2))
 def puts(mind: MindState, trail: Trail, pattern: Term, result: Term | None = None) -> bool:
     """``.puts("... #{X} ..."[, S])``: variables of the plan by name; with S the text is returned."""
-    form = deref(pattern)
-    if type(form) is not str:
-        wrong_arguments(".puts takes a string")
-    values = values_of(mind.current.stack[-1]) if mind.current is not None and mind.current.stack else {}
+    form, values = argument(str, pattern, ".puts takes a string"), _values(mind)
 
     def piece(match: re.Match[str]) -> str:
         value = values.get(match.group(1))
@@ -94,8 +90,7 @@ def puts(mind: MindState, trail: Trail, pattern: Term, result: Term | None = Non
 @internal_action(".print_unifier", 0)
 def print_unifier(mind: MindState, trail: Trail) -> bool:
     """``.print_unifier``: a line per variable of the plan that has a value, then ``done``."""
-    found = values_of(mind.current.stack[-1]) if mind.current is not None and mind.current.stack else {}
-    for name, term in found.items():
+    for name, term in _values(mind).items():
         mind.effects.append(_line(mind, f"{name}={text(resolve(term))}"))
     mind.effects.append(_line(mind, "done"))
     return True

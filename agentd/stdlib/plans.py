@@ -9,11 +9,10 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.terms.source_annotations import SELF
 from agentd.language.terms.terms import Code, Literal, Term, Var, atom, deref, make_list
 from agentd.mind.beliefs.term_copy import detach, resolve, resolve_all, with_source
-from agentd.mind.beliefs.unification import Trail, undo, unify
+from agentd.mind.beliefs.unification import Trail, alternatives, undo, unify
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.waiting import hear
-from agentd.mind.plans.plan_library import Plan
 from agentd.mind.plans.plan_terms import (
     add_plans,
     is_label,
@@ -62,19 +61,13 @@ def relevant(mind: MindState, trail: Trail, trigger: Term, plans: Term, labels: 
 
 
 @internal_action(".relevant_plan", 2, backtracks=True)
-def relevant_plan(mind: MindState, trail: Trail, trigger: Term, plan: Plan) -> Iterator[None]:
+def relevant_plan(mind: MindState, trail: Trail, trigger: Term, plan: Term) -> Iterator[None]:
     """``.relevant_plan({trigger}, P)``: each plan for an event; of a given plan, its trigger."""
-    mark = len(trail)
     given = deref(plan)
     if type(deref(trigger)) is Var and type(given) is Code and isinstance(given.syntax, nodes.Plan):
-        if unify(trigger, Code(given.syntax.trigger, given.values, bare=True), trail):
-            yield None
-        undo(trail, mark)
-        return
-    for found in relevant_plans(mind, trigger):
-        if unify(plan, found, trail):
-            yield None
-        undo(trail, mark)
+        yield from alternatives(trigger, [Code(given.syntax.trigger, given.values, bare=True)], trail)
+    else:
+        yield from alternatives(plan, relevant_plans(mind, trigger), trail)
 
 
 @internal_action(".plan_label", 2, backtracks=True)
@@ -83,9 +76,7 @@ def plan_label(mind: MindState, trail: Trail, plan: Any, label: Any) -> Iterator
     mark = len(trail)
     wanted, given = deref(label), deref(plan)
     if type(wanted) is Var and type(given) is Code and is_label(getattr(given.syntax, "label", None)):
-        if unify(label, parts_of(given)[0], trail):
-            yield None
-        undo(trail, mark)
+        yield from alternatives(label, parts_of(given)[:1], trail)
         return
     for found in list(mind.plans):
         if type(wanted) is Literal and wanted.sig.functor != found.label.sig.functor:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
 from random import Random
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from agentd.language.terms.numbers import java_int
 from agentd.language.terms.terms import List, Term, Var, deref, make_list
-from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.data.formula_failure import wrong_arguments
+from agentd.mind.beliefs.unification import Trail, alternatives, unify
+from agentd.mind.data.formula_failure import argument, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
 from agentd.stdlib.lists import members_of
@@ -63,7 +64,6 @@ def random(mind: MindState, trail: Trail, *args: Any) -> Iterator[None]:
     ``.random(L, X[, N])``: random members of a list.
     """
     first = deref(args[0])
-    mark = len(trail)
     if type(first) is List:
         members = members_of(first, ".random")
         if len(args) == 1:
@@ -77,20 +77,13 @@ def random(mind: MindState, trail: Trail, *args: Any) -> Iterator[None]:
         if type(first) is not Var:
             wrong_arguments("the first argument of .random is a variable or a list")
         members, target, times = [], first, _times(args[1]) if len(args) > 1 else 1
-    done = 0
-    while times == 0 or done < times:
-        done += 1
-        value = mind.random.choice(members) if members else mind.random.random()
-        if unify(target, value, trail):
-            yield None
-        undo(trail, mark)
+    rounds = count() if times == 0 else range(times)
+    values = (mind.random.choice(members) if members else mind.random.random() for _ in rounds)
+    yield from alternatives(target, values, trail)
 
 
 def _times(term: Term) -> int:
-    number = deref(term)
-    if type(number) is not float:
-        wrong_arguments(".random takes a number of times")
-    return java_int(number)
+    return java_int(argument(float, term, ".random takes a number of times"))
 
 
 @internal_action(".set_random_seed", 1)
@@ -99,8 +92,5 @@ def set_random_seed(mind: MindState, trail: Trail, seed: Term) -> bool:
 
     Until then each agent has numbers of its own, seeded by the run.
     """
-    number = deref(seed)
-    if type(number) is not float:
-        wrong_arguments("a random seed is a number")
-    mind.random = JavaRandom(java_int(number))
+    mind.random = JavaRandom(java_int(argument(float, seed, "a random seed is a number")))
     return True

@@ -25,7 +25,7 @@ from agentd.language.terms.terms import (
 )
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import function, internal_action
 from agentd.mind.state import MindState
 from agentd.stdlib.java_regex import replace_all
@@ -151,10 +151,7 @@ def substring(mind: MindState, trail: Trail, *args: Any) -> Iterator[None]:
 
 
 def _position(term: Term) -> int:
-    number = deref(term)
-    if type(number) is not float:
-        raise Failed("unknown", "a position in a string is a number")
-    return java_int(number)
+    return java_int(argument(float, term, "a position in a string is a number", "unknown"))
 
 
 @internal_action(".replace", 4)
@@ -163,10 +160,9 @@ def replace(mind: MindState, trail: Trail, term: Term, pattern: Term, new: Term,
 
     ?- .replace("a1b22", "([0-9]+)", "<$1>", R) gives R = "a<1>b<22>"
     """
-    pattern, new = deref(pattern), deref(new)
-    if type(pattern) is not str or type(new) is not str:
-        raise Failed("unknown", ".replace takes a pattern and a text as strings")
-    return unify(result, replace_all(pattern, new, plain_text(term)), trail)
+    needed = ".replace takes a pattern and a text as strings"
+    expression, inserted = argument(str, pattern, needed, "unknown"), argument(str, new, needed, "unknown")
+    return unify(result, replace_all(expression, inserted, plain_text(term)), trail)
 
 
 @internal_action(".lower_case", 2)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from agentd.language.terms.source_annotations import is_source
-from agentd.language.terms.terms import Literal, Term, atom, deref
+from agentd.language.terms.terms import Literal, Term, atom
 from agentd.mind.beliefs.term_copy import resolve_all
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.effects import AskPercepts, StopTeam
-from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
 
@@ -21,10 +21,9 @@ def my_name(mind: MindState, trail: Trail, name: Term) -> bool:
 @internal_action(".stopMAS", (0, 2))
 def stop_mas(mind: MindState, trail: Trail, delay: Term = 0.0, code: Term = 0.0) -> bool:
     """``.stopMAS([Ms[, ExitCode]])``: ends the team, immediately or after a delay in ms."""
-    delay, code = deref(delay), deref(code)
-    if type(delay) is not float or type(code) is not float:
-        wrong_arguments(".stopMAS takes milliseconds and an exit code")
-    mind.effects.append(StopTeam(int(code), delay / 1000.0))
+    needed = ".stopMAS takes milliseconds and an exit code"
+    milliseconds, exit_code = argument(float, delay, needed), argument(float, code, needed)
+    mind.effects.append(StopTeam(int(exit_code), milliseconds / 1000.0))
     return True
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
@@ -16,7 +15,7 @@ from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.term_copy import resolve
 from agentd.mind.beliefs.unification import Trail, unify
 from agentd.mind.data.effects import Log
-from agentd.mind.data.formula_failure import Failed, wrong_arguments
+from agentd.mind.data.formula_failure import Failed, argument, wrong_arguments
 from agentd.mind.data.registry import internal_action
 from agentd.mind.execution.program_loading import include_program
 from agentd.mind.execution.waiting import request
@@ -31,9 +30,8 @@ def create_agent(
     mind: MindState, trail: Trail, name: Term, file: Term | None = None, options: Term | None = None
 ) -> bool:
     """``.create_agent(Name[, File[, Options]])``: a free name is made up from its own and bound to a string."""
-    wanted, path = deref(name), deref(file) if file is not None else ""
-    if type(path) is not str:
-        wrong_arguments("the file of a new agent is a string")
+    wanted = deref(name)
+    path = "" if file is None else argument(str, file, "the file of a new agent is a string")
     if options is not None:
         if type(deref(options)) is not List:
             wrong_arguments("the options of a new agent are a list")
@@ -70,18 +68,13 @@ def _check_options(mind: MindState, options: Term) -> None:
 @internal_action(".clone", 1, suspends=True)
 def clone(mind: MindState, trail: Trail, name: Term) -> bool:
     """``.clone("name")``: an agent with the same beliefs and plans, without the goals."""
-    wanted = deref(name)
-    if type(wanted) is not str:
-        wrong_arguments("the name of a clone is a string")
-    return request(mind, "clone", (wanted,))
+    return request(mind, "clone", (argument(str, name, "the name of a clone is a string"),))
 
 
 @internal_action(".kill_agent", (1, 2), suspends=True)
 def kill_agent(mind: MindState, trail: Trail, name: Term, delay: Term = 0.0) -> bool:
     """``.kill_agent(Name[, Ms])``: ends an agent, immediately or after a delay in ms."""
-    pause = deref(delay)
-    if type(pause) is not float:
-        wrong_arguments("the delay of .kill_agent is a number of milliseconds")
+    pause = argument(float, delay, "the delay of .kill_agent is a number of milliseconds")
     return request(mind, "kill", (name_of(name), pause / 1000.0))
 
 
@@ -115,27 +108,22 @@ def list_files(mind: MindState, trail: Trail, folder: Term, *rest: Term) -> bool
 
     ``[]`` if the folder is missing.
     """
-    where, form = deref(folder), deref(rest[0]) if len(rest) == 2 else ".*"
-    if type(where) is not str or type(form) is not str:
-        wrong_arguments(".list_files takes the folder and the regular expression as strings")
+    needed = ".list_files takes the folder and the regular expression as strings"
+    where, form = argument(str, folder, needed), argument(str, rest[0], needed) if len(rest) == 2 else ".*"
     return request(mind, "list_files", (where, form), rest[-1])
 
 
 @internal_action(".save_agent", (1, 2), suspends=True)
 def save_agent(mind: MindState, trail: Trail, file: Term, goals: Any = None) -> bool:
     """``.save_agent(File[, Goals])``: beliefs, rules, these goals and the plans as source text."""
-    path = deref(file)
-    if type(path) is not str:
-        wrong_arguments("the file to save to is a string")
+    path = argument(str, file, "the file to save to is a string")
     return request(mind, "save", (path, program_text(mind, proper(goals) or [] if goals is not None else [])))
 
 
 @internal_action(".include", (1, 2), suspends=True)
 def include(mind: MindState, trail: Trail, file: Term, namespace: Term | None = None) -> bool:
     """``.include(File[, Namespace])``: adds the beliefs, goals and plans of a file."""
-    path = deref(file)
-    if type(path) is not str:
-        wrong_arguments("the file to include is a string")
+    path = argument(str, file, "the file to include is a string")
     into = DEFAULT if namespace is None else _namespace(mind, trail, namespace)
     return request(mind, "include", (path, into), use=lambda program: include_program(mind, program, into))
 
@@ -167,40 +155,33 @@ def program_text(mind: MindState, goals: list[Any]) -> str:
     """The program as text, with these initial goals. Parts without syntax are left out and logged."""
     lines: list[str] = []
 
-    def put(write: Callable[[ToSyntax, Any], Any], what: Any) -> None:
+    def put(what: Any, kind: type[nodes.Belief | nodes.Goal] = nodes.Belief) -> None:
         try:
-            lines.append(source_text(write(ToSyntax(DEEPEST), what)))
+            lines.append(source_text(_item(what, kind)))
         except NoSyntax as why:
             shown = what.head if type(what) is Plan else text(what)
             mind.effects.append(Log("warning", f".save_agent leaves out {shown}: {why}"))
 
     for predicate in reversed(mind.beliefs.predicates()):  # initial beliefs are added from the last to the first
         for entry in reversed(predicate.entries.values()):
-            if type(entry) is RuleClause:
-                put(_rule, Code(entry.syntax, entry.values, bare=True))
-            elif type(entry) is Literal:
-                put(_belief, entry)
+            put(Code(entry.syntax, entry.values, bare=True) if type(entry) is RuleClause else entry)
     for goal in goals:
-        put(_goal, deref(resolve(goal)))
+        put(deref(resolve(goal)), nodes.Goal)
     for plan in mind.plans:
-        put(_plan, plan)
+        put(plan)
     return "".join(f"{line}\n" for line in lines)
 
 
-def _rule(to: ToSyntax, rule: Code) -> Any:
-    return to.code(rule.syntax, rule.values)
-
-
-def _belief(to: ToSyntax, fact: Literal) -> Any:
-    return nodes.Belief(to.term(fact))
-
-
-def _goal(to: ToSyntax, goal: Term) -> Any:
-    if type(goal) is not Literal:
+def _item(what: Any, kind: type[nodes.Belief | nodes.Goal]) -> nodes.Item:
+    """The syntax of a plan with its label, generated ones too, of a rule, or of a literal as belief or goal."""
+    to = ToSyntax(DEEPEST)
+    item: nodes.Item
+    if type(what) is Plan:
+        item = replace(to.code(what.syntax, what.values), label=to.term(what.label))
+    elif type(what) is Code and kind is nodes.Belief:
+        item = to.code(what.syntax, what.values)
+    elif type(what) is Literal:
+        item = kind(to.term(what))
+    else:
         raise NoSyntax("it is no goal")
-    return nodes.Goal(to.term(goal))
-
-
-def _plan(to: ToSyntax, plan: Plan) -> Any:
-    """A plan with its label, generated ones too."""
-    return replace(to.code(plan.syntax, plan.values), label=to.term(plan.label))
+    return item

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from agentd.language.syntax_tree import nodes
@@ -19,13 +19,12 @@ from agentd.language.terms.terms import (
     Term,
     Var,
     atom,
-    deref,
     make_list,
     proper,
 )
 from agentd.mind.beliefs.term_copy import Copier, is_ground, resolve
-from agentd.mind.beliefs.unification import Trail, undo, unify, value
-from agentd.mind.data.formula_failure import Failed
+from agentd.mind.beliefs.unification import Trail, alternatives, unify, value
+from agentd.mind.data.formula_failure import argument
 from agentd.mind.data.registry import ACTIONS, internal_action
 from agentd.mind.state import MindState
 
@@ -154,25 +153,15 @@ def kind_of(mind: MindState, trail: Trail, term: Term, kind: Term) -> Iterator[N
 
     ?- .type(5, K) gives K = number; K = ground
     """
-    mark = len(trail)
-    for name in _kinds(mind, value(term)):
-        if unify(kind, atom(name), trail):
-            yield None
-        undo(trail, mark)
-
-
-def _copied(term: Term) -> Any:
-    term = deref(term)
-    if type(term) is not Literal:
-        raise Failed("unknown", "only literals can be copied")
-    return Copier(fresh=True).copy(term)
+    yield from alternatives(kind, map(atom, _kinds(mind, value(term))), trail)
 
 
 @internal_action(".copy_term", 2)
 @internal_action(".rename_apart", 2)
 def copy_term(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.copy_term(T, R)``, ``.rename_apart(T, R)``: the same literal with variables of its own."""
-    return unify(result, _copied(term), trail)
+    literal = argument(Literal, term, "only literals can be copied", "unknown")
+    return unify(result, Copier(fresh=True).copy(literal), trail)
 
 
 @internal_action(".add_annot", 3)
@@ -181,15 +170,17 @@ def add_annot(mind: MindState, trail: Trail, term: Term, annot: Any, result: Ter
 
     ?- .add_annot(at(3), by(gps), R) gives R = at(3)[by(gps)]
     """
-    return unify(result, _annotated(term, resolve(annot)), trail)
+    more = resolve(annot)
+    return unify(result, _with_annots(term, lambda annots: sorted_annots((*annots, more))), trail)
 
 
-def _annotated(term: Term, annot: Any) -> Any:
+def _with_annots(term: Term, change: Callable[[tuple[Any, ...]], tuple[Any, ...]]) -> Any:
+    """A literal, or each literal of a list, with its annotations changed."""
     term = resolve(term)
     if type(term) is Literal:
-        return term.with_annots(sorted_annots((*term.annots, annot)))
+        return term.with_annots(change(term.annots))
     members = proper(term) if term is not EMPTY else None
-    return term if members is None else make_list([_annotated(m, annot) for m in members])
+    return term if members is None else make_list([_with_annots(m, change) for m in members])
 
 
 @internal_action(".add_nested_source", 3)
@@ -198,17 +189,13 @@ def add_nested_source(mind: MindState, trail: Trail, term: Term, who: Term, resu
 
     ?- .add_nested_source(at(3)[source(ann)], bob, R) gives R = at(3)[source(bob)[source(ann)]]
     """
-    return unify(result, _nested(term, resolve(who)), trail)
+    outer = source(resolve(who))
 
+    def nested(annots: tuple[Any, ...]) -> tuple[Any, ...]:
+        inner = tuple(a for a in annots if is_source(a))
+        return sorted_annots((*_without_sources(annots), outer.with_annots(inner)))
 
-def _nested(term: Term, who: Term) -> Any:
-    term = resolve(term)
-    if type(term) is Literal:
-        inner = tuple(a for a in term.annots if is_source(a))
-        others = [a for a in term.annots if not is_source(a)]
-        return term.with_annots(sorted_annots((*others, source(who).with_annots(inner))))
-    members = proper(term) if term is not EMPTY else None
-    return term if members is None else make_list([_nested(m, who) for m in members])
+    return unify(result, _with_annots(term, nested), trail)
 
 
 @internal_action(".remove_source_annot", 2)
@@ -217,12 +204,8 @@ def remove_source_annot(mind: MindState, trail: Trail, term: Term, result: Term)
 
     ?- .remove_source_annot(at(3)[source(ann),by(gps)], R) gives R = at(3)[by(gps)]
     """
-    return unify(result, _without_sources(term), trail)
+    return unify(result, _with_annots(term, _without_sources), trail)
 
 
-def _without_sources(term: Term) -> Any:
-    term = resolve(term)
-    if type(term) is Literal:
-        return term.with_annots(tuple(a for a in term.annots if not is_source(a)))
-    members = proper(term) if term is not EMPTY else None
-    return term if members is None else make_list([_without_sources(m) for m in members])
+def _without_sources(annots: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple(a for a in annots if not is_source(a))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any, Final
 
@@ -65,18 +66,16 @@ class FormulaCompiler(MatchCompiler):
     def _apart(self, node: nodes.Term, scope: Scope, then: Next) -> None:
         """Make the formula a generator that yields the values of the variables it binds."""
         new = [name for name in variables(node) if name not in scope]
-        name = self.helper(node, scope, new, "yield")
+        call = self.helper(node, scope, new)
         targets = [self.function.local() for _ in new]
-        call = f"{name}({', '.join(['m', 'trail', *self.passed(node, scope)])})"
         with self.function.block(f"for {targets_of(targets) if targets else '_'} in {call}:"):
             then({**scope, **dict(zip(new, targets, strict=True))})
 
-    def passed(self, node: nodes.Term, scope: Scope) -> list[str]:
-        """The locals that a function of its own gets for the variables of a formula."""
-        return [scope[name] for name in variables(node) if name in scope]
+    def helper(self, node: nodes.Term, scope: Scope, new: list[str] | None = None) -> str:
+        """The call of a function of its own for a formula.
 
-    def helper(self, node: nodes.Term, scope: Scope, new: list[str], verb: str) -> str:
-        """A function of its own for a formula; ``verb`` says what it does at a success."""
+        It yields the values of the variables ``new`` for each solution; without a list it returns whether there is one.
+        """
         name = self.unit.name("h")
         known = [v for v in variables(node) if v in scope]
         parameters = [f"p{i}" for i in range(len(known))]
@@ -85,11 +84,11 @@ class FormulaCompiler(MatchCompiler):
         inner.rows, inner.nested = None, True
 
         def succeed(found: Scope) -> None:
-            if verb == "yield":
+            if new is None:
+                function.emit("return True")
+            else:
                 out = [inner.build(nodes.Variable(v), dict(found)) for v in new]
                 function.emit(f"yield {tuple_of(out) if out else 'None'}")
-            else:
-                function.emit("return True")
 
         outer = dict(zip(known, parameters, strict=True))
         mark = function.reserve()
@@ -101,13 +100,12 @@ class FormulaCompiler(MatchCompiler):
             inner.formula(node, outer, succeed)
             function.emit("undo(trail, mark)")
         function.fill(mark, "mark = len(trail)")
-        function.emit("yield from ()" if verb == "yield" else "return False")
+        function.emit("return False" if new is None else "yield from ()")
         self.unit.add(function)
-        return name
+        return f"{name}({', '.join(['m', 'trail', *(scope[v] for v in known)])})"
 
     def _not(self, operand: nodes.Term, scope: Scope, then: Next) -> None:
-        name = self.helper(operand, scope, [], "return True")
-        call = f"{name}({', '.join(['m', 'trail', *self.passed(operand, scope)])})"
+        call = self.helper(operand, scope)
         mark = self.function.assign("len(trail)", "t")
         with self.function.block(f"if not {call}:"):
             then(scope)
@@ -250,22 +248,15 @@ class FormulaCompiler(MatchCompiler):
             return
         action = self.library.action(node.name, len(node.args))
         if action is None:
-            if self.library.is_function(node.name, len(node.args)):
-                self.function.emit("pass")
-                return
-            self.library.unknown_action(node)
+            if not self.library.is_function(node.name, len(node.args)):
+                self.library.unknown_action(node)
             self.function.emit("pass")
             return
         inner = dict(scope)
         args = "".join(f", {arg}" for arg in self.action_arguments(node, inner))
-        if action.backtracks:
-            function = self.constant(action.guarded())
-            with self.function.block(f"for _ in {function}(m, trail{args}):"):
-                then(self.settled(scope, inner))
-        else:
-            function = self.constant(action.guarded())
-            with self.function.block(f"if {function}(m, trail{args}):"):
-                then(self.settled(scope, inner))
+        function = self.constant(action.guarded())
+        with self.function.block(f"{'for _ in' if action.backtracks else 'if'} {function}(m, trail{args}):"):
+            then(self.settled(scope, inner))
 
     def action_arguments(self, node: nodes.InternalAction, scope: Scope) -> list[str]:
         """Expressions for the arguments; what a plan term in them leaves open is linked to the plan's variables."""
@@ -376,32 +367,16 @@ def _collect(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope
     return found, scope
 
 
-def _findall(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
-    if not is_query(node.args[1], scope):
-        return False
-    found, scope = _collect(compiler, node, scope)
-    result = compiler.function.assign(f"make_list({found})")
-    compiler.match(node.args[2], result, scope, then)
-    return True
+def _collected(result: str, needs_one: bool = False) -> Writer:
+    """The writer of an action whose ``result`` is made of the list of all instances; ``needs_one``: fails for none."""
 
-
-def _setof(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
-    if not is_query(node.args[1], scope):
-        return False
-    found, scope = _collect(compiler, node, scope)
-    result = compiler.function.assign(f"make_list(distinct({found}))")
-    compiler.match(node.args[2], result, scope, then)
-    return True
-
-
-def _extreme(end: str) -> Writer:
     def write(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
         if not is_query(node.args[1], scope):
             return False
         found, scope = _collect(compiler, node, scope)
-        with compiler.function.block(f"if {found}:"):
-            result = compiler.function.assign(f"ordered({found})[{end}]")
-            compiler.match(node.args[2], result, scope, then)
+        with compiler.function.block(f"if {found}:") if needs_one else nullcontext():
+            made = compiler.function.assign(result.format(found))
+            compiler.match(node.args[2], made, scope, then)
         return True
 
     return write
@@ -420,9 +395,8 @@ def _count(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, 
 def _eval(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, then: Next) -> bool:
     if not is_query(node.args[1], scope):
         return False
-    name = compiler.helper(node.args[1], scope, [], "return True")
+    call = compiler.helper(node.args[1], scope)
     mark = compiler.function.assign("len(trail)", "t")
-    call = f"{name}({', '.join(['m', 'trail', *compiler.passed(node.args[1], scope)])})"
     result = compiler.function.assign(f"TRUE if {call} else FALSE")
     compiler.function.emit(f"undo(trail, {mark})")
     compiler.match(node.args[0], result, scope, then)
@@ -430,10 +404,10 @@ def _eval(compiler: FormulaCompiler, node: nodes.InternalAction, scope: Scope, t
 
 
 QUERIES: Final[dict[tuple[str, int], Writer]] = {
-    (".findall", 3): _findall,
-    (".setof", 3): _setof,
-    (".min", 3): _extreme("0"),
-    (".max", 3): _extreme("-1"),
+    (".findall", 3): _collected("make_list({})"),
+    (".setof", 3): _collected("make_list(distinct({}))"),
+    (".min", 3): _collected("ordered({})[0]", needs_one=True),
+    (".max", 3): _collected("ordered({})[-1]", needs_one=True),
     (".count", 2): _count,
     (".eval", 2): _eval,
 }

@@ -109,10 +109,6 @@ class StepWriter:
         self.store(found)
         self.function.emit("return None")
 
-    def succeed_settled(self, scope: Scope) -> None:
-        """As `succeed`, after a call that may have bound variables."""
-        self.succeed(self.compiler.settled(self.scope, scope))
-
     def built(self, term: nodes.Term) -> tuple[str, Scope]:
         """An expression for a term, and the scope with its new variables."""
         scope = self.use(term)
@@ -159,20 +155,17 @@ def _action(writer: StepWriter, term: nodes.Term) -> None:
             _internal(writer, term)
         case nodes.Structure() if not isinstance(term.namespace, nodes.Variable):
             _external(writer, term)
-        case nodes.Relation():
-            scope = writer.use(term)
-            writer.compiler.formula(term, scope, writer.succeed)
-            writer.function.emit("constraint_failed()")
-            writer.settle(term)
-        case nodes.Variable():
-            writer.dynamic(f"run_term(m, i, f, {writer.step(writer.number)}, {{}})", term)
-        case nodes.And() | nodes.Or():
-            scope = writer.use(term)
-            writer.compiler.formula(term, scope, writer.succeed)
-            writer.function.emit("constraint_failed()")
-            writer.settle(term)
+        case nodes.Relation() | nodes.And() | nodes.Or():
+            _formula(writer, term, "constraint_failed()")
         case _:
             writer.dynamic(f"run_term(m, i, f, {writer.step(writer.number)}, {{}})", term)
+
+
+def _formula(writer: StepWriter, term: nodes.Term, otherwise: str) -> None:
+    """Write a formula that succeeds with its first solution; without one the step does ``otherwise``."""
+    writer.compiler.formula(term, writer.use(term), writer.succeed)
+    writer.function.emit(otherwise)
+    writer.settle(term)
 
 
 def _achieve(writer: StepWriter, term: nodes.Term, new_focus: bool) -> None:
@@ -181,14 +174,13 @@ def _achieve(writer: StepWriter, term: nodes.Term, new_focus: bool) -> None:
         return
     args, annots, scope = writer.literal(term)
     relevant = writer.relevant("+", "!", term)
+    if not new_focus:
+        writer.store(scope)
+    if writer.library.has_meta:
+        writer.function.emit(f"pending(m, {relevant}, {args}, {annots})")
     if new_focus:
-        if writer.library.has_meta:
-            writer.function.emit(f"pending(m, {relevant}, {args}, {annots})")
         writer.function.emit(f"m.post({relevant}, detach({args}), {_resolved_annots(annots)})")
     else:
-        writer.store(scope)
-        if writer.library.has_meta:
-            writer.function.emit(f"pending(m, {relevant}, {args}, {annots})")
         writer.function.emit(f"m.events.append(({relevant}, {args}, {annots}, i))")
         writer.function.emit("return True")
         writer.became(scope)
@@ -209,7 +201,7 @@ def _test(writer: StepWriter, term: nodes.Term) -> None:
         built = writer.compiler.build(term, dict(scope))
         writer.function.emit(f"return test_term(m, i, {built})")
     else:
-        writer.function.emit("test_failed(m, i)")
+        writer.function.emit("test_failed()")
     writer.settle(term)
 
 
@@ -230,9 +222,7 @@ def _internal(writer: StepWriter, term: nodes.InternalAction) -> None:
     query = QUERIES.get((name, arity))
     action = writer.library.action(name, arity)
     if query is not None and is_query(term.args[min(1, arity - 2)], scope):
-        writer.compiler.formula(term, scope, writer.succeed)
-        writer.function.emit("action_said_no()")
-        writer.settle(term)
+        _formula(writer, term, "action_said_no()")
         return
     if action is None:
         writer.library.unknown_action(term)
@@ -251,13 +241,9 @@ def _internal(writer: StepWriter, term: nodes.InternalAction) -> None:
     if action.suspends:
         writer.store(scope)
         writer.function.emit(f"return {function}(m, trail{args})")
-    elif action.backtracks:
-        with writer.function.block(f"for _ in {function}(m, trail{args}):"):
-            writer.succeed_settled(scope)
-        writer.function.emit("action_said_no()")
     else:
-        with writer.function.block(f"if {function}(m, trail{args}):"):
-            writer.succeed_settled(scope)
+        with writer.function.block(f"{'for _ in' if action.backtracks else 'if'} {function}(m, trail{args}):"):
+            writer.succeed(writer.compiler.settled(writer.scope, scope))
         writer.function.emit("action_said_no()")
     writer.became(scope)
 
@@ -270,22 +256,17 @@ def _change(writer: StepWriter, operator: Operator, term: nodes.Term) -> None:
     args, annots, scope = writer.literal(term)
     predicate = writer.constant(Ref("predicate", signature_of(term)))
     focus = "None" if operator in (Operator.ADD_NEW_FOCUS, Operator.DELETE_NEW_FOCUS) else "i"
-    match operator:
-        case Operator.ADD | Operator.ADD_FIRST | Operator.ADD_NEW_FOCUS:
-            plans = writer.relevant("+", "", term)
-            added = f"{_resolved(writer, term, scope)}, {_resolved_annots(annots)}"
-            call = f"believe(m, {focus}, {predicate}, {plans}, {added})"
-        case Operator.ADD_LAST:
-            plans = writer.relevant("+", "", term)
-            added = f"{_resolved(writer, term, scope)}, {_resolved_annots(annots)}"
-            call = f"believe(m, {focus}, {predicate}, {plans}, {added}, True)"
-        case Operator.DELETE | Operator.DELETE_NEW_FOCUS:
-            plans = writer.relevant("-", "", term)
-            call = f"disbelieve(m, {focus}, {predicate}, {plans}, {args}, {annots}, trail)"
-        case _:
-            plans, gone = writer.relevant("+", "", term), writer.relevant("-", "", term)
-            added = f"{_resolved(writer, term, scope)}, {_resolved_annots(annots)}"
-            call = f"replace(m, {focus}, {predicate}, {plans}, {gone}, {added})"
+    if operator in (Operator.DELETE, Operator.DELETE_NEW_FOCUS):
+        plans = writer.relevant("-", "", term)
+        call = f"disbelieve(m, {focus}, {predicate}, {plans}, {args}, {annots}, trail)"
+    else:
+        plans = writer.relevant("+", "", term)
+        added = f"{_resolved(writer, term, scope)}, {_resolved_annots(annots)}"
+        if operator is Operator.UPDATE:
+            call = f"replace(m, {focus}, {predicate}, {plans}, {writer.relevant('-', '', term)}, {added})"
+        else:
+            last = ", True" if operator is Operator.ADD_LAST else ""
+            call = f"believe(m, {focus}, {predicate}, {plans}, {added}{last})"
     writer.store(scope)
     writer.function.emit(f"return {call}")
     writer.became(scope)

@@ -6,7 +6,7 @@ Every function that may bind takes the trail as an argument.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from agentd.language.syntax_tree import nodes
@@ -98,6 +98,15 @@ def unify(left: Any, right: Any, trail: Trail) -> bool:
         if not budget:
             budget, rest = further(rest, pending, "unified")
         left, right = pending.pop()
+
+
+def alternatives(term: Term, values: Iterable[Any], trail: Trail) -> Iterator[None]:
+    """One solution for each of the values that a term unifies with; bindings are undone between them."""
+    mark = len(trail)
+    for value in values:
+        if unify(term, value, trail):
+            yield None
+        undo(trail, mark)
 
 
 def _unify_other(left: Term, right: Term, trail: Trail) -> bool:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from agentd.language.terms.numbers import UndefinedNumber
+from agentd.language.terms.terms import Literal, Term, deref
 
 
 class Failed(Exception):
@@ -45,6 +46,20 @@ def wrong_arguments(message: str) -> NoReturn:
     raise Failed("wrong_arguments", message)
 
 
+_Kind = TypeVar("_Kind", float, str, Literal)
+
+
+def argument(kind: type[_Kind], term: Term, needed: str, error: str = "wrong_arguments") -> _Kind:
+    """An argument of an internal action that must be a number, a string or a literal.
+
+    Fails with ``error``, and with ``needed`` as its message, for a term of another kind or a free variable.
+    """
+    found: _Kind = deref(term)
+    if type(found) is not kind:
+        raise Failed(error, needed)
+    return found
+
+
 def action_said_no() -> NoReturn:
     """An internal action was a test and did not hold, or found nothing."""
     raise Failed("ia_failed")
@@ -53,3 +68,8 @@ def action_said_no() -> NoReturn:
 def constraint_failed() -> NoReturn:
     """A relation in a body does not hold."""
     raise Failed("constraint_failed")
+
+
+def test_failed() -> NoReturn:
+    """A compound test has no solution; it raises no event."""
+    raise Failed("test_goal_failed")

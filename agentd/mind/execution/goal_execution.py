@@ -97,11 +97,6 @@ def test_term(mind: MindState, intention: Intention, term: Term) -> bool | None:
     raise Failed("test_goal_failed")
 
 
-def test_failed(mind: MindState, intention: Intention) -> None:
-    """A compound test without a solution raises no event."""
-    raise Failed("test_goal_failed")
-
-
 def perform(mind: MindState, intention: Intention, action: Any) -> bool:
     """Start an external action; the intention waits for its end."""
     if type(action) is not Literal:

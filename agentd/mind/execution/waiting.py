@@ -12,7 +12,7 @@ from agentd.mind.beliefs.term_copy import nested_source
 from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.beliefs.work_limit import MOST_STEPS
 from agentd.mind.data.effects import TeamRequest
-from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
+from agentd.mind.data.formula_failure import Failed, argument, as_failed, wrong_arguments
 from agentd.mind.data.inputs import Mail, TeamReply
 from agentd.mind.data.intention import Frame, Intention, Question, Request, Wait
 from agentd.mind.execution.execution import await_something, fail_waiting, resume_waiting
@@ -24,10 +24,7 @@ from schemas.wire.mind_records import WaitView
 
 def milliseconds(term: Term) -> float:
     """A time in milliseconds as a term, in seconds."""
-    term = deref(term)
-    if type(term) is not float:
-        wrong_arguments("a time is a number of milliseconds")
-    return max(0.0, term / 1000.0)
+    return max(0.0, argument(float, term, "a time is a number of milliseconds") / 1000.0)
 
 
 def wait_time(mind: MindState, intention: Intention, seconds: float) -> bool:
