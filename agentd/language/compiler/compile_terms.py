@@ -137,21 +137,19 @@ class TermCompiler:
                 return self._arithmetic(node, scope)
             case nodes.InternalAction(name=name, args=args):
                 return self._call(name, args, scope)
-            case nodes.Relation(operator=operator, left=left, right=right):
-                return self._expression(operator, (left, right), scope)
-            case nodes.And(left=left, right=right):
-                return self._expression("&", (left, right), scope)
-            case nodes.Or(left=left, right=right):
-                return self._expression("|", (left, right), scope)
-            case nodes.Not(operand=operand):
-                return self._expression("not", (operand,), scope)
+            case nodes.Relation(operator=operator):
+                return self._expression(operator, node, scope)
+            case nodes.And():
+                return self._expression("&", node, scope)
+            case nodes.Or():
+                return self._expression("|", node, scope)
+            case nodes.Not():
+                return self._expression("not", node, scope)
             case nodes.TriggerTerm(trigger=inner):
                 for name in variables(inner):
                     self._variable(nodes.Variable(name), scope)
                 return self._code(inner, scope)
-            case nodes.PlanTerm(plan=inner):
-                return self._code(inner, scope)
-            case nodes.BodyTerm(body=inner) | nodes.RuleTerm(rule=inner):
+            case nodes.PlanTerm(inner) | nodes.BodyTerm(inner) | nodes.RuleTerm(inner):
                 return self._code(inner, scope)
         raise TypeError(f"not a term: {node!r}")
 
@@ -218,8 +216,9 @@ class TermCompiler:
             parts.append(f"Rest({self.build(node.tail, scope)})")
         return tuple_of(parts)
 
-    def _expression(self, operator: str, operands: tuple[nodes.Term, ...], scope: Scope) -> str:
-        return f"Expression({self.constant(operator)}, {tuple_of([self.build(o, scope) for o in operands])})"
+    def _expression(self, operator: str, node: nodes.Term, scope: Scope) -> str:
+        operands = [self.build(part, scope) for part in parts(node) or ()]
+        return f"Expression({self.constant(operator)}, {tuple_of(operands)})"
 
     def _code(self, inner: Any, scope: Scope) -> str:
         if self.linking:

@@ -28,28 +28,17 @@ def variables(node: Any) -> dict[str, None]:
             continue
         if kind is nodes.Variable and not node.anonymous:
             found[node.name] = None
-        names = _PARTS.get(kind)
-        if names is None:
-            names = _PARTS[kind] = _part_names(kind)
-        for name in names:
+        for name in _part_names(kind):
             part = getattr(node, name)
             if part is not None:
                 pending.append(part)
     return found
 
 
-_PARTS: dict[type, tuple[str, ...]] = {nodes.Position: ()}
-"""The fields of each class that may hold variables, the last first."""
-
-
 def children(node: Any) -> list[Any]:
     """The nodes directly inside a node of any kind, in the order of its fields."""
-    kind = type(node)
-    names = _PARTS.get(kind)
-    if names is None:
-        names = _PARTS[kind] = _part_names(kind)
     found: list[Any] = []
-    pending = [getattr(node, name) for name in names]
+    pending = [getattr(node, name) for name in _part_names(type(node))]
     while pending:
         part = pending.pop()
         if type(part) is tuple:
@@ -59,10 +48,17 @@ def children(node: Any) -> list[Any]:
     return found
 
 
+_PARTS: dict[type, tuple[str, ...]] = {nodes.Position: ()}
+_NO_PARTS = frozenset(("position", "operator", "functor", "negated"))
+
+
 def _part_names(kind: type) -> tuple[str, ...]:
-    if not is_dataclass(kind):
-        return ()
-    return tuple(f.name for f in reversed(fields(kind)) if f.name not in ("position", "operator", "functor", "negated"))
+    """The fields of a class that may hold variables, the last first."""
+    names = _PARTS.get(kind)
+    if names is None:
+        of_class = fields(kind) if is_dataclass(kind) else ()
+        names = _PARTS[kind] = tuple(f.name for f in reversed(of_class) if f.name not in _NO_PARTS)
+    return names
 
 
 def parts(node: nodes.Term) -> tuple[nodes.Term, ...] | None:
@@ -78,9 +74,7 @@ def parts(node: nodes.Term) -> tuple[nodes.Term, ...] | None:
             return args
         case nodes.Arithmetic(operands=operands):
             return operands
-        case nodes.Relation(left=left, right=right) | nodes.And(left=left, right=right):
-            return left, right
-        case nodes.Or(left=left, right=right):
+        case nodes.And(left, right) | nodes.Or(left, right) | nodes.Relation(_, left, right):
             return left, right
         case nodes.Not(operand=operand):
             return (operand,)

@@ -66,10 +66,9 @@ class Instantiation:
         match node:
             case nodes.Variable():
                 return self._variable(node)
-            case nodes.PlanTerm(plan=inner) | nodes.TriggerTerm(trigger=inner):
-                return Code(inner, self._bound())
-            case nodes.BodyTerm(body=inner) | nodes.RuleTerm(rule=inner):
-                return Code(inner, self._bound())
+            case nodes.PlanTerm(inner) | nodes.TriggerTerm(inner) | nodes.BodyTerm(inner) | nodes.RuleTerm(inner):
+                known = {name: deref(v) for name, v in self.values.items()}
+                return Code(inner, {name: value for name, value in known.items() if type(value) is not Var})
         raise TypeError(f"not a term: {node!r}")
 
     def _made(self, node: Any, made: tuple[Any, ...]) -> Any:
@@ -85,7 +84,8 @@ class Instantiation:
             case nodes.ListTerm():
                 return make_list(made[:-1], made[-1])
             case nodes.InternalAction(name=name):
-                return self._call(name, made)
+                value = self._value(name, made)
+                return Literal(signature(name, len(made)), made) if value is None else value
             case nodes.Arithmetic(operator=operator):
                 try:
                     return calculate(operator, made)
@@ -116,10 +116,8 @@ class Instantiation:
             variable = deref(variable)
         if node.annotations is None and not node.negated and node.namespace is None:
             return variable
-        return Open(variable, self._open_annots(node.annotations), node.negated, self._namespace(node.namespace))
-
-    def _open_annots(self, node: nodes.ListTerm | None) -> tuple[Any, ...] | None:
-        return None if node is None else self.annots(node)
+        annots = None if node.annotations is None else self.annots(node.annotations)
+        return Open(variable, annots, node.negated, self._namespace(node.namespace))
 
     def _namespace(self, namespace: str | nodes.Variable | None) -> Any:
         if isinstance(namespace, nodes.Variable):
@@ -127,11 +125,9 @@ class Instantiation:
         return namespace
 
     def _structure(self, node: nodes.Structure, args: tuple[Any, ...], annots: tuple[Any, ...]) -> Any:
-        function = self._functions.get((node.functor, len(args)))
-        if function is not None:
-            value = function(*args)
-            if value is not None:
-                return value
+        value = self._value(node.functor, args)
+        if value is not None:
+            return value
         namespace = self._namespace(node.namespace)
         if namespace is None or isinstance(namespace, str):
             return Literal(signature(node.functor, len(args), node.negated, namespace or DEFAULT), args, annots)
@@ -141,16 +137,10 @@ class Instantiation:
         literal = Literal(signature(node.functor, len(args), node.negated), args, annots)
         return Open(Var(), None, False, namespace, literal)
 
-    def _call(self, name: str, args: tuple[Any, ...]) -> Any:
+    def _value(self, name: str, args: tuple[Any, ...]) -> Any:
+        """What the function of this name computes, None if there is none or it has no value."""
         function = self._functions.get((name, len(args)))
-        if function is not None:
-            value = function(*args)
-            if value is not None:
-                return value
-        return Literal(signature(name, len(args)), args)
-
-    def _bound(self) -> dict[str, Any]:
-        return {name: deref(v) for name, v in self.values.items() if type(deref(v)) is not Var}
+        return None if function is None else function(*args)
 
 
 def _with_tail(annots: Sequence[Any], tail: Any) -> tuple[Any, ...]:
