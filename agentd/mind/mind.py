@@ -26,8 +26,8 @@ from agentd.mind.introspection.decision_log import Decisions
 from agentd.mind.introspection.decision_views import view_of, views_of
 from agentd.mind.introspection.mind_snapshot import belief_views, intention_views
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.mind.plans.nested_plans import select_first, select_nested, select_noted
-from agentd.mind.plans.plan_library import PlanLibrary, Selection
+from agentd.mind.plans.nested_plans import select
+from agentd.mind.plans.plan_library import PlanLibrary
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import BeliefView, DecisionView, FailureView, IntentionView
 
@@ -79,8 +79,6 @@ class Mind(MindState):
 
     __slots__ = ("_cycles", "_queries", "program")
 
-    recorder: Decisions | None
-
     def __init__(
         self,
         name: str,
@@ -111,7 +109,7 @@ class Mind(MindState):
             name=name,
             beliefs=(BeliefBase if keeper is None else keeper.belief_base)(self.begin_scopes),
             compiler=compiler,
-            plans=PlanLibrary(compiler, RUNTIME, self._provide, _SELECTION),
+            plans=PlanLibrary(compiler, RUNTIME, self._provide, select, by_rule),
             random=Random(seed),
             start=start,
             now=start,
@@ -227,6 +225,3 @@ class Mind(MindState):
         ``about`` is the functor that their events or goals are to have.
         """
         return [] if self.recorder is None else views_of(self, self.recorder.records(), last, about)
-
-
-_SELECTION: Final = Selection(select_first, select_nested, select_noted, by_rule)

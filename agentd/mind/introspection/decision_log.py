@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from itertools import chain
 from typing import Any, Final, NamedTuple
 
 from agentd.language.syntax_tree.signatures import Signature, signature
@@ -25,7 +24,7 @@ from agentd.mind.data.inputs import BeliefAdded, GoalAdded, Input, Mail, SignalR
 from agentd.mind.data.intention import VARIABLES, Event, Frame, Intention, Step
 from agentd.mind.introspection.failure_text import context_failed
 from agentd.mind.introspection.term_snapshot import held, held_all, lighten
-from agentd.mind.plans.nested_plans import nested_plans
+from agentd.mind.plans.nested_plans import candidates
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
 
@@ -136,9 +135,7 @@ class Decisions:
         """The inputs that may raise events, and the cycle in which they came."""
         if mind.compiler.form == "select":
             mind.compiler.form = "trace"
-        mind.plans.selection = mind.plans.selection._replace(
-            first=self.select_first, nested=self.select_nested, noted=self.select_noted
-        )
+        mind.plans.select_slowly = self.select
 
     def records(self) -> list[Decision | Failure]:
         """The records, oldest first."""
@@ -209,19 +206,11 @@ class Decisions:
         last = self._last[-1] if self._last else None
         return () if type(last) is not tuple else Decision(*last).rejected or ()
 
-    def select_first(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
-        """Find the plan for an event among the relevant ones, and note how."""
-        return self._select(trail, event, (), event[0].plans, [])
-
-    def select_nested(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
-        """Find the plan for an event in programs with nested plans, which are tried first, and note how."""
-        return self._select(trail, event, nested_plans(mind, event[0], event[3]), event[0].plans, [])
-
-    def select_noted(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
-        """As `select_nested`, for programs whose contexts ask for the intention in hand."""
+    def select(self, mind: MindState, trail: Trail, event: Event) -> Frame | None:
+        """Find the plan for an event as `agentd.mind.plans.nested_plans.select`, and note how."""
         mind.plans.taken = event
         try:
-            return self.select_nested(mind, trail, event)
+            return self._select(trail, event, candidates(mind, event[0], event[3]), [])
         finally:
             mind.plans.taken = None
 
@@ -230,17 +219,16 @@ class Decisions:
     ) -> Frame | None:
         """Go on after a plan whose context could not be computed, and note it all."""
         plans = event[0].plans
-        return self._select(
-            trail, event, (), plans[plans.index(broken) + 1 :], [*rejected, self._broken(event, broken, error)]
-        )
+        others = [(plan, None) for plan in plans[plans.index(broken) + 1 :]]
+        return self._select(trail, event, others, [*rejected, self._broken(event, broken, error)])
 
     def _select(
-        self, trail: Trail, event: Event, nested: Iterable[tuple[Any, Frame]], plans: list[Any], rejected: list[Any]
+        self, trail: Trail, event: Event, plans: Iterable[tuple[Plan, Frame | None]], rejected: list[Any]
     ) -> Frame | None:
         relevant, args, annots, _ = event
         mind, shown, mark = self._mind, held_all(args), len(trail)
         frame: Frame | None = None
-        for plan, around in chain(nested, ((plan, None) for plan in plans)):
+        for plan, around in plans:
             try:
                 found = plan.trace(mind, trail, relevant, args, annots, around)
             except Exception as error:

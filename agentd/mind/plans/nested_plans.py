@@ -7,47 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from agentd.language.terms.terms import Term
 from agentd.mind.beliefs.unification import Trail, undo
 from agentd.mind.data.intention import PLAN, Event, Frame, Intention
 from agentd.mind.plans.plan_library import Plan, Relevant
 from agentd.mind.state import MindState
 
 
-def select_first(mind: MindState, trail: Trail, event: Event) -> Frame | None:
-    """The frame of the first applicable plan for an event, with its bindings on the trail."""
-    relevant, args, annots, _ = event
-    mark = len(trail)
-    for plan in relevant.plans:
-        frame: Frame | None = plan.select(mind, trail, relevant, args, annots)
-        if frame is not None:
-            return frame
-        undo(trail, mark)
-    return None
+def select(mind: MindState, trail: Trail, event: Event) -> Frame | None:
+    """The frame of the first applicable plan for an event, with its bindings on the trail; nested plans come first.
 
-
-def select_nested(mind: MindState, trail: Trail, event: Event) -> Frame | None:
-    """The same in programs with nested plans: those in sight are tried first."""
+    The contexts know the event as the one in hand.
+    """
     relevant, args, annots, intention = event
-    frame = nested_frame(mind, trail, relevant, args, annots, intention)
-    return select_first(mind, trail, event) if frame is None else frame
-
-
-def nested_frame(
-    mind: MindState,
-    trail: Trail,
-    relevant: Relevant,
-    args: tuple[Term, ...],
-    annots: tuple[Term, ...],
-    intention: Intention | None,
-) -> Frame | None:
-    """The frame of a nested plan for an event, if one is in sight and applicable."""
-    for plan, around in nested_plans(mind, relevant, intention):
-        mark = len(trail)
-        found: Frame | None = plan.select(mind, trail, relevant, args, annots, around)
-        if found is not None:
-            return found
-        undo(trail, mark)
+    mind.plans.taken, mark = event, len(trail)
+    try:
+        for plan, around in candidates(mind, relevant, intention):
+            frame: Frame | None = plan.select(mind, trail, relevant, args, annots, around)
+            if frame is not None:
+                return frame
+            undo(trail, mark)
+    finally:
+        mind.plans.taken = None
     return None
 
 
@@ -91,17 +71,7 @@ def _of_frame(
         around = enclosing
 
 
-def select_noted(mind: MindState, trail: Trail, event: Event) -> Frame | None:
-    """The frame of the first applicable plan, with the event known to its context as the one in hand."""
-    mind.plans.taken = event
-    try:
-        return select_nested(mind, trail, event)
-    finally:
-        mind.plans.taken = None
-
-
 def intention_in_hand(mind: MindState) -> Intention | None:
     """The intention that is running, or whose event is being given a plan."""
     taken = mind.plans.taken
-    found: Intention | None = mind.current if taken is None else taken[3]
-    return found
+    return mind.current if taken is None else taken[3]

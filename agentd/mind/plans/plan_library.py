@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from agentd.language.compiler.code_writer import FRAME_HEADER, PlanCode, Ref
 from agentd.language.compiler.constants import signature_of
@@ -24,19 +24,6 @@ if TYPE_CHECKING:
 
 Select: TypeAlias = "Callable[[MindState, Trail, Event], Frame | None]"
 """Finds the plan for an event: returns the new frame with its bindings on the trail, or None."""
-
-
-class Selection(NamedTuple):
-    """How a mind finds plans."""
-
-    first: Select
-    """Tries the relevant plans in order."""
-    nested: Select
-    """The same for programs with nested plans."""
-    noted: Select
-    """The same for programs whose contexts ask for the intention in hand."""
-    by_rule: Select
-    """Lets the program's rules ``select__option`` choose."""
 
 
 _ASKING: Final = frozenset({".intention", ".current_intention"})
@@ -248,8 +235,12 @@ class PlanLibrary:
     """All plans of a mind, in order."""
 
     def __init__(
-        self, compiler: Library, runtime: dict[str, Any], provide: Callable[[Ref], Any], selection: Selection
+        self, compiler: Library, runtime: dict[str, Any], provide: Callable[[Ref], Any], select: Select, by_rule: Select
     ) -> None:
+        """``select`` finds plans where some are nested or contexts ask for the intention in hand.
+
+        ``by_rule`` finds them in programs with rules ``select__option``.
+        """
         self.compiler, self.runtime = compiler, runtime
         self._provide = provide
         self.plans: list[Plan] = []
@@ -257,11 +248,9 @@ class PlanLibrary:
         self.version = 0
         """Grows whenever a plan, or the source of one, is added or removed."""
         self._labels = 0
-        self._asks = False
         self.select: Select | None = None
         """Finds the plan for an event; None: the relevant ones are tried in order."""
-        self.selection = selection
-        self._selecting: Select | None = None
+        self.select_slowly, self._by_rule = select, by_rule
         self._scoped: Callable[..., Frame | None] | None = None
         self.taken: Event | None = None
         """The event that is being given a plan, where contexts ask for it (`agentd.mind.plans.nested_plans`)."""
@@ -380,41 +369,36 @@ class PlanLibrary:
         self.sleeps = self.sleeps or _is_about_sleep(plan.syntax.trigger)
         if plan.subplans:
             self.has_nested = True
-            self._choose()
+            self._select_slowly()
         if plan.syntax.context is not None:
             self.note_formula(plan.syntax.context)
 
     def note_formula(self, formula: syntax.Term) -> None:
         """Remember that a context, or a rule that contexts may use, asks for the intention in hand."""
-        if not self._asks and _asks_for_intention(formula):
-            self._asks = True
-            self._choose()
-
-    def _choose(self) -> None:
-        self.select_by(self.selection.noted if self._asks else self.selection.nested)
+        if self.select is None and _asks_for_intention(formula):
+            self._select_slowly()
 
     def choose_by_rule(self) -> None:
         """Choose among options by the program's rules ``select__option``, unless a selection function does."""
         if self.compiler.form != "options":
-            self.choose_options(self.selection.by_rule)
+            self.choose_options(self._by_rule)
 
     def choose_options(self, select: Select) -> None:
         """Find plans by a function that chooses among all options from now on."""
-        self.compiler.form = "options"
-        self.selection = Selection(select, select, select, select)
-        self.select_by(select)
+        self.compiler.form, self.select_slowly = "options", select
+        self._select_slowly()
         for plan in self.plans:
             plan.unload()
 
-    def select_by(self, select: Select) -> None:
-        """Find the plans for events by this function from now on."""
-        self._selecting = select
-        self.select = select if self._scoped is None else partial(self._scoped, select)
+    def _select_slowly(self) -> None:
+        """Find the plans for events by the function ``select_slowly`` from now on."""
+        found = self.select_slowly
+        self.select = found if self._scoped is None else partial(self._scoped, found)
 
     def select_within(self, scoped: Callable[..., Frame | None]) -> None:
         """From now on let ``scoped`` call the function that finds plans; it gets that and then its arguments."""
         self._scoped = scoped
-        self.select_by(self._selecting or self.selection.first)
+        self._select_slowly()
 
     def remove(self, plan: Plan) -> None:
         """Take a plan out; instances of it that run go on."""
