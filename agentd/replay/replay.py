@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -197,7 +197,7 @@ def compare(
     first = next(rest)
     other, tally = ReplayedMind(first, program=_texts(birth, program, files)), _Tally(life)
     keys = _Keys()
-    for batch in _and(first, rest):
+    for batch in chain((first,), rest):
         life.take(batch)
         other.take(batch)
         exact: list[Done] = []
@@ -230,12 +230,8 @@ def acts(
 
     Raises CannotReplay.
     """
-    rest = iter(batches)
-    first = next(rest, None)
-    if first is None or first.birth is None:
-        raise CannotReplay("there is no birth of a mind in the recording")
-    life = ReplayedMind(first, program=_texts(first.birth, program, files))
-    for batch in _and(first, rest):
+    life, rest = _first(batches, program, files)
+    for batch in rest:
         life.take(batch)
         while life.mind.cycle < (batch.last if until is None else min(until, batch.last)):
             for one in life.cycle():
@@ -256,18 +252,16 @@ def _texts(birth: MindBirth, program: Path | str | None, files: Mapping[str, str
     return texts
 
 
-def _first(batches: Iterable[MindInputs]) -> tuple[ReplayedMind, Iterator[MindInputs]]:
+def _first(
+    batches: Iterable[MindInputs], program: Path | str | None = None, files: Mapping[str, str] | None = None
+) -> tuple[ReplayedMind, Iterator[MindInputs]]:
     """Rebuild the mind; return it with all batches, the first one included. Raises CannotReplay."""
     rest = iter(batches)
     first = next(rest, None)
     if first is None:
         raise CannotReplay("there are no inputs of a mind in the recording")
-    return ReplayedMind(first), _and(first, rest)
-
-
-def _and(first: MindInputs, rest: Iterator[MindInputs]) -> Iterator[MindInputs]:
-    yield first
-    yield from rest
+    texts = {} if first.birth is None else _texts(first.birth, program, files)
+    return ReplayedMind(first, program=texts), chain((first,), rest)
 
 
 def _text(path: Path) -> str:

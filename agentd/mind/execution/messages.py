@@ -391,11 +391,10 @@ def _ask_all(mind: MindState, mail: Mail) -> None:
 
 def _ask_how(mind: MindState, mail: Mail) -> None:
     found = relevant_plans(mind, mail.content, told_by=atom(mind.name))
-    if not mail.msg_id.startswith("sync"):
-        if found:
-            send(mind, mail.sender, "tellHow", make_list(found), mail.msg_id)
-        return
-    send(mind, mail.sender, "tell", make_list(found), mail.msg_id)
+    if mail.msg_id.startswith("sync"):
+        send(mind, mail.sender, "tell", make_list(found), mail.msg_id)
+    elif found:
+        send(mind, mail.sender, "tellHow", make_list(found), mail.msg_id)
 
 
 def _tell_how(mind: MindState, mail: Mail) -> None:

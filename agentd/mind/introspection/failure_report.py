@@ -13,6 +13,7 @@ from typing import Any, Final
 from agentd.language.compiler.constants import signature_of
 from agentd.language.errors.suggestions import near, similar
 from agentd.language.syntax_tree import nodes
+from agentd.language.syntax_tree.traversal import parts
 from agentd.language.terms.terms import Literal, deref
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.unification import undo
@@ -57,11 +58,9 @@ def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames
         details.append(f"in the plan for {', called by '.join(calls)}{', ...' if len(frames) > len(goals) else ''}")
     if because:
         details.append(f"{because}: the intention ends")
-    elif frames:
-        goals_of = [f[RELEVANT] for f in frames if f[RELEVANT].operator == "+" and f[RELEVANT].goal]
-        details.append(_unhandled(failed, goals_of))
     else:
-        details.append(_unhandled(failed, [failed.goal]))
+        relevant = [f[RELEVANT] for f in frames] or [failed.goal]
+        details.append(_unhandled(failed, [goal for goal in relevant if goal.operator == "+" and goal.goal]))
     return Log("warning", _sentence(failed), tuple(details), position, ends=True)
 
 
@@ -137,9 +136,9 @@ def _hints(mind: MindState, failed: Failed) -> Iterable[str]:
         case "no_applicable":
             yield from rejected_lines(failed.tried)
         case "action_failed" if _unknown_action(failed):
-            yield from _actions_like(failed.code)
-        case "receiver_not_found":
-            yield from _agents_like(mind, failed.code)
+            yield from _alike(failed.code.sig.functor, ACTIONS)
+        case "receiver_not_found" if mind.agents is not None and type(failed.code) is Literal and failed.code.args:
+            yield from _alike(short_text(failed.code.args[0]), [name for name in mind.agents() if name != mind.name])
 
 
 def rejected_lines(plans: Sequence[RejectedView]) -> Iterable[str]:
@@ -204,17 +203,10 @@ def _arguments(number: int) -> str:
     return "1 argument" if number == 1 else f"{number} arguments" if number else "no argument"
 
 
-def _actions_like(action: Literal) -> Iterable[str]:
-    found = similar(action.sig.functor, ACTIONS)
-    if found is not None:
+def _alike(word: str, known: Iterable[str]) -> Iterable[str]:
+    """The question whether one of the known names is meant, if one is like a word."""
+    if found := similar(word, known):
         yield f"did you mean {found}?"
-
-
-def _agents_like(mind: MindState, sending: Any) -> Iterable[str]:
-    if type(sending) is Literal and sending.args and mind.agents is not None:
-        found = similar(short_text(sending.args[0]), [name for name in mind.agents() if name != mind.name])
-        if found is not None:
-            yield f"did you mean {found}?"
 
 
 # --- why no plan was applicable ---
@@ -250,24 +242,16 @@ def _rejected(mind: MindState, plan: Plan, around: Frame | None, event: Event) -
 def harmless(mind: MindState, formula: nodes.Term | None, seen: frozenset[Any] = frozenset()) -> bool:
     """Whether asking a formula (or building a term) has no effect."""
     match formula:
-        case nodes.InternalAction(name=name, args=args):
-            known = name in WITHOUT_EFFECT or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
-            return known and all(harmless(mind, arg, seen) for arg in args)
-        case nodes.And(left=left, right=right) | nodes.Or(left=left, right=right):
-            return harmless(mind, left, seen) and harmless(mind, right, seen)
-        case nodes.Not(operand=operand):
-            return harmless(mind, operand, seen)
-        case nodes.Relation(left=left, right=right):
-            return harmless(mind, left, seen) and harmless(mind, right, seen)
-        case nodes.Arithmetic(operands=operands):
-            return all(harmless(mind, operand, seen) for operand in operands)
-        case nodes.Structure(args=args):
-            return all(harmless(mind, arg, seen) for arg in args) and _harmless_rules(mind, formula, seen)
-        case nodes.ListTerm(items=items):
-            return all(harmless(mind, item, seen) for item in items)
         case nodes.Variable(namespace=None) | nodes.Number() | nodes.String() | None:
             return True
-    return False
+        case nodes.InternalAction(name, args):
+            known = name in WITHOUT_EFFECT or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
+        case nodes.Structure():
+            known = _harmless_rules(mind, formula, seen)
+        case _:
+            known = True
+    inner = parts(formula)
+    return known and inner is not None and all(harmless(mind, part, seen) for part in inner)
 
 
 def _harmless_rules(mind: MindState, formula: nodes.Structure, seen: frozenset[Any]) -> bool:

@@ -263,12 +263,6 @@ class _Reader:
         made.ground = all(map(_known_ground, args)) and all(map(_known_ground, annots))
         return made
 
-    def _me(self) -> Any:
-        return SOURCE_SELF
-
-    def _empty(self) -> Any:
-        return EMPTY
-
     def _list(self, count: int) -> List:
         (tail,) = self._take(1)
         items = tuple(self._take(count))
@@ -294,9 +288,6 @@ class _Reader:
         namespace = self._take(1)[0] if has_namespace else named
         literal = self._take(1)[0] if has_literal else None
         return Open(self._take(1)[0], annots, negated, namespace, literal)
-
-    def _rest(self) -> Rest:
-        return Rest(self._take(1)[0])
 
     def _collection(self, kind: str, count: int) -> Collection:
         self.changeable = True
@@ -334,13 +325,13 @@ def _known_ground(term: Any) -> bool:
 
 
 _KINDS: Final[tuple[Callable[..., Any], ...]] = (
-    _Reader._me,
-    _Reader._empty,
+    lambda reader: SOURCE_SELF,
+    lambda reader: EMPTY,
     _Reader._list,
     _Reader._var,
     _Reader._expression,
     _Reader._code,
     _Reader._open,
-    _Reader._rest,
+    lambda reader: Rest(reader._take(1)[0]),
     _Reader._collection,
 )
