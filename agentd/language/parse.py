@@ -186,13 +186,11 @@ class _Recovery:
             if i not in first:
                 continue
             begins_plan = texts[i] == "@" or (texts[i] in _SIGNS and texts[i + 1] in ("!", "?"))
-            if begins_plan or (i > index and types[i - 1] == "_END" and _begins_item(types[i], texts[i])):
+            begins_item = types[i] in ("NAME", "QUOTED") or texts[i] in _ITEM_SIGNS
+            if begins_plan or (i > index and types[i - 1] == "_END" and begins_item):
                 return i
         return None
 
 
 _SIGNS = frozenset("+-^")
-
-
-def _begins_item(kind: str, text: str) -> bool:
-    return kind in ("NAME", "QUOTED") or text in ("!", "~", "{") or text in _SIGNS
+_ITEM_SIGNS = _SIGNS | {"!", "~", "{"}

@@ -7,7 +7,6 @@ from datetime import UTC, tzinfo
 from random import Random
 from typing import Any, Final
 
-from agentd.language.compiler.code_writer import Ref
 from agentd.language.compiler.compile import CompiledProgram
 from agentd.language.compiler.units import compile_formula
 from agentd.mind.beliefs.belief_base import BeliefBase
@@ -104,12 +103,13 @@ class Mind(MindState):
         keeper: Keeper | None = None,
     ) -> None:
         compiler = Library()
+        beliefs = (BeliefBase if keeper is None else keeper.belief_base)(self.begin_scopes)
         MindState.__init__(
             self,
             name=name,
-            beliefs=(BeliefBase if keeper is None else keeper.belief_base)(self.begin_scopes),
+            beliefs=beliefs,
             compiler=compiler,
-            plans=PlanLibrary(compiler, RUNTIME, self._provide, select, by_rule),
+            plans=PlanLibrary(compiler, RUNTIME, beliefs.predicate, select, by_rule),
             random=Random(seed),
             start=start,
             now=start,
@@ -143,11 +143,6 @@ class Mind(MindState):
             keeper.begin(self, program)
         if self.beliefs.known(RULE) is not None:
             self.plans.choose_by_rule()
-
-    def _provide(self, ref: Ref) -> Any:
-        if ref.kind == "predicate":
-            return self.beliefs.predicate(ref.what)
-        raise KeyError(ref.kind)
 
     def copy_from(self, other: Mind) -> None:
         """Take over another mind's beliefs, rules and plans, without their events (``.clone``)."""

@@ -6,7 +6,7 @@ Every function of the mind takes a `MindState`; `agentd.mind.mind.Mind` is one w
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, tzinfo
 from itertools import chain
@@ -239,7 +239,7 @@ class MindState:
     """The queues that a cycle examines, as one tuple; they are never replaced."""
 
     def __post_init__(self) -> None:
-        self.open_beliefs = OpenBeliefs(self._running_frames)
+        self.open_beliefs = OpenBeliefs(lambda: chain.from_iterable(each.stack for each in self.all_intentions()))
         self.queues = (
             self.inputs,
             self.mailbox,
@@ -387,6 +387,3 @@ class MindState:
         if current is None or not current.stack or trail is not current.trail:
             return self.open_beliefs.here(None)
         return self.open_beliefs.here(current.stack[-1])
-
-    def _running_frames(self) -> Iterator[Frame]:
-        return chain.from_iterable(intention.stack for intention in self.all_intentions())

@@ -17,6 +17,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 from agentd.mind.persistence.rows import MindChanges, StoredMind
 from commd.mail.page_checksums import ENDING, PageChecksums, log_damage
+from commd.mail.sqlite_file import CORRUPT, check, code_of, corrupt
 from commd.process.state_dir import make_private_file, make_private_folder
 from schemas.wire.records import Note
 
@@ -65,10 +66,6 @@ _ENDINGS: Final = ("", "-wal", "-shm", ENDING)
 
 class CheckpointError(Exception):
     """A checkpoint cannot be opened, read or written; the text says why and what to do."""
-
-
-class NotWhole(sqlite3.DatabaseError):
-    """The file is a damaged database, or not one of ours."""
 
 
 class Outgoing(NamedTuple):
@@ -154,11 +151,11 @@ class Checkpoint:
                 made._open()  # which refuses one of a newer version
                 if damage:
                     made.close()
-                    raise NotWhole(damage)
+                    raise corrupt(damage)
                 if damage_of_log:
                     made.notes.append(Note(DAMAGED, f"{path}: {damage_of_log}", "log"))
             except sqlite3.DatabaseError as error:
-                if not _is_corrupt(error):
+                if code_of(error) not in CORRUPT:
                     raise
                 aside = _rename_corrupt(path)
                 text = f"{path} is corrupt ({error}) and was set aside as {aside.name}: {agent} starts without it"
@@ -316,7 +313,7 @@ def _as_checkpoint_error(path: Path, what: str) -> Iterator[None]:
     try:
         yield
     except (sqlite3.Error, OSError) as error:
-        locked = getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+        locked = code_of(error) in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
         why = "another process has it open" if locked else str(error)
         raise CheckpointError(f"{path} cannot be {what}: {why}") from error
 
@@ -324,13 +321,13 @@ def _as_checkpoint_error(path: Path, what: str) -> Iterator[None]:
 def _open_database(path: Path, agent: str, synchronous: Synchronous) -> sqlite3.Connection:
     """Open the database of an agent at the present version, or make it.
 
-    Raises CheckpointError for a database of another agent or a newer version, and `NotWhole` or another
-    sqlite3.DatabaseError for a corrupt one.
+    Raises CheckpointError for a database of another agent or a newer version, and sqlite3.DatabaseError for a corrupt
+    one.
     """
     try:
         _check_and_migrate(path, agent, synchronous)
     except UnicodeDecodeError as error:  # SQLite's message quotes a damaged schema
-        raise NotWhole(str(error)) from None
+        raise corrupt(str(error)) from None
     return _connected(path, synchronous, STATEMENTS)
 
 
@@ -379,14 +376,12 @@ def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3
 
 
 def _look_through(database: sqlite3.Connection) -> None:
-    """Raise NotWhole unless the file is empty or an undamaged checkpoint."""
-    (whole,) = database.execute("PRAGMA quick_check(1)").fetchone()
-    if whole != "ok":
-        raise NotWhole(whole)
+    """Raise DatabaseError (corrupt) unless the file is empty or an undamaged checkpoint."""
+    check(database)
     (kind,) = database.execute("PRAGMA application_id").fetchone()
     (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
     if tables and kind != APPLICATION:
-        raise NotWhole("it is a database of something else")
+        raise corrupt("it is a database of something else")
 
 
 def _migrate(database: sqlite3.Connection, version: int, agent: str) -> None:
@@ -401,12 +396,6 @@ def _migrate(database: sqlite3.Connection, version: int, agent: str) -> None:
         database.execute(f"PRAGMA application_id={APPLICATION}")
         database.execute("INSERT INTO agent VALUES ('name', ?)", (agent,))
     database.execute("COMMIT")
-
-
-def _is_corrupt(error: sqlite3.Error) -> bool:
-    """Return whether an error means that the file is damaged, not that it is unusable at the moment."""
-    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-    return isinstance(error, NotWhole) or code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 
 def _rename_corrupt(path: Path) -> Path:

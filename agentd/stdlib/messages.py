@@ -43,11 +43,6 @@ def _receivers(to: Term) -> list[str]:
     return [name_of(member) for member in proper(to) or []] if type(to) is List else [name_of(to)]
 
 
-def _asked(mind: MindState, to: Term) -> list[str]:
-    """The names of the agents asked; ``self`` is replaced by the agent's own name."""
-    return [mind.name if name == "self" else name for name in _receivers(to)]
-
-
 @internal_action(".send", 3, suspends=True, names=2)
 def send_message(mind: MindState, trail: Trail, to: Term, performative: Term, content: Term) -> None:
     """``.send(To, Performative, Content)``: a message to an agent, or to each of a list of them.
@@ -74,7 +69,8 @@ def send_and_wait(
     to = deref(to)
     force, content = name_of(performative), detached(content)
     if force in _ASKS:
-        return _ask(mind, _asked(mind, to), type(to) is List, force, content, (answer, limit))
+        asked = [mind.name if name == "self" else name for name in _receivers(to)]
+        return _ask(mind, asked, type(to) is List, force, content, (answer, limit))
     reply_to = deref(answer)
     for receiver in _receivers(to):
         send(mind, _present(mind, receiver), force, content, reply_to if type(reply_to) is str else "")

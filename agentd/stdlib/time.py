@@ -6,7 +6,6 @@ import re
 from datetime import UTC, datetime
 from typing import Any
 
-from agentd.language.syntax_tree import nodes
 from agentd.language.terms.terms import Code, Expression, Literal, Term, deref
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import detach, resolve_all
@@ -32,8 +31,7 @@ def wait(
     if type(term) is float:
         return wait_time(mind, intention, milliseconds(term))
     if type(term) is Code:
-        code = _as_trigger(term)
-        return wait_event(mind, intention, code, limit, elapsed)
+        return wait_event(mind, intention, term, limit, elapsed)
     if type(term) is str:
         return wait_event(mind, intention, read_trigger(term), limit, elapsed)
     if type(term) in (Literal, Expression):
@@ -43,12 +41,6 @@ def wait(
 
         return wait_until(mind, intention, intention.stack[-1], check, limit, elapsed)
     return wrong_arguments(".wait takes a time in milliseconds, a formula or an event in braces")
-
-
-def _as_trigger(code: Code) -> Code:
-    if isinstance(code.syntax, nodes.Trigger):
-        return code
-    return wrong_arguments(".wait takes an event in braces, such as { +b(X) }")
 
 
 _AT = re.compile(r"\s*now\s*(?:\+\s*(\d+(?:\.\d+)?)\s*([a-z]*))?\s*$")

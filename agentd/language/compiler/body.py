@@ -43,7 +43,10 @@ class BodyCompiler:
     def _write(self, writer: StepWriter, formula: nodes.BodyFormula) -> None:
         match formula:
             case nodes.Step(operator=Operator.ACTION, term=nodes.BodyTerm(body=body)):
-                self._brackets(writer, body)
+                # ``(a; b)``: a step that goes on with those inside, which share the bindings of the plan.
+                first = self.body(body, writer.bound, writer.following)
+                writer.function.emit(f"f[0] = {writer.step(first)}")
+                writer.finish()
             case nodes.Step():
                 write_step(writer, formula)
                 writer.finish()
@@ -55,12 +58,6 @@ class BodyCompiler:
                 self._for(writer, formula)
             case nodes.Fork():
                 self._fork(writer, formula)
-
-    def _brackets(self, writer: StepWriter, body: nodes.Body) -> None:
-        """Write ``(a; b)``: a step that goes on with those inside, which share the bindings of the plan."""
-        first = self.body(body, writer.bound, writer.following)
-        writer.function.emit(f"f[0] = {writer.step(first)}")
-        writer.finish()
 
     def _if(self, writer: StepWriter, formula: nodes.If) -> None:
         """Write the conditions as one function, and each block as steps that follow it."""

@@ -118,7 +118,8 @@ class FormulaCompiler(MatchCompiler):
         given = [self._given(arg, scope) for arg in node.args]
         patterns = self._patterns(node.args, given, scope)
         told = [g or p for g, p in zip(given, patterns, strict=True)]
-        mode = self.constant(_shared_mode(tuple(part is not None for part in told)))
+        given_or_not = tuple(part is not None for part in told)
+        mode = self.constant(_modes.setdefault(given_or_not, given_or_not))
         rows = [self.function.local("r") for _ in node.args]
         targets = targets_of(rows) if rows else "_"
         annotated = node.annotations is not None and (node.annotations.items or node.annotations.tail)
@@ -324,10 +325,7 @@ def _can_be_given(node: nodes.Term, depth: int = 0) -> bool:
 
 
 _modes: dict[tuple[bool, ...], tuple[bool, ...]] = {}
-
-
-def _shared_mode(mode: tuple[bool, ...]) -> tuple[bool, ...]:
-    return _modes.setdefault(mode, mode)
+"""One object for each mode in which a predicate is queried."""
 
 
 Writer = Callable[[FormulaCompiler, nodes.InternalAction, Scope, Next], bool]

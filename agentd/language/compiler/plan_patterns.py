@@ -164,10 +164,6 @@ def _gives_up(item: nodes.Item, goal: nodes.Structure) -> bool:
     return item.trigger.literal is goal or (item.trigger.literal == goal and not item.body.formulas)
 
 
-def _single_minded(at: nodes.Position, args: Args, block: Block) -> Block:
-    return _blind(at, args, block, 2, _goal(args, 1))
-
-
 def _relativised(at: nodes.Position, args: Args, block: Block) -> Block:
     goal, motive = _goal(args), _goal(args, 1)
     ends = _plan(at, "-", "", motive, steps=(_call(at, ".succeed_goal", goal),))
@@ -230,7 +226,7 @@ PATTERNS: Final[dict[str, Pattern]] = {
     "bdg": _backtracking,
     "ebdg": _exclusive,
     "bc": _blind,
-    "smc": _single_minded,
+    "smc": lambda at, args, block: _blind(at, args, block, 2, _goal(args, 1)),
     "rc": _relativised,
     "omc": _open_minded,
     "mg": _maintenance,

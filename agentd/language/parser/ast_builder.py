@@ -269,14 +269,11 @@ class Builder(TermBuilder):
             term = self._changed(at, term)
         elif kind is nodes.Operator.TEST:
             if isinstance(term, nodes.InternalAction):
-                self._refuse_operator(at, operator, term)
+                written = f"write {shown(term.name)} without {operator}"
+                self.refuse(at, f"{operator} cannot be applied to an internal action; {written}")
             else:
                 term = self.formula_of(at, term, "what follows ?")
         return nodes.Step(kind, term, self.position(at))
-
-    def _refuse_operator(self, at: int, operator: str, action: nodes.InternalAction) -> None:
-        message = f"{operator} cannot be applied to an internal action; write {shown(action.name)} without {operator}"
-        self.refuse(at, message)
 
     def _changed(self, at: int, term: nodes.Term) -> nodes.Term:
         """What + and - add and delete: a belief, or a plan or rule in braces."""

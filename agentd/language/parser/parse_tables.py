@@ -139,7 +139,9 @@ def compile_grammar(grammar: str) -> Tables:
         keywords=keywords,
         ignored=list(lark.ignore_tokens),
         rules=[_rule_table(rule, scalars) for rule in rules.values()],
-        states=[_renumbered(states[number], order) for number in order],
+        states=[
+            {symbol: order[to] if to >= 0 else to for symbol, to in sorted(states[number].items())} for number in order
+        ],
         starts={symbol: order[starts[symbol]] for symbol in STARTS},
         ends={symbol: order[ends[symbol]] for symbol in STARTS},
     )
@@ -157,10 +159,6 @@ def _order(states: dict[int, dict[str, int]], starts: list[int]) -> dict[int, in
                 states[state][symbol] for symbol in sorted(states[state], reverse=True) if states[state][symbol] >= 0
             ]
     return order
-
-
-def _renumbered(row: dict[str, int], order: dict[int, int]) -> dict[str, int]:
-    return {symbol: order[row[symbol]] if row[symbol] >= 0 else row[symbol] for symbol in sorted(row)}
 
 
 def _kept(rule: dict[str, Any]) -> list[int]:

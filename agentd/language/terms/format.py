@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 from agentd.language.syntax_tree.printer import unbraced_text
@@ -117,26 +118,18 @@ def write(term: Any, out: list[str]) -> None:
             out.append(number_text(term))
         elif kind is str:
             out.append(f'"{term}"')
-        elif kind is Literal:
-            _push_literal(term, pending)
-        elif kind is List:
-            _push_list(term, pending)
         elif kind is Var:
             if term.ref is None:
                 out.append(term.name)
             else:
                 pending.append(term.ref)
-        elif kind is Expression:
-            _push_expression(term, pending)
-        elif kind is Open:
-            _push_open(term, pending)
+        elif kind in _PARTS:
+            pending.extend(reversed(_PARTS[kind](term)))
         elif kind is Code:
             try:
                 out.append(code_text(term))
             except RecursionError:  # code that holds code that holds code ...
                 out.append("{ ... }")
-        elif kind is Collection:
-            _push_collection(term, pending)
         else:
             out.append(str(term))
 
@@ -152,10 +145,6 @@ _OPEN, _CLOSE, _COMMA, _BAR = _Piece("("), _Piece(")"), _Piece(","), _Piece("|")
 _LEFT, _RIGHT = _Piece("["), _Piece("]")
 
 
-def _push_all(pending: list[Any], pieces: list[Any]) -> None:
-    pending.extend(reversed(pieces))
-
-
 def _separated(terms: Any, before: _Piece, after: _Piece) -> list[Any]:
     pieces: list[Any] = [before]
     for i, term in enumerate(terms):
@@ -166,13 +155,13 @@ def _separated(terms: Any, before: _Piece, after: _Piece) -> list[Any]:
     return pieces
 
 
-def _push_literal(term: Literal, pending: list[Any]) -> None:
+def _of_literal(term: Literal) -> list[Any]:
     pieces: list[Any] = [_Piece(term.sig.name)]
     if term.args:
         pieces += _separated(term.args, _OPEN, _CLOSE)
     if term.annots:
         pieces += _annotations(term.annots)
-    _push_all(pending, pieces)
+    return pieces
 
 
 def _annotations(annots: tuple[Any, ...]) -> list[Any]:
@@ -183,57 +172,53 @@ def _annotations(annots: tuple[Any, ...]) -> list[Any]:
     return [*_separated(annots[:-1], _LEFT, _BAR), last.tail, _RIGHT]
 
 
-def _push_list(term: List, pending: list[Any]) -> None:
-    pieces: list[Any] = [_LEFT]
+def _of_list(term: List) -> list[Any]:
     try:
         items, end = split(term)
     except RecursionError:
-        pending.append(_Piece("[...]"))
-        return
-    for place, item in enumerate(items):
-        if place:
-            pieces.append(_COMMA)
-        pieces.append(item)
-    if end is not EMPTY:
-        pieces += [_BAR, end]
-    pieces.append(_RIGHT)
-    _push_all(pending, pieces)
+        return [_Piece("[...]")]
+    return _separated(items, _LEFT, _RIGHT) if end is EMPTY else [*_separated(items, _LEFT, _BAR), end, _RIGHT]
 
 
-def _push_expression(term: Expression, pending: list[Any]) -> None:
+def _of_expression(term: Expression) -> list[Any]:
     operator = term.operator
     if operator == "not":
-        _push_all(pending, [_Piece("not ("), term.operands[0], _CLOSE])
-    elif len(term.operands) == 1:
-        _push_all(pending, [_Piece(f"({operator}"), term.operands[0], _CLOSE])
-    else:
-        tight = operator in ARITHMETIC and not operator.isalpha()
-        written = operator if tight else f" {operator} "
-        _push_all(pending, [_OPEN, term.operands[0], _Piece(written), term.operands[1], _CLOSE])
+        return [_Piece("not ("), term.operands[0], _CLOSE]
+    if len(term.operands) == 1:
+        return [_Piece(f"({operator}"), term.operands[0], _CLOSE]
+    tight = operator in ARITHMETIC and not operator.isalpha()
+    return [_OPEN, term.operands[0], _Piece(operator if tight else f" {operator} "), term.operands[1], _CLOSE]
 
 
-def _push_open(term: Open, pending: list[Any]) -> None:
-    pieces: list[Any] = []
+def _of_open(term: Open) -> list[Any]:
+    pieces: list[Any] = [_Piece("~")] if term.negated else []
     if term.namespace is not None:
         pieces += [term.namespace if type(term.namespace) is Var else _Piece(term.namespace), _Piece("::")]
-    if term.negated:
-        pieces.insert(0, _Piece("~"))
     pieces.append(term.variable if term.literal is None else term.literal)
     if term.annots:
         pieces += _annotations(term.annots)
-    _push_all(pending, pieces)
+    return pieces
 
 
-def _push_collection(term: Collection, pending: list[Any]) -> None:
+def _of_collection(term: Collection) -> list[Any]:
     if term.kind == "map":
         pieces: list[Any] = [_Piece("{")]
         for i, (key, value) in enumerate(term.content.items()):
             pieces += [*([_COMMA] if i else []), key, _Piece("="), value]
-        _push_all(pending, [*pieces, _Piece("}")])
-    elif term.kind == "set":
-        _push_all(pending, _separated(term.content, _Piece("{"), _Piece("}")))
-    else:
-        _push_all(pending, _separated(term.content, _LEFT, _RIGHT))
+        return [*pieces, _Piece("}")]
+    if term.kind == "set":
+        return _separated(term.content, _Piece("{"), _Piece("}"))
+    return _separated(term.content, _LEFT, _RIGHT)
+
+
+_PARTS: Final[dict[type, Callable[[Any], list[Any]]]] = {
+    Literal: _of_literal,
+    List: _of_list,
+    Expression: _of_expression,
+    Open: _of_open,
+    Collection: _of_collection,
+}
+"""What terms with others inside are written as: pieces of text and the terms between them."""
 
 
 def code_text(code: Code) -> str:

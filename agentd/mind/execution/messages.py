@@ -20,7 +20,7 @@ from agentd.mind.beliefs.term_copy import Copier, detach, nested_source, resolve
 from agentd.mind.beliefs.unification import undo, unify
 from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked, QueryRefused, TooMuchWork
 from agentd.mind.data.effects import Log, SendMail
-from agentd.mind.data.formula_failure import Failed, as_failed, wrong_arguments
+from agentd.mind.data.formula_failure import Failed, argument, as_failed, wrong_arguments
 from agentd.mind.data.inputs import Mail
 from agentd.mind.data.intention import Frame, Intention, Step
 from agentd.mind.execution.belief_updates import believe, disbelieve
@@ -208,7 +208,9 @@ def receive(mind: MindState, mail: Mail) -> None:
             take_answer(mind, question, mail)
         return  # otherwise the ask has ended, or its sender was not asked
     custom = mind.plans.kqml
-    if custom.plans or (mind.atomic is not None and not _is_direct(mail)):
+    if custom.plans or (
+        mind.atomic is not None and not (mail.performative in ("tell", "achieve") and type(mail.content) is Literal)
+    ):
         args = (atom(mail.sender), atom(mail.performative), mail.content, mail.msg_id)
         mind.post(custom, detach(args), ())
         return
@@ -218,11 +220,6 @@ def receive(mind: MindState, mail: Mail) -> None:
 def is_answer(in_reply_to: str) -> bool:
     """Whether a message answers a synchronous ask: it resumes the waiting intention and has no other effect."""
     return in_reply_to.startswith("sync")
-
-
-def _is_direct(mail: Mail) -> bool:
-    """Whether a message acts on arrival without a plan for ``+!kqml_received`` (Jason's direct performatives)."""
-    return mail.performative in ("tell", "achieve") and type(mail.content) is Literal
 
 
 def _handle(mind: MindState, mail: Mail) -> None:
@@ -293,9 +290,7 @@ def _tell(mind: MindState, mail: Mail) -> None:
 
 
 def _untell(mind: MindState, mail: Mail) -> None:
-    content = deref(mail.content)
-    if type(content) is not Literal:
-        raise Failed("no_applicable", "only a literal can be untold")
+    content = argument(Literal, mail.content, "only a literal can be untold", "no_applicable")
     predicate = mind.beliefs.predicate(content.sig)
     relevant = mind.plans.relevant("-", "", content.sig)
     trail: list[Var] = []

@@ -225,7 +225,8 @@ def _by_function(
     mark = len(trail)
     options: list[Option] = []
     for plan, frame in _applicable(mind, trail, event, rejected, every=False):
-        options.append(_option(event, plan, frame, trail[mark:]))
+        bound = tuple((variable, variable.ref) for variable in trail[mark:])
+        options.append(Option(WaitingEvent.of(event), plan, _bindings(plan, frame), frame, bound))
     undo(trail, mark)
     place = choose(mind, selector, "select_option", options) if options else None
     rejected += [(option.plan, PASSED_OVER) for number, option in enumerate(options) if number != place]
@@ -263,11 +264,6 @@ def _applicable(
             context_failed(mind, relevant, plan, error)
             rejected.append((plan, error.with_traceback(None)))
         undo(trail, mark)
-
-
-def _option(event: Event, plan: Plan, frame: Frame, bound: Sequence[Var]) -> Option:
-    """The option that a frame stands for, while its bindings are in place."""
-    return Option(WaitingEvent.of(event), plan, _bindings(plan, frame), frame, tuple((var, var.ref) for var in bound))
 
 
 def _bindings(plan: Plan, frame: Frame) -> dict[str, Any]:

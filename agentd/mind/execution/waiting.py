@@ -68,7 +68,7 @@ def wait_event(
     seconds = None if limit is None else milliseconds(limit)
     node = trigger.syntax
     if not isinstance(node, nodes.Trigger):
-        wrong_arguments(".wait takes a time, a formula or an event in braces")
+        wrong_arguments(".wait takes an event in braces, such as { +b(X) }")
     wait = Wait(intention, None, mind.now)
     wait.pattern = (node.operator, node.goal, trigger_literal(trigger))
     wait.elapsed = elapsed

@@ -144,14 +144,10 @@ def _hints(mind: MindState, failed: Failed) -> Iterable[str]:
 def rejected_lines(plans: Sequence[RejectedView]) -> Iterable[str]:
     """A line for each plan that was tried."""
     for rejected in plans[:_MOST_SHOWN]:
-        yield f"{_named(rejected)}: {_why(rejected)}"
+        label = f"@{rejected.plan.label} " if rejected.plan.label else ""
+        yield f"{label}{rejected.plan.trigger} ({rejected.plan.position}): {_why(rejected)}"
     if len(plans) > _MOST_SHOWN:
         yield f"and {len(plans) - _MOST_SHOWN} more plans"
-
-
-def _named(rejected: RejectedView) -> str:
-    label = f"@{rejected.plan.label} " if rejected.plan.label else ""
-    return f"{label}{rejected.plan.trigger} ({rejected.plan.position})"
 
 
 def _why(rejected: RejectedView) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from agentd.language.syntax_tree import nodes
-from agentd.language.syntax_tree.signatures import signature
+from agentd.language.syntax_tree.signatures import Signature, signature
 from agentd.language.terms.format import text
 from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.numbers import UndefinedNumber
@@ -105,8 +105,12 @@ def _no(error: str, code: Term) -> str:
 
 def facts_of(annots: tuple[Term, ...]) -> tuple[str, str]:
     """The error and the message among the annotations of a failure event."""
-    facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
+    facts = _facts(annots)
     return text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, ""))
+
+
+def _facts(annots: tuple[Term, ...]) -> dict[Signature, Any]:
+    return {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
 
 
 def context_failed(mind: MindState, relevant: Relevant, plan: Plan | None, error: Exception) -> None:
@@ -120,8 +124,8 @@ def context_failed(mind: MindState, relevant: Relevant, plan: Plan | None, error
 
 def failure_of(annots: tuple[Term, ...]) -> tuple[Failed, nodes.Position | None]:
     """The failure that the annotations of an event ``-!g`` describe, and the line that it is on."""
-    facts = {a.sig: a.args[0] for a in as_they_are(annots) if type(a) is Literal and len(a.args) == 1}
-    error, message, code = text(facts.get(_ERROR, atom("unknown"))), str(facts.get(_MESSAGE, "")), facts.get(_CODE, "")
+    facts, (error, message) = _facts(annots), facts_of(annots)
+    code = facts.get(_CODE, "")
     failed = Failed(error, message if message != _no(error, code) else "", code=code)
     line, source = facts.get(_LINE), facts.get(_SOURCE)
     known = type(line) is float and line > 0 and type(source) is str

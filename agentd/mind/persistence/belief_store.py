@@ -217,7 +217,9 @@ class KeptBeliefs(BeliefBase):
         book.turn()
         if len(self._predicates) > self._mentioned:
             new = enumerate(islice(self._predicates, self._mentioned, None), self._mentioned)
-            changes.predicates = [(number, _signature_bytes(sig)) for number, sig in new]
+            for number, sig in new:
+                named = [sig.functor, float(sig.arity), "~" if sig.negated else "", sig.namespace]
+                changes.predicates.append((number, terms_to_bytes(named)))
             self._mentioned = len(self._predicates)
 
     def _change(
@@ -317,7 +319,3 @@ class KeptBeliefs(BeliefBase):
             self._book.gone.append(rank)  # equal to another by now: maps change
         elif changeable:
             self._changeable[rank] = (*self._book.changed[rank], data)
-
-
-def _signature_bytes(sig: Signature) -> bytes:
-    return terms_to_bytes([sig.functor, float(sig.arity), "~" if sig.negated else "", sig.namespace])

@@ -310,7 +310,8 @@ class KeptPlans:
                 continue
             self._sources[plan] = tuple(plan.sources)
             try:
-                changes.plans.append((rank, _plan_bytes(plan)))
+                kept = [Code(plan.syntax, plan.values), plan.label, make_list(plan.sources), plan.file]
+                changes.plans.append((rank, terms_to_bytes(kept)))
             except CannotKeep as why:
                 tell(f"the plan {plan.head}", why)
 
@@ -374,7 +375,3 @@ class KeptPlans:
                 self._ranks[plan], self._sources[plan] = rank, tuple(plan.sources)
                 return
         raise BadBytes("it is no plan")
-
-
-def _plan_bytes(plan: Plan) -> bytes:
-    return terms_to_bytes([Code(plan.syntax, plan.values), plan.label, make_list(plan.sources), plan.file])

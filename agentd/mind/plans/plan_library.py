@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from agentd.language.compiler.code_writer import FRAME_HEADER, PlanCode, Ref
 from agentd.language.compiler.constants import signature_of
-from agentd.language.compiler.units import compile_fragment, compile_plan
+from agentd.language.compiler.units import Form, compile_fragment, compile_plan
 from agentd.language.syntax_tree import nodes as syntax
 from agentd.language.syntax_tree.signatures import DEFAULT, Signature, signature
 from agentd.language.terms.format import code_text
@@ -127,32 +127,17 @@ class Plan:
 
     def unload(self) -> None:
         """Drop the code: it is generated again, in the form then needed, when the plan is next tried."""
-        self.select: Any = self._first_select
+        self.select: Any = partial(self._first, "select")
         """A new frame for an event, or None: see `agentd.language.compiler.units` for this and the others."""
-        self.trace: Any = self._first_trace
-        self.options: Any = self._first_options
+        self.trace: Any = partial(self._first, "trace")
+        self.options: Any = partial(self._first, "options")
         for inner in self.subplans:
             inner.unload()
 
-    def _first_select(self, mind: MindState, trail: Trail, *event: Event) -> Frame | None:
+    def _first(self, form: Form, *event: Any) -> Any:
+        """Load the code, and select by the function of a form."""
         self.load()
-        found: Frame | None = self.select(mind, trail, *event)
-        return found
-
-    def _first_trace(self, mind: MindState, trail: Trail, *event: Event) -> Any:
-        self.load()
-        return self.trace(mind, trail, *event)
-
-    def _first_options(self, mind: MindState, trail: Trail, *event: Event) -> Any:
-        self.load()
-        return self.options(mind, trail, *event)
-
-    def _select_traced(self, mind: MindState, trail: Trail, *event: Event) -> Frame | None:
-        found = self.trace(mind, trail, *event)
-        return found if type(found) is list else None
-
-    def _trace_options(self, mind: MindState, trail: Trail, *event: Event) -> Any:
-        return next(self.options(mind, trail, *event))
+        return getattr(self, form)(*event)
 
     def load(self) -> None:
         """Generate the code and put it in place."""
@@ -165,9 +150,10 @@ class Plan:
         if form == "select":
             self.select = namespace["select"]
         else:
-            self.select = self._select_traced
-            self.trace = namespace.get("trace", self._trace_options)
-            self.options = namespace.get("options")
+            options: Any = namespace.get("options")
+            self.options = options
+            self.trace = trace = namespace.get("trace") or (lambda *event: next(options(*event)))
+            self.select = lambda *event: found if type(found := trace(*event)) is list else None
         self.condition = namespace.get("condition")
         for inner in self.subplans:
             inner.around = {**self.around, **self.slots}
@@ -176,7 +162,7 @@ class Plan:
         """The form of `select` that returns the reason if it selects nothing."""
         if self._library.compiler.form != "select":
             return self.trace
-        if self.trace == self._first_trace:
+        if isinstance(self.trace, partial):
             code = compile_plan(self.syntax, self._library.compiler, self.values, self.around, "trace")
             self.tried = code.tried
             self.trace = self._load(code)[0]["trace"]
@@ -235,14 +221,19 @@ class PlanLibrary:
     """All plans of a mind, in order."""
 
     def __init__(
-        self, compiler: Library, runtime: dict[str, Any], provide: Callable[[Ref], Any], select: Select, by_rule: Select
+        self,
+        compiler: Library,
+        runtime: dict[str, Any],
+        predicate: Callable[[Signature], Any],
+        select: Select,
+        by_rule: Select,
     ) -> None:
         """``select`` finds plans where some are nested or contexts ask for the intention in hand.
 
         ``by_rule`` finds them in programs with rules ``select__option``.
         """
         self.compiler, self.runtime = compiler, runtime
-        self._provide = provide
+        self._predicate = predicate
         self.plans: list[Plan] = []
         self._relevant: dict[tuple[str, str, Signature], Relevant] = {}
         self.version = 0
@@ -262,9 +253,8 @@ class PlanLibrary:
         """The program's own plans for messages."""
 
     def provide(self, ref: Ref) -> Any:
-        if ref.kind == "relevant":
-            return self.relevant(*ref.what)
-        return self._provide(ref)
+        """The plans of a trigger, or the predicate of a signature, for generated code."""
+        return self.relevant(*ref.what) if ref.kind == "relevant" else self._predicate(ref.what)
 
     def relevant(self, operator: str, goal: str, sig: Signature) -> Relevant:
         """The plans for a trigger; the same object each time."""
@@ -274,9 +264,6 @@ class PlanLibrary:
             found = self._relevant[key] = Relevant(self, operator, goal, sig)
             found.plans.extend(p for p in self.plans if self.answers(p, found))
         return found
-
-    def known(self, operator: str, goal: str, sig: Signature) -> Relevant | None:
-        return self._relevant.get((operator, goal, sig))
 
     @staticmethod
     def answers(plan: Plan, relevant: Relevant) -> bool:
