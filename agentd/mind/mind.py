@@ -153,7 +153,10 @@ class Mind(MindState):
         return self.run(now, 1)
 
     def run(self, now: float, cycles: int) -> list[Effect]:
-        """Run at most ``cycles`` cycles; stop early when there is an effect or nothing left to do."""
+        """Run at most ``cycles`` cycles at mission time ``now`` in seconds; a smaller one than before is not taken.
+
+        Stop early when there is an effect or nothing left to do.
+        """
         if now > self.now:
             self.now = now
         sleeps = self.plans.sleeps
@@ -215,7 +218,7 @@ class Mind(MindState):
         return belief_views(self)
 
     def decision_views(self, last: int | None = None, about: str = "") -> list[DecisionView | FailureView]:
-        """The last decisions and failures, oldest first, for people; none unless the mind was made to remember any.
+        """The ``last`` decisions and failures (None: all), oldest first, for people; none unless it remembers any.
 
         ``about`` is the functor that their events or goals are to have.
         """

@@ -117,7 +117,7 @@ class PoisonInputs:
                 self._write()
 
     def look(self, now: float) -> None:
-        """Write down the work of a long turn; called on the thread."""
+        """Write down the work of a turn that is long at ``now``, in monotonic seconds; called on the thread."""
         since = self._since
         if since is None or now - since < LONG:
             return

@@ -176,7 +176,7 @@ RESTARTED = signature("restarted", 1)
 def come_back(
     mind: Mind, keeper: Keeper, life: int, interrupted: Iterable[Literal], instead: nodes.Goal | None
 ) -> None:
-    """Raise `+restarted(N)` for the N-th restart and an event for each interrupted action, then resume goals.
+    """Raise `+restarted(N)` for restart `life` (from 1) and an event for each interrupted action, then resume goals.
 
     Goals that others asked for are always resumed. The agent's own pending goals are resumed unless the program has a
     plan for `+restarted(N)`, which then decides, or the mission file names a goal `instead` of them.

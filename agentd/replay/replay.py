@@ -226,9 +226,9 @@ def acts(
     files: Mapping[str, str] | None = None,
     until: int | None = None,
 ) -> Iterator[Act]:
-    """Replay a mind up to a cycle and yield its decisions and effects; `program` and `files` as in `compare`.
+    """Replay a mind up to cycle `until`, from 1 (None: all), and yield its decisions and effects.
 
-    Raises CannotReplay.
+    `program` and `files` as in `compare`. Raises CannotReplay.
     """
     life, rest = _first(batches, program, files)
     for batch in rest:

@@ -24,7 +24,10 @@ _MASK: Final = (1 << 48) - 1
 
 
 class JavaRandom(Random):
-    """The numbers of ``java.util.Random``: a linear congruential generator of 48 bits, as documented there."""
+    """The numbers of ``java.util.Random``: a linear congruential generator of 48 bits, as documented there.
+
+    Of ``seed`` the lowest 48 bits count.
+    """
 
     def __init__(self, seed: int) -> None:
         super().__init__()

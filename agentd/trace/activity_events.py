@@ -44,7 +44,7 @@ class ActivityEvents:
         self._lines = self._left_out = 0
 
     def did(self, cycle: int, effect: Effect) -> None:
-        """Note an effect."""
+        """Note an effect of ``cycle``."""
         match effect:
             case PerformAction(id=number, name=name, parameters=parameters):
                 text = called(name, parameters)[:LONGEST]

@@ -319,7 +319,7 @@ class Qualifier:
 
 
 def local_names(items: Iterable[nodes.Item], number: Iterator[int]) -> dict[str, str]:
-    """The local namespaces that a file declares, each with a name that no other file has for it."""
+    """The local namespaces that a file declares, each with a name of the next ``number`` that no other file has."""
     found: dict[str, str] = {}
     pending = list(items)
     while pending:

@@ -91,7 +91,7 @@ def _write_test(function: Function, formula: nodes.Term, scope: Scope, library: 
 def compile_fragment(
     body: nodes.Body, library: Library, values: dict[str, Term], slots: dict[str, int], size: int
 ) -> PlanCode:
-    """The code of a body held by a variable, to run in a frame with these places for variables."""
+    """The code of a body held by a variable, to run in a frame of ``size`` places with these for variables."""
     code = PlanCode(Unit(f"body at {body.position}"), dict(slots), size=max(size, FRAME_HEADER))
     for name in variables(body):
         code.slot(name)

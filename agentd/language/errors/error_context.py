@@ -177,7 +177,7 @@ class ErrorContext:
 
 
 def sign_at(text: str, at: int) -> str:
-    """All signs in a row around an offset."""
+    """All signs in a row around an offset ``at``, from 0 on, at most four on each side."""
     begin = end = at
     while begin and text[begin - 1] in SIGN_CHARACTERS and at - begin < 4:
         begin -= 1

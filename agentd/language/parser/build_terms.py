@@ -70,6 +70,7 @@ class TermBuilder:
         self._calls: list[tuple[int, nodes.Structure]] = []
 
     def position(self, at: int) -> nodes.Position:
+        """The position of the character at offset ``at``, from 0."""
         return nodes.Position(self.source.file, *self.source.place(at))
 
     def refuse(self, where: int | nodes.Position, message: str) -> None:

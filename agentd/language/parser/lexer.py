@@ -96,7 +96,7 @@ def tokenize(
     end: int | None = None,
     find_run: Callable[[int], FactRun | None] | None = None,
 ) -> Tokens:
-    """All tokens of a text, or between two offsets of it.
+    """All tokens of a text, or those from offset ``start`` to before ``end`` (None: the end of the text).
 
     ``broken`` says what is wrong at an offset where no token begins, and how reading goes on. ``find_run`` gives
     the run of facts at an offset where an item of a program may begin.

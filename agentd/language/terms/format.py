@@ -48,8 +48,9 @@ Shown.text = text
 
 
 def flat_text(term: Any, depth: int = 4) -> str | None:
-    """The text of a term of numbers, strings, atoms and structures of them; None for any other, or a deep or long one.
+    """The text of a term of numbers, strings, atoms and structures of them, nested at most ``depth`` deep.
 
+    None for any other, or a deeper or long one.
     What most beliefs and events are, at a fraction of what `text` takes.
     """
     kind = type(term)

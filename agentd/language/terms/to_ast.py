@@ -49,7 +49,7 @@ class ToSyntax:
         self.names = VariableNames()
 
     def term(self, term: Any, depth: int = 0) -> Any:
-        """The syntax of a term."""
+        """The syntax of a term that is nested ``depth`` deep in others."""
         if depth > self._deepest:
             raise NoSyntax(f"nested deeper than {self._deepest}")
         term = deref(term)

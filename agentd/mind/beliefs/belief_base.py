@@ -94,7 +94,7 @@ class Predicate:
         return reversed(self._bucket(position, key))
 
     def counted_rows(self, position: int, key: Term, mind: Asking) -> Any:
-        """`rows` for a loop within a loop: many of them are counted as work of the mind."""
+        """`rows` of ``position``, from 0 on, for a loop within a loop: many of them are counted as work of the mind."""
         entries = self.entries
         if len(entries) > _SMALL:
             entries = self._bucket(position, key)

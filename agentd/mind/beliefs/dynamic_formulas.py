@@ -269,7 +269,7 @@ def call(function: Any, mind: MindState, trail: Trail, sig: Any, args: tuple[Ter
 
 
 def by_rule(name: str, arity: int) -> Callable[..., Any]:
-    """The function that asks the rule ``name`` with one argument more, for its last one."""
+    """The function of ``arity`` arguments that asks the rule ``name`` with one argument more, for its last one."""
     sig = signature(name, arity + 1)
     mode = (True,) * arity + (False,)
 

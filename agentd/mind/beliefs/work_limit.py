@@ -136,7 +136,7 @@ def too_much_work(mind: Computing) -> NoReturn:
 
 
 def work(mind: Computing, steps: int) -> None:
-    """Count steps. Raises TooMuchWork."""
+    """Count ``steps``, from 0 on, as work of the formula. Raises TooMuchWork when `MOST_STEPS` are used up."""
     mind.steps_left -= steps
     if mind.steps_left < 0:
         too_much_work(mind)
@@ -156,7 +156,7 @@ class Asked:
         self._refused = ""
 
     def work(self, steps: int = 1) -> None:
-        """Count steps. Raises QueryRefused when there were too many."""
+        """Count ``steps``, from 0 on. Raises QueryRefused when there were more than `QUESTION_STEPS`."""
         self._left -= steps
         if self._left < 0:
             self._refuse(f"it takes more than {QUESTION_STEPS} steps")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Timer:
-    """Something to do at a mission time."""
+    """Something to do at mission time ``due``, in seconds; of equal times the lower ``number`` comes first."""
 
     __slots__ = ("action", "cancelled", "due", "number")
 
@@ -44,6 +44,7 @@ class Timers:
         """Counts reads of the time: `agentd.trace` records the time only when it mattered."""
 
     def at(self, due: float, action: Callable[[], None]) -> Timer:
+        """Have an action called at mission time ``due``, in seconds."""
         self._count += 1
         self.looks += 1
         timer = Timer(due, self._count, action)

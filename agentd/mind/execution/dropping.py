@@ -228,7 +228,10 @@ def fail_too_deep(mind: MindState, intention: Intention) -> None:
 
 
 def end_goal(mind: MindState, intention: Intention, place: int, succeeded: bool) -> None:
-    """End a goal in the stack, as achieved or failed: the frames above it are removed, its wait is cancelled."""
+    """End the goal at ``place`` of the stack (0: the outermost), as achieved or failed.
+
+    The frames above it are removed, its wait is cancelled.
+    """
     stack, trail = intention.stack, intention.trail
     waited = intention.waiting is not None
     _take_back(mind, intention)

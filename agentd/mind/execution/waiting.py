@@ -28,7 +28,7 @@ def milliseconds(term: Term) -> float:
 
 
 def wait_time(mind: MindState, intention: Intention, seconds: float) -> bool:
-    """Wait for a time, then go on."""
+    """Wait for ``seconds`` of mission time, from 0 on, then go on."""
 
     def over() -> None:
         resume_waiting(mind, intention)

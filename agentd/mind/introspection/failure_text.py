@@ -87,7 +87,7 @@ def event_text(event: Event) -> str:
 
 
 def error_annots(failure: Failed, code: Term, line: int, source: str) -> tuple[Term, ...]:
-    """The annotations that describe a failure to its handler."""
+    """The annotations that describe a failure to its handler; ``line`` is that of ``source``, from 1 (0: unknown)."""
     own = as_they_are(failure.annots)
     found = [Literal(_ERROR, (atom(failure.error),))]
     if not any(type(a) is Literal and a.sig is _MESSAGE for a in own):
