@@ -201,9 +201,7 @@ class Mind(MindState):
         self.random, self.on_input, self.effects, self.warned = Random(self.cycle), None, [], {}
         try:
             return bool(known[0](self, trail))
-        except (
-            Exception
-        ):  # a function of the program's may raise anything; a formula that cannot be computed does not hold
+        except Exception:  # a function of the program's may raise anything: what cannot be computed does not hold
             return False
         finally:
             undo(trail, 0)

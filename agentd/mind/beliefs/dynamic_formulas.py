@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any
+from operator import ge, gt, le, lt
+from typing import Any, Final
 
 from agentd.language.syntax_tree.signatures import DEFAULT, signature
 from agentd.language.terms.format import text
@@ -160,15 +161,10 @@ def relation_holds(operator: str, left: Term, right: Term, trail: Trail) -> bool
             return same(left, right)
         case "\\==":
             return not same(left, right)
-        case "<":
-            return order(left, right) < 0
-        case "<=":
-            return order(left, right) <= 0
-        case ">":
-            return order(left, right) > 0
-        case ">=":
-            return order(left, right) >= 0
-    return False
+    return operator in _ORDERS and bool(_ORDERS[operator](order(left, right), 0))
+
+
+_ORDERS: Final = {"<": lt, "<=": le, ">": gt, ">=": ge}
 
 
 def order(left: Term, right: Term) -> int:

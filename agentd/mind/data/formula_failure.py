@@ -12,8 +12,8 @@ from agentd.language.terms.terms import Literal, Term, deref
 class Failed(Exception):
     """A formula of a plan failed. The handler ``-!g`` of the goal sees these facts as annotations.
 
-    ``error`` is the name that ``error(E)`` shows, ``message`` the text of ``error_msg(M)``, ``annots`` what the
-    program itself added (``.fail(reason(wind))``).
+    ``error`` is the name that ``error(E)`` shows, ``message`` the text of ``error_msg(M)``, empty if only the name is
+    known, ``annots`` what the program itself added (``.fail(reason(wind))``).
     """
 
     def __init__(self, error: str, message: str = "", annots: tuple[Any, ...] = (), code: Any = None) -> None:

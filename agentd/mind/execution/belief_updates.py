@@ -126,13 +126,19 @@ def replace(
     return believe(mind, focus, predicate, relevant, args, annots)
 
 
-def change_term(mind: MindState, intention: Intention, operator: str, term: Term) -> bool | None:
-    """A belief operator applied to a literal, rule or plan that only the run knows."""
+def known_value(term: Term) -> Any:
+    """What a variable in a body holds. Fails with ``body_var_without_value`` if it is free (rule 62)."""
     term = deref(term)
     if type(term) is Open:
         term = closed(term)
     if type(term) is Var:
         raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    return term
+
+
+def change_term(mind: MindState, intention: Intention, operator: str, term: Term) -> bool | None:
+    """A belief operator applied to a literal, rule or plan that only the run knows."""
+    term = known_value(term)
     if type(term) is Code:
         _change_code(mind, operator, term)
         return None

@@ -52,7 +52,7 @@ def run_intention(mind: MindState, intention: Intention) -> None:
                 return
         except Exception as error:  # an internal action may raise anything; it must not end the mind
             failed = as_failed(error)
-            if failed.error == "test_goal_failed" and not failed.args[0].startswith("Failed"):
+            if failed.error == "test_goal_failed" and not failed.message:
                 code = code_of(step, frame)
                 failed = Failed("test_goal_failed", f"Failed to test '{text(code)}'", code=code)
             step_failed(mind, intention, step, frame, failed)

@@ -12,7 +12,7 @@ from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, re
 from agentd.mind.data.effects import PerformAction
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.intention import STEP, Frame, Intention, Step
-from agentd.mind.execution.belief_updates import change_term
+from agentd.mind.execution.belief_updates import change_term, known_value
 from agentd.mind.execution.execution import await_something
 from agentd.mind.execution.goal_states import pending, raise_state
 from agentd.mind.plans.nested_plans import nested_plans
@@ -24,17 +24,13 @@ from schemas.wire.mind_records import WaitView
 
 def literal_of(term: Term) -> Literal:
     """The literal that a variable in a body holds. Raises Failed according to rule 62."""
-    term = deref(term)
-    if type(term) is Var:
-        raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    term = known_value(term)
     if type(term) is Code and isinstance(term.syntax, nodes.Trigger):
         return trigger_literal(term)
     if type(term) is Code and isinstance(term.syntax, nodes.Body) and len(term.syntax.formulas) == 1:
         goal = lone_goal(term)
         if goal is not None:
             return goal
-    if type(term) is Open:
-        term = closed(term)
     if type(term) is not Literal:
         raise Failed("body_var_not_literal", f"The term '{text(term)}' is not a literal.")
     return term
@@ -84,13 +80,9 @@ def test_event(
 
 def test_term(mind: MindState, intention: Intention, term: Term) -> bool | None:
     """``?X``."""
-    formula = deref(term)
-    if type(formula) is Var:
-        raise Failed("body_var_without_value", f"The variable '{formula.name}' must be ground.")
+    formula = known_value(term)
     for _ in solve(mind, formula, intention.trail):
         return None
-    if type(formula) is Open:
-        formula = closed(formula)
     if type(formula) is Literal:
         relevant = mind.plans.relevant("+", "?", formula.sig)
         return test_event(mind, intention, relevant, formula.args, with_source(formula.annots))
@@ -121,9 +113,7 @@ def perform(mind: MindState, intention: Intention, action: Any) -> bool:
 
 def run_term(mind: MindState, intention: Intention, frame: Frame, step: Step, term: Term) -> bool | None:
     """A variable as formula of a body: runs the body, goal, test, belief change or action that it holds."""
-    term = deref(term)
-    if type(term) is Var:
-        raise Failed("body_var_without_value", f"The variable '{term.name}' must be ground.")
+    term = known_value(term)
     if type(term) is Code:
         return _run_code(mind, intention, frame, term)
     if type(term) is Expression and term.operator != "not":

@@ -154,7 +154,7 @@ class Views:
             formula=what_failed(record.failed, record.code),
             position=_place(record.failed.step),
             error=record.failed.error,
-            reason=reason_of(record.failed),
+            reason=record.failed.message,
             given_up=given_up,
             handled_by="" if handler is None else repr(handler),
         )
@@ -253,8 +253,3 @@ def what_failed(failed: Failed, code: Any) -> str:
     if failed.goal is None:
         return failed_text(failed.step, code)
     return event_text(failed.goal, code.args, code.annots)
-
-
-def reason_of(failed: Failed) -> str:
-    """Why something failed, as text; empty if only the name of the error is known."""
-    return str(failed) if str(failed) != failed.error else ""

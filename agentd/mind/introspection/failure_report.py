@@ -26,7 +26,6 @@ from agentd.mind.introspection.decision_views import (
     PASSED_OVER,
     event_text,
     plan_view,
-    reason_of,
     rejected_view,
     what_failed,
 )
@@ -39,7 +38,6 @@ from schemas.wire.mind_records import RejectedView
 
 _MOST_SHOWN: Final = 5
 """Plans, goals or beliefs that are named; further ones are counted."""
-_GOAL_CLOSENESS: Final = 0.7
 
 
 def failure_report(mind: MindState, failed: Failed, goals: Sequence[str], frames: Sequence[Frame], because: str) -> Log:
@@ -88,8 +86,8 @@ def _unhandled(failed: Failed, goals: list[Relevant]) -> str:
 
 def _sentence(failed: Failed) -> str:
     """The failed formula or goal and the reason, as far as the failure contains it."""
-    what, reason = what_failed(failed, failed.code), reason_of(failed)
-    why = f": {reason}" if reason else ""
+    what = what_failed(failed, failed.code)
+    why = f": {failed.message}" if failed.message else ""
     match failed.error:
         case "constraint_failed":
             return f"{what} does not hold"
@@ -189,8 +187,7 @@ def _goals_like(mind: MindState, goal: Any) -> Iterable[str]:
         view, arity = plan_view(same), len(same.syntax.trigger.literal.args)
         yield f"the plan {view.trigger} ({view.position}) takes {_arguments(arity)}, not {goal.sig.arity}"
         return
-    found = similar(goal.sig.functor, known, _GOAL_CLOSENESS)
-    if found is not None:
+    if found := similar(goal.sig.functor, known):
         view = plan_view(known[found])
         yield f"did you mean {view.trigger} ({view.position})?"
 

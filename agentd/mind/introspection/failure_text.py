@@ -91,7 +91,7 @@ def error_annots(failure: Failed, code: Term, line: int, source: str) -> tuple[T
     own = as_they_are(failure.annots)
     found = [Literal(_ERROR, (atom(failure.error),))]
     if not any(type(a) is Literal and a.sig is _MESSAGE for a in own):
-        found.append(Literal(_MESSAGE, (str(failure) if str(failure) != failure.error else _no(failure.error, code),)))
+        found.append(Literal(_MESSAGE, (failure.message or _no(failure.error, code),)))
     found += [Literal(_CODE, (code,)), Literal(_LINE, (float(line),)), Literal(_SOURCE, (source,))]
     return (*found, *own)
 

@@ -187,18 +187,15 @@ def _asked_fits(asked: Literal, plan: Plan) -> bool:
 
 def label_of(plan: Plan) -> Literal:
     """The label of a plan with its sources, and with ``url("file:...")`` if a file holds it."""
-    return _annotated(plan, *map(source, plan.sources), *_file_of(plan))
+    file = [Literal(_URL, (f"file:{plan.file}",))] if plan.file else []
+    return _annotated(plan, *map(source, plan.sources), *file)
 
 
 def label_with_line(plan: Plan) -> Literal:
     """`label_of` with ``code_line(N)`` and ``code_src(File)``, where the plan begins."""
-    place = plan.syntax.position
+    place, label = plan.syntax.position, label_of(plan)
     at = Literal(_LINE, (float(place.line),)), Literal(_FILE, (place.file,))
-    return _annotated(plan, *map(source, plan.sources), *_file_of(plan), *at)
-
-
-def _file_of(plan: Plan) -> tuple[Literal, ...]:
-    return (Literal(_URL, (f"file:{plan.file}",)),) if plan.file else ()
+    return label.with_annots(sorted_annots((*label.annots, *at)))
 
 
 def _annotated(plan: Plan, *annots: Literal) -> Literal:
