@@ -304,15 +304,12 @@ class MindState:
         return len(self.events) + len(self.running) + len(self.waiting) + len(self.suspended) >= MOST_FOCUSES
 
     @property
-    def atomic_takes_mail(self) -> bool:
-        """Whether an atomic plan leaves a message to be taken: its event waits for the plan's end and needs room."""
-        return bool(self.mailbox) and not self.crowded
-
-    @property
     def atomic_can_run(self) -> bool:
         """Whether there is a message to take, or the atomic intention has a formula to run or an event to be taken."""
         atomic = self.atomic
-        return self.atomic_takes_mail or atomic in self.running or any(e[3] is atomic for e in self.events)
+        if (self.mailbox and not self.crowded) or atomic in self.running:
+            return True
+        return any(e[3] is atomic for e in reversed(self.events))  # its own is one of the last as a rule
 
     # --- events and intentions ---
 

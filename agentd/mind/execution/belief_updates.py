@@ -61,8 +61,9 @@ def raise_event(
             return None
         mind.events.append((relevant, args, annots, focus))
         return True
-    if focus is not None and mind.events:
-        # No plan, but the event takes its turn in the queue as every other: the intention goes on after it.
+    if focus is not None and mind.events and mind.atomic is not focus:
+        # No plan, but the event takes its turn in the queue as every other: the intention goes on after it. An atomic
+        # plan does not wait for the others' turns.
         mind.events.append((relevant, args, annots, focus))
         return True
     return None

@@ -76,7 +76,7 @@ def atomic_cycle(mind: MindState) -> bool:
     """A cycle while an atomic plan runs: one message, then its own events and formulas alone. False when it waits."""
     atomic = mind.atomic
     assert atomic is not None
-    if mind.atomic_takes_mail:
+    if mind.mailbox and not mind.crowded:  # an event waits for the plan's end and needs room
         take_mail(mind, mind.mailbox.popleft())
         if atomic.waiting is not None:
             return True
