@@ -50,6 +50,8 @@ def watch(endpoint: str, *arguments: str, **terminal: object) -> Terminal:
 
 
 def test_a_real_flight_is_watched_and_its_agent_looked_into(single_uav: Path, endpoint: str, start: Start) -> None:
+    text = single_uav.read_text().replace("radius: 500", "radius: 50000").replace("timeout: 10min", "timeout: 10h")
+    single_uav.write_text(text.replace("waypoint(-27.603683", "waypoint(-27.3"))  # 34 km away: it flies until the end
     running = start(single_uav, "--speed", "3", "--plain", real_daemons=True)
     with watch(endpoint, "--mission", str(single_uav), columns=120, lines=24) as terminal:
         terminal.shows("1 of 1 agent  1 of 1 robot  1 of 1 board")

@@ -101,14 +101,21 @@ async def test_a_board_that_is_linked_and_not_heard_is_heard_again(monkeypatch: 
     monkeypatch.setattr(link_watchdog, "PATIENCE", 0.3)
     async with boards() as fleet:
         fleet.a.serve("served", Receipt, lambda query: query.reply(Receipt()))
-        for count in range(1, 4):
+        renewals = 0
+        for _ in range(TRIES):
             await fleet.become_deaf()
-            assert await ask(fleet.b, "served", None, Receipt) == []
+            deaf = await ask(fleet.b, "served", None, Receipt) == []
             async with open_link_watchdog(fleet.b, ["a", "c"]) as watchdog:
-                await _holds(fleet.hears, f"b hears a again, {count}")
-            assert watchdog.counters["links_renewed"] >= 1
-            assert identities(watchdog.health().notes) == [(RENEWED, "a")]
+                await _holds(fleet.hears, "b hears a again")
             assert await ask(fleet.b, "served", None, Receipt) == [Receipt()]
+            if not watchdog.counters["links_renewed"]:
+                continue  # a busy machine was only late to hear it
+            assert deaf
+            assert identities(watchdog.health().notes) == [(RENEWED, "a")]
+            renewals += 1
+            if renewals == 3:
+                break
+        assert renewals == 3
 
 
 @async_test
