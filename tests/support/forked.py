@@ -178,7 +178,8 @@ def _begin(request: Mapping[str, Any], files: Sequence[int]) -> list[str]:
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
-    sys.path[0] = request["folder"]
+    also = request["environment"].get("PYTHONPATH", "")
+    sys.path[:1] = [request["folder"], *filter(None, also.split(os.pathsep))]
     return list(request["arguments"])
 
 
