@@ -155,10 +155,9 @@ class Bridge:
                 what = {"message": f"looking at {self.name}", "exception": error}
                 asyncio.get_running_loop().call_exception_handler(what)
             due = self._clock.wall() + (pause if soon else TICK_IDLE)
-            if soon:
-                await asyncio.sleep(pause)
-            else:
-                await wait_at_most(self._wake, TICK_IDLE)
+            if not soon:
+                await wait_at_most(self._wake, TICK_IDLE - pause)
+            await asyncio.sleep(pause)  # also after a wake: short actions one after the other share a step
             if self._clock.wall() - due > STALL:  # what the robot sent meanwhile is read before time is judged
                 await asyncio.sleep(CATCH_UP)
 
