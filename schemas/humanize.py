@@ -27,7 +27,7 @@ def joined(parts: Sequence[str], last: str = "and") -> str:
 
 
 def span(seconds: float) -> str:
-    """Return a length of time: `0.4 s`, `95 s`, `3 min 5 s`, `2 h 5 min`, `3 d 2 h`; `? s` if it is not finite."""
+    """Return a length of time in seconds: `0.4 s`, `95 s`, `3 min 5 s`, `2 h 5 min`, `3 d 2 h`; `? s` if not finite."""
     if not math.isfinite(seconds):
         return "? s"
     if seconds < 9.95:
@@ -42,7 +42,7 @@ def span(seconds: float) -> str:
 
 
 def latency(seconds: float) -> str:
-    """Return a delay: `12.3 ms`, from 0.1 s on as `span`."""
+    """Return a delay in seconds: `12.3 ms`, from 0.1 s on as `span`."""
     return f"{seconds * 1000:.1f} ms" if seconds < 0.0995 else span(seconds)
 
 
@@ -67,7 +67,7 @@ def columns(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[s
 
 
 def json_lines(value: object, indent: int | None = 2) -> str:
-    """Return a value as JSON without terminal commands."""
+    """Return a value as JSON without terminal commands; `indent`: blanks per level, None = on one line."""
     return "\n".join(map(escaped, json.dumps(value, ensure_ascii=False, indent=indent).split("\n")))
 
 

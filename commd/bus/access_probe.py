@@ -12,23 +12,25 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import os
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from commd.bus.errors import BusClosed
+from commd.bus.raw import RawBus, Sample
 from commd.common.tasks import wait_at_most
 from schemas.wire.keys import ROOT
 
 if TYPE_CHECKING:
     from commd.bus.bus import Bus
     from commd.bus.raw import Publisher, Querier
-import os
-
-from commd.bus.raw import RawBus, Sample
 
 PATIENCE = 2.0
 """Wall seconds that a declaration has to appear, and a put to arrive."""
 AGAIN = 0.05
+"""Wall seconds between two attempts: a new declaration may not have reached the other session yet."""
+ALL_FORBIDDEN = 1.0
+"""Wall seconds that forbidden keys are tried for, where no allowed key shows when they had enough time."""
 ANSWER = 1.0
 """Wall seconds that the router has to answer."""
 SETTLING = 5.0
@@ -138,12 +140,6 @@ async def _unseen(bus: Bus, other: Bus) -> list[tuple[str, str]]:
     finally:
         for seeker in seekers.values():
             seeker.close()
-
-
-AGAIN = 0.05
-"""Wall seconds between two attempts: a new declaration may not have reached the other session yet."""
-ALL_FORBIDDEN = 1.0
-"""Wall seconds that forbidden keys are tried for, where no allowed key shows when they had enough time."""
 
 
 async def which_come_through(

@@ -260,7 +260,7 @@ class Bus(QuerySession):
         self._session.liveliness().declare_subscriber(key, self._dispatch.callback(deliver), history=True)
 
     async def tokens(self, key: str, timeout: float = 2.0) -> list[str]:
-        """Return the keys of the liveliness tokens that match now, sorted."""
+        """Return the keys of the liveliness tokens that match now, sorted; waits at most `timeout` wall seconds."""
         replies, ended = await self._dispatch.collect(
             lambda callback: self._session.liveliness().get(key, callback, timeout=timeout), timeout
         )

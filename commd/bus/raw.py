@@ -187,7 +187,8 @@ class RawBus:
 
         def reply(query: zenoh.Query) -> None:
             with query:
-                said = answer(_read_query(query))
+                payload = b"" if query.payload is None or len(query.payload) > LARGEST else query.payload.to_bytes()
+                said = answer(Sample(str(query.key_expr), payload, str(query.encoding or "")))
                 try:
                     if said is not None and said.error:
                         query.reply_err(said.payload, encoding=said.encoding)
@@ -297,11 +298,6 @@ def matching(declared: zenoh.Publisher | zenoh.Querier) -> bool:
 def _read_sample(sample: zenoh.Sample) -> Sample:
     deleted = sample.kind == zenoh.SampleKind.DELETE
     return Sample(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), deleted)
-
-
-def _read_query(query: zenoh.Query) -> Sample:
-    payload = b"" if query.payload is None or len(query.payload) > LARGEST else query.payload.to_bytes()
-    return Sample(str(query.key_expr), payload, str(query.encoding or ""))
 
 
 def _read_reply(reply: zenoh.Reply) -> Sample:

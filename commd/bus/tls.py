@@ -82,7 +82,7 @@ def tls_in(folder: Path) -> Tls:
 
 
 def identity_of(tls: Tls, now: float) -> Identity:
-    """Return the identity in the keys. Raises Findings for keys that no other machine would accept."""
+    """Return the identity in the keys. Raises Findings for keys that no machine would accept `now` (Unix seconds)."""
     identity = identity_in(tls)
     if words := out_of_date(identity, now):
         raise _wrong(tls.certificate, words)
@@ -99,7 +99,7 @@ def identity_in(tls: Tls) -> Identity:
 
 
 def out_of_date(identity: Identity, now: float) -> str:
-    """Return a text if a certificate is not valid yet, or has expired; empty if it is valid."""
+    """Return a text if a certificate is not valid yet or has expired `now` (Unix seconds); empty if it is valid."""
     if now < identity.begins:
         text = f"the certificate of `{identity.name}` is valid from {day(identity.begins)} on, and this machine's clock"
         return f"{text} says {day(now)}: set the clock"
@@ -126,7 +126,7 @@ def check_board(tls: Tls, mission: Mission, board: str) -> None:
 
 
 def day(at: float) -> str:
-    """Return a Unix time as text, in UTC."""
+    """Return a Unix time in seconds as text, in UTC."""
     return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(at))
 
 

@@ -328,8 +328,9 @@ async def join(
 
     A name that is not in the mission leaves at the end; with `stays`, or if the block fails, its mailbox remains, and
     mail waits for its return. `numbers` is a file that keeps the numbers of the messages that are done with across
-    processes. `speed` is that of the run (up to 100), if it is not the mission's. Raises NotJoined, AlreadyRunning if
-    the name is taken, and Findings for a bad mission.
+    processes. `speed` is that of the run (above 0, up to 100), if it is not the mission's; `patience` is in wall
+    seconds, for the router, for `commd` and for each of its answers. Raises NotJoined, AlreadyRunning if the name is
+    taken, and Findings for a bad mission.
     """
     check_name(name)
     if speed is not None and not 0 < speed <= 100:

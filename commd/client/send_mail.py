@@ -107,6 +107,7 @@ class Sending:
     ) -> Message:
         """Send a message and return it once it is on disk. Raises NotSent, and which one says why.
 
+        `ttl` is in wall seconds, None = for ever; `commd` has `patience` wall seconds to take it.
         `identity` is its id; none = one that is made of its number. It is given up `until` a time of the loop's clock,
         also when its turn has not come: then it has not left.
         """
@@ -136,7 +137,10 @@ class Sending:
             turn.release()
 
     async def send_again(self, message: Message, patience: float) -> None:
-        """Send a message that had no answer. Raises ValueError if another one to its receiver went after it."""
+        """Send a message that had no answer, within `patience` wall seconds.
+
+        Raises NotSent, and ValueError if another one to its receiver went after it.
+        """
         async with self._turn[message.receiver]:
             if self._last.get(message.receiver) is not message:
                 raise ValueError(f"{message.id}: another message to {message.receiver} has been sent since")

@@ -8,7 +8,7 @@ from datetime import timedelta, timezone, tzinfo
 
 
 class Clock:
-    """Mission time in seconds since the clock was made."""
+    """Mission time in seconds since the clock was made; `speed`: mission seconds per wall second, above 0."""
 
     def __init__(self, speed: float = 1.0) -> None:
         self.speed = speed

@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from schemas.wire.keys import check_name
+from schemas.wire.keys import check_name, is_name
 from schemas.wire.records import BoardServices, Note
 
 log = logging.getLogger("directory")
@@ -215,24 +215,15 @@ class Services:
 
 def checked(said: BoardServices, may_name: Callable[[str], bool] = lambda _: True) -> BoardServices:
     """Return a record of another board without invalid names, names that it may not speak for, and excess entries."""
-    good = {name: _services(what) for name, what in said.agents.items() if _is_name(name) and may_name(name)}
-    agents = dict(islice(good.items(), MOST_NAMES))
+    good = (name for name in said.agents if is_name(name) and may_name(name))
+    agents = {
+        name: tuple(one for one in said.agents[name][:MOST_SERVICES] if 0 < len(one) <= LONGEST_SERVICE)
+        for name in islice(good, MOST_NAMES)
+    }
     if agents == said.agents:
         return said
     log.warning("board=%s its record is accepted in part: %d of %d agents", said.board, len(agents), len(said.agents))
     return msgspec.structs.replace(said, agents=agents)
-
-
-def _services(offered: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(one for one in offered[:MOST_SERVICES] if 0 < len(one) <= LONGEST_SERVICE)
-
-
-def _is_name(name: str) -> bool:
-    try:
-        check_name(name)
-    except ValueError:
-        return False
-    return True
 
 
 def _without(names: tuple[str, ...], name: str) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from commd.common.tasks import Tasks
 from commd.directory.registry import Notice, Own, Problem, Services, checked
 from commd.mail import schema
 from commd.mail.age_clock import RollbackWitness
+from commd.mail.message import named
 from commd.mail.service import MailService
 from commd.mail.store import StoreFailed
 from schemas.liveness import FORGOTTEN_AFTER
@@ -32,7 +33,7 @@ from schemas.mission.model import THIS_MACHINE, Mission
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
 from schemas.wire.records import BoardServices, Health, Message, Note, ServiceRequest
-from schemas.wire.terms import Atom, Structure, Term
+from schemas.wire.terms import Structure
 
 ASK_EVERY = 30.0
 """Wall seconds between two queries of the other boards: a published change may have been lost."""
@@ -69,14 +70,8 @@ class Directory:
         self.services = Services(board, mission.mailboxes, boards, reserved, prefix)
         self.counters: Counter[str] = Counter()
         """`notices`, `notices_refused`, `board_changes`, `left`: agents that were forgotten."""
-        self._bus, self._board, self._store, self._mail_service, self._clock = (
-            bus,
-            board,
-            mail_service.store,
-            mail_service,
-            clock,
-        )
-        self._secured = secured
+        self._bus, self._board, self._clock, self._secured = bus, board, clock, secured
+        self._mail_service, self._store = mail_service, mail_service.store
         self._witness = RollbackWitness(board, bus.boot, mail_service.clock)
         self._homes = self.services.homes()
         self._one_at_a_time = asyncio.Lock()
@@ -449,14 +444,6 @@ async def open_directory(
             task.cancel()
         await asyncio.gather(*work, return_exceptions=True)
         await directory.close()
-
-
-def named(name: str) -> Term:
-    """Return a name as an agent's program writes it: an atom if possible, else a string."""
-    try:
-        return msgspec.convert({"kind": "atom", "name": name}, Atom)
-    except msgspec.ValidationError:
-        return name
 
 
 _OWN, _BOARDS = "services", "board"

@@ -69,7 +69,7 @@ class Allowance:
         self._left, self._since = BURST, 0.0
 
     def take(self, now: float) -> bool:
-        """Take one datagram from it. Returns whether it was left."""
+        """Take one datagram from it at `now`, in monotonic seconds. Returns whether it was left."""
         self._left = min(BURST * self.nodes, self._left + (now - self._since) * RATE * self.nodes)
         self._since = now
         if self._left < 1:
@@ -90,7 +90,7 @@ class Node:
         self._heard: OrderedDict[bytes, float] = OrderedDict()
 
     def repeats(self, payload: bytes, now: float) -> bool:
-        """Whether it sent the same datagram, with its id, within `REPEATED_WITHIN`."""
+        """Whether it sent the same datagram, with its id, within `REPEATED_WITHIN`; `now` in monotonic seconds."""
         heard, digest = self._heard, hashlib.blake2b(payload, digest_size=16).digest()
         while heard and (len(heard) > REMEMBERED or now - next(iter(heard.values())) > REPEATED_WITHIN):
             heard.popitem(last=False)

@@ -118,7 +118,7 @@ class RadioAir:
         )
 
     async def carries(self, sender: str, receiver: str, size: int) -> bool:
-        """Wait for one transmission. Returns whether it arrived."""
+        """Wait for one transmission of `size` bytes. Returns whether it arrived."""
         here, there = self._robots.get(sender, sender), self._robots.get(receiver, receiver)
         if here == there:
             return True

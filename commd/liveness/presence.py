@@ -17,8 +17,9 @@ from schemas.liveness import AGENT_GRACE, BUS_GRACE, FIRST_HEALTH, ROUTER_GRACE,
 class Presence:
     """The tokens of some agents (None: of all). An agent that never appeared cannot be lost, unless it is expected.
 
-    A lost agent stays so until its token appears. `board_of` returns an agent's board: an agent that disappears
-    together with its board's `commd` may only have lost its router, or the link to us.
+    All times are those of one clock, in wall seconds. A lost agent stays so until its token appears. `board_of` returns
+    an agent's board: an agent that disappears together with its board's `commd` may only have lost its router, or the
+    link to us.
     """
 
     def __init__(
@@ -152,7 +153,7 @@ CATCH_UP = 2.0
 
 class Silence:
     """Finds daemons that are silent: alive by their token, without health records. A silent one stays so without its
-    token."""
+    token. All times are those of one clock, in wall seconds."""
 
     def __init__(self, patience: float = SILENT_AFTER) -> None:
         """`patience`: wall seconds between two health records at most."""
@@ -182,7 +183,7 @@ class Silence:
             self._hung.pop(name, None)
 
     def excuse(self, wall: float, seconds: float) -> None:
-        """Extend all due times: this process may have missed records."""
+        """Extend all due times to `seconds` from now at least: this process may have missed records."""
         for life, until in self._until.items():
             self._until[life] = max(until, wall + seconds)
 

@@ -13,16 +13,15 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from sqlite3 import Connection
 
 import msgspec
 from msgspec.structs import replace
 
 from commd.mail import schema
+from commd.process.restart_counter import machine_life
 from schemas.wire.records import BoardServices, MailSeen, Note
 
-BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 SAVE_EVERY = 10.0
 """Seconds between two saves of the clock while mail waits that expires."""
 _SINCE_BOOT = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
@@ -41,19 +40,11 @@ def since_boot() -> float:
     return time.clock_gettime(_SINCE_BOOT)
 
 
-def kernel_boot() -> str:
-    """Return the id of this boot of the kernel; empty if unknown."""
-    try:
-        return BOOT_ID.read_text().strip()
-    except OSError:
-        return ""
-
-
 class MailClock:
     """Seconds that never go back."""
 
     def __init__(self, since_boot: Callable[[], float] = since_boot, boot: str | None = None) -> None:
-        self._since_boot, self._boot = since_boot, kernel_boot() if boot is None else boot
+        self._since_boot, self._boot = since_boot, machine_life() if boot is None else boot
         self._zero = since_boot()
         """Reading of the kernel's clock at 0 of this one."""
         self.found: float | None = None

@@ -180,7 +180,7 @@ class DeliveryQueues:
         self._queue(queue)
 
     def may_be_taken(self, line: str, place: int) -> bool:
-        """Whether the peer may have taken a message that is still in the file."""
+        """Whether the peer may have taken the message at `place`, which is still in the file."""
         queue = self._lines.get(line)
         return place <= self.before or (queue is not None and place <= queue.sent)
 
@@ -263,7 +263,10 @@ class DeliveryQueues:
         self, queue: DeliveryQueue, known: float, batch: Sequence[StoredMessage], answer: Receipt
     ) -> None:
         """Remove what the peer has taken, and give up what it has refused."""
-        refused = {one.place: _bounded(answer.refused[i]) for i, one in enumerate(batch) if i in answer.refused}
+        refused = {  # bounded: they are stored, and sent to the senders
+            batch[i].place: Refusal(code=why.code[:MAX_CODE], text=why.text[:MAX_TEXT])
+            for i, why in answer.refused.items()
+        }
         taken = [one.place for i, one in enumerate(batch) if i not in answer.refused and i not in answer.later]
         self.counters["sent"] += len(taken)
         self.counters["refused"] += len(refused)
@@ -331,8 +334,3 @@ class DeliveryQueues:
     def _probe_later(self, peer: str, away: Away) -> None:
         away.timer = self._loop.call_later(away.pause, self._probe, peer)
         away.pause = min(away.pause * 2, RETRY_MOST)
-
-
-def _bounded(refusal: Refusal) -> Refusal:
-    """Return a peer's refusal, shortened: it is stored, and sent to the sender."""
-    return Refusal(code=refusal.code[:MAX_CODE], text=refusal.text[:MAX_TEXT])

@@ -72,16 +72,13 @@ def mailboxes_of_file(path: Path) -> Mailboxes:
     try:
         if not path.is_file():
             raise _unreadable(path, "there is no such file")
-        with closing(_open(path)) as db:
+        # Without a log beside it nobody writes, and no lock is needed.
+        alone = not path.with_name(f"{path.name}-wal").exists()
+        options = f"mode=ro{'&immutable=1' if alone else ''}"
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True)) as db:
             return _read(db, path)
     except _DAMAGE as error:
         raise _unreadable(path, f"it cannot be read as a board's mail: {error}") from None
-
-
-def _open(path: Path) -> sqlite3.Connection:
-    """Open a file read-only; without a log beside it nobody writes, and no lock is needed."""
-    alone = not path.with_name(f"{path.name}-wal").exists()
-    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}", uri=True)
 
 
 def _read(db: sqlite3.Connection, path: Path) -> Mailboxes:

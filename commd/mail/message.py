@@ -47,7 +47,7 @@ class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
     """MessagePack."""
 
     def read(self, now: float) -> Message:
-        """Return the message with its content, for a receiver in this process."""
+        """Return the message with its content, for a receiver in this process; `now` by the mail clock."""
         return self._current(codec(Message).decode(self.message, MSGPACK), now)
 
     def carried(self, now: float) -> Message:
@@ -65,7 +65,10 @@ class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
 
 
 def stored(message: Message, line: str, expires: float | None) -> StoredMessage:
-    """Return the row of a message. Raises ValueError, such as BadRecord, for one that cannot be stored."""
+    """Return the row of a message that `expires` by the mail clock, None = never.
+
+    Raises ValueError, such as BadRecord, for one that cannot be stored.
+    """
     header = message.header
     numbered = header.seq > 0 and bool(header.boot)
     if header.seq > LARGEST_NUMBER or len(header.boot) > LONGEST_NUMBERING:
@@ -120,7 +123,7 @@ def shown(message: Message) -> Message:
 
 def undelivered(message: Message, reason: Refusal) -> Message:
     """Return the notice for the sender of a message that is not delivered."""
-    what = (_name(message.receiver), _name(message.performative), shown(message).content, reason.code)
+    what = (named(message.receiver), named(message.performative), shown(message).content, reason.code)
     detail = (Structure("detail", (reason.text,)),) if reason.text else ()
     return Message(
         id=f"undelivered.{message.id}",
@@ -132,7 +135,7 @@ def undelivered(message: Message, reason: Refusal) -> Message:
 
 
 def adds_up(receipt: Receipt, messages: int) -> bool:
-    """Whether a receipt accounts for each message of a batch."""
+    """Whether a receipt accounts for each of the `messages` of a batch."""
     places = {*receipt.refused, *receipt.later}
     counted = receipt.taken + len(receipt.refused) + len(receipt.later)
     return (
@@ -142,8 +145,8 @@ def adds_up(receipt: Receipt, messages: int) -> bool:
     )
 
 
-def _name(text: str) -> Term:
-    """Return a name as an atom if possible, else as a string."""
+def named(text: str) -> Term:
+    """Return a name as a program writes it: an atom if possible, else a string."""
     return Atom(text) if re.fullmatch(r"[a-z]\w*", text, re.ASCII) else text
 
 

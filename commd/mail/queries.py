@@ -1,4 +1,7 @@
-"""SQL operations on a board's mail file; each is part of a transaction on the given connection."""
+"""SQL operations on a board's mail file; each is part of a transaction on the given connection.
+
+Times are in seconds of the mail clock.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +67,7 @@ class Tally:
         self.next = max(self.next, last + 1)
 
     def add(self, line: str, receiver: str, size: int, sign: int = 1) -> None:
-        """Count a message that is added, or with `sign` -1 removed."""
+        """Count a message of `size` bytes that is added, or with `sign` -1 removed."""
         for counter, key, amount in (
             (self.lines, line, sign),
             (self.messages, receiver, sign),
@@ -248,12 +251,12 @@ def _bound_dead(db: Connection, tally: Tally) -> None:
 
 
 def expired(db: Connection, now: float, most: int) -> list[tuple[int, str, str, float]]:
-    """Return place, line, sender and end of expired messages, in the order of their ends."""
+    """Return place, line, sender and end of at most `most` expired messages, in the order of their ends."""
     query = "SELECT place, line, sender, expires FROM mail WHERE expires <= ? ORDER BY expires LIMIT ?"
     return db.execute(query, (now, most)).fetchall()
 
 
 def places_for(db: Connection, receiver: str, most: int) -> list[tuple[int, str]]:
-    """Return place and sender of messages to a receiver."""
+    """Return place and sender of at most `most` messages to a receiver."""
     query = "SELECT place, sender FROM mail WHERE receiver = ? ORDER BY place LIMIT ?"
     return db.execute(query, (receiver, most)).fetchall()

@@ -64,7 +64,7 @@ class Output:
     ) -> None:
         """Queue one line, or several that belong together; never waits.
 
-        `agent`: whose program printed it. `event`: for the supervisor.
+        `priority`: as syslog(3) counts them, 0 to 7. `agent`: whose program printed it. `event`: for the supervisor.
         """
         lines = escape_lines(text).split("\n")
         if self.structured:

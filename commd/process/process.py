@@ -123,7 +123,8 @@ def _run(name: str, main: Callable[[asyncio.Event], Awaitable[int]]) -> int:
 
 
 def end_with_threads(code: int, seconds: float = LINGER) -> None:
-    """End the process here, without the interpreter's shutdown, if threads are left that would delay or abort that.
+    """End the process here, without the interpreter's shutdown, if threads that would delay or abort that are left
+    after `seconds` (wall).
 
     Threads of an extension must not outlive the daemon; Zenoh's opening and closing of sessions must not be aborted.
     """
@@ -170,6 +171,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             health = Health(notes=(Note("defect", f"defect in argosy: {type(error).__name__}: {error}", "health"),))
         used = resource.getrusage(resource.RUSAGE_SELF)
         words, age, errors = _last_error(bus, name)
+        unknown = bus.counters["unknown_fields"]  # of records of a newer sender
         denied = [Note("access_denied", bus.access.note)] if bus.access.note else []
         notes = (*health.notes, *bus.strangers.notes(), *denied)
         told = Health(
@@ -180,7 +182,7 @@ async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[],
             cpu=round(used.ru_utime + used.ru_stime, 3),
             drops=bus.counters["dropped"] + health.drops,
             bad_input=bus.counters["bad_input"] + health.bad_input,
-            counters=_with_unknown_fields(health.counters, bus.counters["unknown_fields"]),
+            counters={**health.counters, **({"unknown_fields": float(unknown)} if unknown else {})},
             percepts=health.percepts,
             ordered=health.ordered,
             notes=tuple(replace(note, text=one_line(note.text), about=one_line(note.about)) for note in notes[:NOTES]),
@@ -212,11 +214,6 @@ def _unreadable(health: Health, wire: Wire) -> str:
     return ""
 
 
-def _with_unknown_fields(counters: dict[str, float], unknown: int) -> dict[str, float]:
-    """Add the count of ignored unknown fields, if there were any: they come from a newer sender."""
-    return {**counters, "unknown_fields": float(unknown)} if unknown else counters
-
-
 def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
     """Return the newest error about this name, its age in seconds, and the number of all errors."""
     logs = handler_of_this_process()
@@ -226,8 +223,8 @@ def _last_error(bus: Bus, name: str) -> tuple[str, float | None, int]:
     return bus.former_failure, None, 0
 
 
-_OURS = str(Path(__file__).parents[2])
-_PACKAGES = ("schemas", "commd", "bridged", "agentd", "argosy")
+_ROOT = Path(__file__).parents[2]
+_OURS = tuple(f"{_ROOT}/{package}/" for package in ("schemas", "commd", "bridged", "agentd", "argosy"))
 _LIBRARY = str(Path(os.__file__).parent)
 """Both as in frames, with symbolic links unresolved."""
 
@@ -253,7 +250,7 @@ def where(frame: FrameType | None) -> str:
     innermost = frame
     while frame is not None:
         file = frame.f_code.co_filename
-        if frame.f_code.co_name != "<module>" and not file.startswith((_LIBRARY, "<")) and not _is_ours(file):
+        if frame.f_code.co_name != "<module>" and not file.startswith((_LIBRARY, "<", *_OURS)):
             return f"in {_said(frame)}, which has not returned"
         frame = frame.f_back
     return "" if innermost is None else f"in {_said(innermost)}"
@@ -261,7 +258,3 @@ def where(frame: FrameType | None) -> str:
 
 def _said(frame: FrameType) -> str:
     return f"{frame.f_code.co_name} ({frame.f_code.co_filename}:{frame.f_lineno})"
-
-
-def _is_ours(file: str) -> bool:
-    return file.startswith(tuple(f"{_OURS}/{package}/" for package in _PACKAGES))

@@ -82,7 +82,7 @@ class Allowance:
     """A token bucket of failed handshakes, full at first."""
 
     def __init__(self, most: float, refill: float) -> None:
-        """`refill`: tokens per second."""
+        """`most`: tokens at most, and at first; `refill`: tokens per second."""
         self.most, self.refill, self.left = most, refill, most
         self.at = time.monotonic()
         """When `left` was computed, monotonic seconds."""

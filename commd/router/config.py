@@ -7,7 +7,7 @@ Other machines connect by mutual TLS, daemons of the board by its socket; access
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,7 +98,11 @@ def access_control(mission: Mission, board: str) -> dict[str, Any]:
     policies: list[dict[str, Any]] = []
 
     def allow(subject: str, rights: Rights, *further: str) -> None:
-        own = list(_in(subject, rights))
+        own = [
+            _rule(f"{subject}: {right}", messages, ["ingress"], key_exprs)
+            for right, messages in MESSAGES.items()
+            if (key_exprs := list(getattr(rights, right)))
+        ]
         rules.extend(own)
         policies.append({"rules": [*(rule["id"] for rule in own), *further], "subjects": [subject]})
 
@@ -194,13 +198,6 @@ def listen_at(config: zenoh.Config, endpoint: str, others: Sequence[str]) -> Non
     """Set where a router listens: at its board's `endpoint`, which must succeed, and at others."""
     for key, value in listening_late(endpoint, others).items():
         config.insert_json5(f"listen/{key}", json.dumps(value))
-
-
-def _in(subject: str, rights: Rights) -> Iterator[dict[str, Any]]:
-    """Yield the rules for messages from a link, one for each right."""
-    for right, messages in MESSAGES.items():
-        if key_exprs := list(getattr(rights, right)):
-            yield _rule(f"{subject}: {right}", messages, ["ingress"], key_exprs)
 
 
 def _out(name: str, key_exprs: Sequence[str]) -> dict[str, Any]:

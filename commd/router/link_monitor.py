@@ -35,7 +35,7 @@ class Links:
     def __init__(
         self, bus: Bus, mission: Mission, board: str, tls: Tls, *, look: float = LOOK, most: int | None = None
     ) -> None:
-        """`most`: the router's limit of links, if known."""
+        """`look`: wall seconds between two checks; `most`: the router's limit of links, if known."""
         self._bus, self._tls, self._look, self._most = bus, tls, look, most
         others = {other: endpoint_of(mission, other, "tls") for other in mission.boards if other != board}
         self._others = {other: endpoint for other, endpoint in others.items() if endpoint}
@@ -124,7 +124,8 @@ class Links:
 
 
 def dates(tls: Tls, now: float) -> tuple[str, bool]:
-    """Return a text if the certificate ends soon or the keys are invalid, and whether they are invalid."""
+    """Return a text if the certificate ends soon after `now` (Unix seconds) or the keys are invalid, and whether they
+    are."""
     try:
         identity = identity_of(tls, now)
     except Findings as findings:

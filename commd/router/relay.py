@@ -170,7 +170,8 @@ class Connection:
         return self.ended and transport.is_closing() and not transport.get_write_buffer_size()
 
     def stalls_for(self, now: float) -> float:
-        """Return the seconds for which the other machine has taken nothing although something waits for it."""
+        """Return the seconds for which the other machine has taken nothing although something waits for it; `now` in
+        monotonic seconds."""
         end = self.outside
         left = end.transport.get_write_buffer_size()
         if not left or left != end.left:

@@ -39,11 +39,19 @@ class Findings(Exception):
         super().__init__("\n".join(map(str, self.findings)))
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known name that is most similar to a word; None if none is similar."""
+def nearest(word: str, known: Iterable[str], close: float = 0.6) -> str | None:
+    """Return the known name that a word probably means: a near miss, or the same name in a namespace.
+
+    None if there is no such name, and for a known word: it is not misspelt. `close`: the least similarity by `difflib`,
+    from 0 to 1.
+    """
     import difflib  # not needed for files without mistakes
 
-    return next(iter(difflib.get_close_matches(word, sorted(known), 1, 0.6)), None)
+    names = sorted(known)
+    if word in names:
+        return None
+    found = [name for name in names if name.endswith(f"::{word}")] or difflib.get_close_matches(word, names, 1, close)
+    return found[0] if found else None
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

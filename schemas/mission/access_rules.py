@@ -171,12 +171,6 @@ def _is_order(channel: Channel) -> bool:
     return channel.kind == "query" and "operator" in channel.sink.split(", ")
 
 
-def _is_among_boards(channel: Channel) -> bool:
-    """Whether boards query each other in their own names, not in that of an agent."""
-    sinks = channel.sink.split(", ")
-    return channel.kind == "query" and channel.key.startswith("{board}/") and "commd" in sinks and not _is_read(channel)
-
-
 def _any(key: str) -> str:
     """Return the key expression of a row for all names."""
     return "/".join("*" if chunk.startswith("{") else chunk for chunk in key.split("/"))
@@ -219,7 +213,9 @@ def _asked_by(mission: Mission, board: str, channel: Channel) -> Iterator[str]:
     sender, and those of the board itself, which sees whom a request is for."""
     chunks = channel.key.split("/")
     place = next((i for i, chunk in enumerate(chunks) if chunk in ("{agent}", "{sender}")), None)
-    if _is_among_boards(channel):
+    # Boards query each other in their own names, not in that of an agent.
+    among_boards = channel.kind == "query" and "commd" in channel.sink.split(", ") and chunks[0] == "{board}"
+    if among_boards and not _is_read(channel):
         yield f"{ROOT}/{mission.fleet}/{_any(channel.key)}"
     elif channel.carries is None or _is_order(channel) or place is None:
         return
@@ -280,7 +276,9 @@ class MailRights:
         gateway = self.mission.gateway
         if gateway is not None and sender in gateway.nodes:
             return performative in FROM_GATEWAY
-        if ANYBODY in self._named or not self.mission.secured or self._is_neighbour(sender):
+        home = self.mission.mailboxes.get(sender)
+        same_board = sender.startswith(made_on(self.board)) if home is None else home == self.board
+        if ANYBODY in self._named or not self.mission.secured or same_board:
             return True
         return performative not in PLAN_MAIL
 
@@ -288,11 +286,6 @@ class MailRights:
     def _named(self) -> dict[str, Accepted]:
         agent = self.mission.agents.get(self.agent)
         return {} if agent is None else agent.accepts
-
-    def _is_neighbour(self, sender: str) -> bool:
-        """Whether a sender runs on the same board."""
-        home = self.mission.mailboxes.get(sender)
-        return sender.startswith(made_on(self.board)) if home is None else home == self.board
 
 
 def _holds(accepted: Accepted, performative: str) -> bool:

@@ -13,7 +13,7 @@ from schemas.wire.terms import decode_hook
 Wire = Literal["json", "msgpack"]
 R = TypeVar("R", bound=Record)
 
-MEDIA = {"json": "application/json", "msgpack": "application/msgpack"}
+MEDIA: dict[Wire, str] = {"json": "application/json", "msgpack": "application/msgpack"}
 MAX_BYTES = 4 * 1024 * 1024
 """Bytes; a larger payload is refused unread."""
 
@@ -49,13 +49,15 @@ class Codec(Generic[R]):
         self.record = record
         self._json = msgspec.json.Decoder(record, dec_hook=decode_hook)
         self._msgpack = msgspec.msgpack.Decoder(record, dec_hook=decode_hook)
+        self._encodings = {wire: f"{media};argosy.{record.__name__}/{VERSION}" for wire, media in MEDIA.items()}
+        self._wires = {encoding: wire for wire, encoding in self._encodings.items()}
         self._known = frozenset(field.encode_name for field in msgspec.structs.fields(record))
         self._probe = msgspec.json.Decoder(dict[str, msgspec.Raw])
         self._probe_msgpack = msgspec.msgpack.Decoder(dict[str, msgspec.Raw])
 
     def encoding(self, wire: Wire) -> str:
         """Return the Encoding of this record on `wire`."""
-        return f"{MEDIA[wire]};argosy.{self.record.__name__}/{VERSION}"
+        return self._encodings[wire]
 
     def encode(self, record: R, wire: Wire = "json") -> bytes:
         """Return the bytes of `record`. Raises BadRecord if it is nested too deeply, has too large numbers, or is no
@@ -95,6 +97,8 @@ class Codec(Generic[R]):
             return ["\ufffd"]
 
     def _wire(self, encoding: str) -> Wire:
+        if wire := self._wires.get(encoding):
+            return wire
         name = self.record.__name__
         media, _, schema = encoding.partition(";")
         if schema.startswith("argosy."):

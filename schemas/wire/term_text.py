@@ -140,10 +140,10 @@ class _Reader:
         match self.kind, token:
             case "number", _:
                 self.next()
-                return _number(token)
+                return int(token) if re.fullmatch(r"[+-]?[0-9]{1,15}", token) else number(float(token))
             case "string", _:
                 self.next()
-                return _unescape(token[1:-1])
+                return re.sub(r"\\(.)", lambda found: {"n": "\n"}.get(found[1], found[1]), token[1:-1], flags=re.DOTALL)
             case "mark", "[":
                 return self.list_(depth)
             case "mark", "(" | "{":
@@ -234,14 +234,6 @@ def _what(text: str) -> Literal["plan", "rule", "trigger", "body", "expression"]
     if re.match(r"(@[^+\-^]*)?[+\-^][!?]?", inner, re.DOTALL) and re.match(r"@|[+\-^][!?]", inner):
         return "plan" if "<-" in inner or " : " in inner or inner.startswith("@") else "trigger"
     return "body"
-
-
-def _number(text: str) -> Term:
-    return int(text) if re.fullmatch(r"[+-]?[0-9]{1,15}", text) else number(float(text))
-
-
-def _unescape(text: str) -> str:
-    return re.sub(r"\\(.)", lambda found: {"n": "\n"}.get(found[1], found[1]), text, flags=re.DOTALL)
 
 
 def _short(text: str) -> str:
