@@ -7,7 +7,7 @@ import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -32,7 +32,9 @@ def place(altitude: float = 5.0) -> dialect.MAVLink_message:
 
 
 class Speaker:
-    """One end of a UDP link that a test speaks and listens with."""
+    """One end of a UDP link that a test speaks and listens with; `riding` closes all at its end."""
+
+    used: ClassVar[list[Speaker]] = []
 
     def __init__(self, port: int = 0, system: int = 1, component: int = 1, signing: Signing | None = None) -> None:
         """Speaks to a port of this machine; without one to whom it last heard, from its own `port`."""
@@ -45,6 +47,7 @@ class Speaker:
         self._framer = Framer(WireCounters())
         self.heard: list[dialect.MAVLink_message] = []
         self.raw: list[bytes] = []
+        self.used.append(self)
 
     def say(self, *messages: dialect.MAVLink_message) -> bytes:
         """Send messages, each in a datagram of its own; returns the last one."""
@@ -141,3 +144,5 @@ async def riding(*fields: str, state: Path = Path(), manifest: Manifest = COPTER
     finally:
         for ride in rides:
             await ride.leave()
+        while Speaker.used:
+            Speaker.used.pop().close()

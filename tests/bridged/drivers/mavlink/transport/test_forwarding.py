@@ -49,8 +49,6 @@ async def test_a_station_gets_every_packet_of_the_vehicle_as_it_came_and_none_of
         await until(lambda: (1, 191) in {spoken_as(one) for one in vehicle.listen()}, "we speak to the vehicle")
         assert {spoken_as(one) for one in station.listen()} == {(1, 1)}
         assert ride.driver.counters()["forwarded"] == 5
-        vehicle.close()
-    station.close()
 
 
 @async_test
@@ -73,9 +71,6 @@ async def test_what_a_station_sends_reaches_the_vehicles_that_it_is_meant_for() 
         station.say(command(9))
         counters = rides[0].driver._link_client.stations[0].counters
         await until(lambda: counters.astray == 1, "a command for nobody is counted")
-        for vehicle in vehicles:
-            vehicle.close()
-    station.close()
 
 
 @async_test
@@ -95,9 +90,6 @@ async def test_a_packet_of_the_vehicle_that_comes_back_is_not_sent_on_again() ->
         vehicle.say(place())
         await until(lambda: len(station.listen()) >= 2, "the vehicle is still seen")
         assert len(station.raw) == 2
-        for one in (vehicle, mirror):
-            one.close()
-    station.close()
 
 
 @async_test
@@ -115,9 +107,6 @@ async def test_a_camera_of_the_vehicle_at_another_address_is_seen_and_takes_noth
         await until(lambda: bool(vehicle.kinds(1, 191)), "we speak to the autopilot")
         station.say(command(1))
         await until(lambda: bool(vehicle.kinds(255, 230)), "the autopilot hears the station")
-        vehicle.close()
-        camera.close()
-    station.close()
 
 
 @async_test
@@ -140,8 +129,6 @@ async def test_a_companion_of_the_vehicle_may_speak_from_a_station_and_its_own_p
         companion.say(command(9))
         await until(lambda: ride.driver.counters()["forward_echoes"] == 2, "what is dropped is counted")
         await until(lambda: ride.driver.counters()["forward_astray"] == 1, "and what goes nowhere")
-        for one in (vehicle, companion, mirror):
-            one.close()
 
 
 @async_test
@@ -159,8 +146,6 @@ async def test_a_vehicle_that_comes_back_from_another_port_is_seen_again_after_a
             return len(station.listen()) > 1
 
         await until(seen, "it is seen at its new port")
-        after.close()
-    station.close()
 
 
 @async_test
@@ -183,8 +168,6 @@ async def test_a_station_may_call_at_a_port_of_ours_by_udp_and_by_tcp() -> None:
         writer.write(Encoder(254, 1).pack(command(1)))
         await until(lambda: "COMMAND_LONG" in vehicle.kinds(255, 230) & vehicle.kinds(254, 1), "both command it")
         writer.close()
-        for one in (vehicle, station):
-            one.close()
 
 
 @async_test
@@ -209,7 +192,6 @@ async def test_an_absent_station_and_one_that_does_not_read_cost_dropped_packets
         await until(dropped, "packets for the station that does not read are dropped")
         assert ride.driver.counters()["messages"] > begun
         asleep.close()
-        vehicle.close()
 
 
 @async_test
@@ -250,8 +232,6 @@ async def test_a_station_that_floods_a_slow_vehicle_loses_its_own_packets_and_ke
         assert waited < 24_000, "bytes of the station, most of them in the system's own buffers"
         assert ride.driver.counters()["link_dropped"] == lost_before
         assert ride.driver.counters()["forward_dropped"] >= 200
-        vehicle.close()
-        station.close()
     slow.close()
 
 
@@ -265,8 +245,6 @@ async def test_a_port_for_stations_that_is_taken_is_a_note_and_no_end_of_the_fli
         await until(lambda: said in identities(ride.driver.notes()), "the note")
         assert any(note.text.endswith("cannot be opened: address already in use") for note in ride.driver.notes())
         await until(lambda: ride.driver.heard, "the vehicle is heard all the same")
-        vehicle.close()
-    taken.close()
 
 
 @async_test
@@ -280,8 +258,6 @@ async def test_a_station_that_speaks_under_our_ids_is_told() -> None:
         station.say(STATION_BEAT)
         said = ("station_same_ids", f"udpout:127.0.0.1:{station.port}")
         await until(lambda: said in identities(ride.driver.notes()), "the note")
-        vehicle.close()
-    station.close()
 
 
 @async_test
@@ -301,9 +277,6 @@ async def test_vehicles_of_two_links_go_to_one_station_unless_they_have_one_id()
         await rides[0].leave()
         vehicles[1].say(place())
         await until(lambda: len(station.listen()) == 3, "the other one is still seen")
-        for vehicle in vehicles:
-            vehicle.close()
-    station.close()
 
 
 @async_test
@@ -316,8 +289,6 @@ async def test_a_mode_that_a_station_sets_is_an_override_here() -> None:
         await until(lambda: "COMMAND_LONG" in vehicle.kinds(255, 230), "the vehicle is told")
         vehicle.say(RTL)
         await until(lambda: ride.driver.overridden == "RTL", "nobody here asked for that")
-        vehicle.close()
-    station.close()
 
 
 async def fly_until(
@@ -354,9 +325,6 @@ async def test_packets_of_a_signed_link_pass_as_they_are_and_the_station_signs_i
         ours = [one for one in vehicle.raw if one[5:7] == bytes((1, 191))]
         assert ours
         assert [checked.objection(packet) for packet in ours] == [""] * len(ours)
-        for one in (vehicle, forger):
-            one.close()
-    station.close()
     assert int((tmp_path / f"udpin_127.0.0.1_{port}.signing").read_text()) > 0
 
 
@@ -385,7 +353,6 @@ async def test_two_robots_with_their_own_passphrases_share_one_row_of_timestamps
     for packet, message in zip(air.raw, air.heard, strict=True):
         if system := target_system(message):
             assert checks[system].objection(packet) == ""
-    air.close()
 
 
 def target_system(message: dialect.MAVLink_message) -> int:
@@ -424,8 +391,6 @@ async def test_no_bytes_from_either_side_end_a_link_that_is_forwarded() -> None:
             return "COMMAND_LONG" in vehicle.kinds(255, 230) and not ride.running.done()
 
         await until(still, "packets pass")
-        vehicle.close()
-    station.close()
     assert not complaints
 
 

@@ -47,8 +47,6 @@ async def test_each_robot_of_a_link_hears_its_own_vehicle_and_answers_it_alone_u
             assert {spoken_as(one) for one in vehicle.listen()} == {ids}
             numbers = [one.get_seq() for one in vehicle.heard]
             assert all(later == (earlier + 1) % 256 for earlier, later in pairwise(numbers))
-        for vehicle in vehicles:
-            vehicle.close()
 
 
 @async_test
@@ -64,7 +62,6 @@ async def test_robots_at_one_line_have_a_row_of_sequence_numbers_for_each_pair_o
     for ids in ((1, 191), (2, 191)):
         numbers = [one.get_seq() for one in air.heard if spoken_as(one) == ids]
         assert numbers == list(range(len(numbers)))
-    air.close()
 
 
 @async_test
@@ -93,7 +90,6 @@ async def test_commands_go_to_the_autopilot_whoever_else_of_its_system_speaks_fr
         assert len(camera.listen()) == before
         assert counters.moves == moved
         autopilot.close()
-        camera.close()
 
 
 @async_test
@@ -108,8 +104,6 @@ async def test_a_vehicle_that_no_robot_claims_is_named_with_those_that_they_are(
         assert rides[0].driver.counters()["unclaimed_vehicles"] == 1
         assert ("other_system", "255") not in identities(rides[0].driver.notes()), "a ground station is no vehicle"
         assert not any(ride.readings for ride in rides)
-        stranger.close()
-        station.close()
 
 
 @async_test
@@ -123,7 +117,6 @@ async def test_a_robot_that_leaves_keeps_the_link_open_for_the_others_and_the_la
         await second.leave()
         with socket.socket(type=socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", port))
-        vehicle.close()
 
 
 @async_test
@@ -142,8 +135,6 @@ async def test_what_fails_in_one_robot_is_reported_and_the_others_go_on() -> Non
         await until(lambda: bool(other.count("GLOBAL_POSITION_INT")), "the other one hears its vehicle")
         await until(lambda: bool(complaints), "the error is reported")
         assert not clumsy.running.done()
-        for vehicle in vehicles:
-            vehicle.close()
 
 
 @async_test
@@ -182,7 +173,6 @@ async def test_messages_that_no_percept_is_made_of_are_counted_and_not_decoded(m
         await until(lambda: ride.driver.counters()["messages"] == (4 if reads else 2), "the messages are heard")
         assert ride.driver.counters()["unwanted_packets"] == (0 if reads else 2)
         assert ride.count("ATTITUDE") == (2 if reads else 0)
-        vehicle.close()
 
 
 def test_what_is_left_unread_is_telemetry_that_the_dialect_has() -> None:

@@ -156,8 +156,6 @@ def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_ve
             assert not forger.listen(), "what we say does not go to the forger"
             vehicle.say(place(6.0))
             await until(lambda: state.positions == 2, "the vehicle goes on")
-            for one in (vehicle, forger, camera):
-                one.close()
 
     asyncio.run(body())
 
@@ -234,8 +232,6 @@ def test_two_vehicles_of_one_id_in_flight_are_left_their_ways_down_which_go_to_b
                 return any((heard.command, heard.param2) == (176, 6.0) for heard in commands)
 
             await until(lambda: told_to_return(one) and told_to_return(other), "both are told to return")
-            for vehicle in (one, other):
-                vehicle.close()
 
     asyncio.run(body())
 
