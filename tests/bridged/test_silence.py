@@ -31,8 +31,7 @@ def test_a_vehicle_that_was_never_heard_is_not_called_disarmed(tmp_path: Path) -
     assert (found.state, found.text) == ("unconfirmed", "never heard")
 
 
-def test_a_vehicle_that_is_heard_and_not_armed_is_left_as_that(tmp_path: Path) -> None:
-    sky = Sky(tmp_path)
+def test_a_vehicle_that_is_heard_and_not_armed_is_left_as_that(sky: Sky) -> None:
     sky.wait(3)
     assert (left(sky).state, left(sky).text) == ("disarmed", "not armed")
     found = left(silent(sky, 10))

@@ -17,11 +17,6 @@ from schemas.wire.records import Action, ActionStatus, Header
 from tests.bridged.sky import GOAL, MISSION, Sky, is_ack_of, is_command
 
 
-@pytest.fixture
-def sky(tmp_path: Path) -> Sky:
-    return Sky(tmp_path)
-
-
 def test_the_papers_mission_is_flown_action_by_action(sky: Sky) -> None:
     ends = [
         sky.do("set_mode", "GUIDED"),

@@ -13,11 +13,6 @@ from schemas.wire.terms import Term
 from tests.bridged.sky import MISSION, Message, Sky
 
 
-@pytest.fixture
-def sky(tmp_path: Path) -> Sky:
-    return Sky(tmp_path)
-
-
 def told(sky: Sky) -> dict[Term, Term]:
     found = [one.parameters for one in sky.bridge.percepts.sets["uav"].present() if one.name == "parameter"]
     return {one[0]: one[1] for one in found}

@@ -166,8 +166,7 @@ def test_a_goal_behind_turns_the_copter_round_as_recorded() -> None:
     agree("within 1 m after, s", back, row["time_to_within_1m_s"])
 
 
-def test_armed_motors_without_a_takeoff_stop_after_the_recorded_time() -> None:
-    station = Station()
+def test_armed_motors_without_a_takeoff_stop_after_the_recorded_time(station: Station) -> None:
     station.guided()
     assert station.command(400, 1) == 0
     took = station.until(lambda: not station.copter.armed, "auto-disarm")

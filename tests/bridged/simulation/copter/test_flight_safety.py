@@ -14,12 +14,6 @@ from tests.bridged.sky import GOAL, MISSION, Message, Sky
 from tests.support.notes import identities
 
 
-@pytest.fixture
-def sky(tmp_path: Path) -> Sky:
-    """A bridge and a copter, both just started."""
-    return Sky(tmp_path)
-
-
 def without(*kinds: str):  # type: ignore[no-untyped-def]
     """What passes when messages of some kinds do not."""
     return lambda message: message.get_type() not in kinds

@@ -16,8 +16,7 @@ from tests.bridged.virtual_copter import FIELD, Station
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 
 
-def test_nothing_but_heartbeats_and_timesync_comes_unasked() -> None:
-    station = Station()
+def test_nothing_but_heartbeats_and_timesync_comes_unasked(station: Station) -> None:
     station.wait(60.0)
     assert station.kinds() == {"HEARTBEAT", "TIMESYNC"}
     assert sum(message.get_type() == "HEARTBEAT" for message in station.heard) == 60
@@ -33,8 +32,7 @@ def test_texts_go_only_to_a_link_on_which_somebody_was_heard() -> None:
     assert "Arming motors" in station.texts()
 
 
-def test_an_interval_is_kept_in_vehicle_time_and_told_and_stopped() -> None:
-    station = Station()
+def test_an_interval_is_kept_in_vehicle_time_and_told_and_stopped(station: Station) -> None:
     assert station.command(511, 33, 100_000) == ACCEPTED
     heard = [message for message in station.wait(10.0) if message.get_type() == "GLOBAL_POSITION_INT"]
     assert len(heard) == 100
@@ -44,8 +42,7 @@ def test_an_interval_is_kept_in_vehicle_time_and_told_and_stopped() -> None:
     assert "GLOBAL_POSITION_INT" not in {message.get_type() for message in station.wait(5.0)}
 
 
-def test_a_stream_request_sends_a_whole_group_and_stops_it() -> None:
-    station = Station()
+def test_a_stream_request_sends_a_whole_group_and_stops_it(station: Station) -> None:
     station.say(dialect.MAVLink_request_data_stream_message(1, 1, 0, 4, 1))
     kinds = [message.get_type() for message in station.wait(10.0)]
     for kind in ("SYS_STATUS", "GPS_RAW_INT", "GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD", "EKF_STATUS_REPORT"):
@@ -55,28 +52,24 @@ def test_a_stream_request_sends_a_whole_group_and_stops_it() -> None:
 
 
 @pytest.mark.parametrize("message_id", [1, 24, 33, 74, 148, 193, 242, 245])
-def test_a_message_is_sent_once_when_it_is_requested(message_id: int) -> None:
-    station = Station()
+def test_a_message_is_sent_once_when_it_is_requested(station: Station, message_id: int) -> None:
     assert station.command(512, message_id) == ACCEPTED
     assert station.heard[-1].get_msgId() == message_id
 
 
-def test_the_whole_list_of_parameters_comes_once_with_rising_indices() -> None:
-    station = Station()
+def test_the_whole_list_of_parameters_comes_once_with_rising_indices(station: Station) -> None:
     station.say(dialect.MAVLink_param_request_list_message(1, 1))
     values = [message for message in station.wait(5.0) if message.get_type() == "PARAM_VALUE"]
     assert [value.param_index for value in values] == list(range(values[0].param_count))
     assert len({value.param_id for value in values}) == len(values)
 
 
-def test_a_parameter_that_is_no_number_changes_nothing() -> None:
-    station = Station()
+def test_a_parameter_that_is_no_number_changes_nothing(station: Station) -> None:
     (answer,) = station.say(dialect.MAVLink_param_set_message(1, 1, b"RTL_ALT", math.nan, 9))
     assert answer.param_value == 1500.0
 
 
-def test_parameters_change_the_flight() -> None:
-    station = Station()
+def test_parameters_change_the_flight(station: Station) -> None:
     station.say(dialect.MAVLink_param_set_message(1, 1, b"RTL_ALT", 3000, 6))
     station.fly_to(10.0)
     station.setpoint(Vector(30.0, 0.0, 10.0))
@@ -86,8 +79,7 @@ def test_parameters_change_the_flight() -> None:
     assert abs(station.at.up - 30.0) < 0.2
 
 
-def test_a_timesync_request_is_answered_with_vehicle_time() -> None:
-    station = Station()
+def test_a_timesync_request_is_answered_with_vehicle_time(station: Station) -> None:
     (answer,) = station.say(dialect.MAVLink_timesync_message(0, 12345))
     assert (answer.ts1, answer.tc1) == (12345, round(station.now * 1e9))
     assert not station.say(dialect.MAVLink_timesync_message(1, 12345))
@@ -131,14 +123,12 @@ def test_a_mode_that_needs_a_position_is_refused_in_flight_without_one_and_accep
     assert station.texts()[-1] == "Mode change to GUIDED failed: requires position"
 
 
-def test_a_mode_that_is_not_simulated_is_refused_in_words() -> None:
-    station = Station()
+def test_a_mode_that_is_not_simulated_is_refused_in_words(station: Station) -> None:
     assert station.command(176, 1, Mode.CIRCLE) == FAILED
     assert station.texts()[-1] == "Mode change to CIRCLE failed: not simulated"
 
 
-def test_home_is_where_the_copter_was_armed() -> None:
-    station = Station()
+def test_home_is_where_the_copter_was_armed(station: Station) -> None:
     station.fly_to(5.0)
     station.setpoint(Vector(20.0, 0.0, 5.0))
     station.wait(15.0)
@@ -151,8 +141,7 @@ def test_home_is_where_the_copter_was_armed() -> None:
     assert abs((home.latitude / 1e7 - FIELD.lat) * 111_319.5 - 20.0) < 0.5
 
 
-def test_a_setpoint_during_a_takeoff_cancels_it_and_flies_straight_to_the_goal() -> None:
-    station = Station()
+def test_a_setpoint_during_a_takeoff_cancels_it_and_flies_straight_to_the_goal(station: Station) -> None:
     station.guided()
     station.command(400, 1)
     station.command(22, 0, 0, 0, 0, 0, 0, 30)
@@ -164,8 +153,7 @@ def test_a_setpoint_during_a_takeoff_cancels_it_and_flies_straight_to_the_goal()
     assert abs(station.at.up - 6.0) < 0.5
 
 
-def test_another_mode_before_lift_off_ends_the_takeoff() -> None:
-    station = Station()
+def test_another_mode_before_lift_off_ends_the_takeoff(station: Station) -> None:
     station.guided()
     station.command(400, 1)
     station.command(22, 0, 0, 0, 0, 0, 0, 5)
@@ -174,8 +162,7 @@ def test_another_mode_before_lift_off_ends_the_takeoff() -> None:
     assert station.at.up == 0.0
 
 
-def test_guided_ends_a_landing() -> None:
-    station = Station()
+def test_guided_ends_a_landing(station: Station) -> None:
     station.fly_to(10.0)
     station.command(21)
     station.wait(3.0)
@@ -198,8 +185,7 @@ def test_altitudes_of_frame_5_are_above_the_sea_and_of_frame_6_above_home() -> N
     assert station.at.up == 0.0
 
 
-def test_a_velocity_is_flown_until_it_is_three_seconds_old() -> None:
-    station = Station()
+def test_a_velocity_is_flown_until_it_is_three_seconds_old(station: Station) -> None:
     station.fly_to(10.0)
     mask = 0b110111000111
     message = dialect.MAVLink_set_position_target_local_ned_message(
@@ -214,8 +200,7 @@ def test_a_velocity_is_flown_until_it_is_three_seconds_old() -> None:
     assert 10.8 < station.at.up < 12.0
 
 
-def test_a_body_offset_goes_where_the_nose_points() -> None:
-    station = Station()
+def test_a_body_offset_goes_where_the_nose_points(station: Station) -> None:
     station.fly_to(10.0)
     assert station.command(115, 90, 0, 1, 0) == ACCEPTED
     station.wait(5.0)
@@ -227,8 +212,7 @@ def test_a_body_offset_goes_where_the_nose_points() -> None:
     assert (round(station.at.north), round(station.at.east)) == (0, 10)
 
 
-def test_the_nose_turns_to_the_goal_in_guided_and_stays_as_it_is_in_rtl() -> None:
-    station = Station()
+def test_the_nose_turns_to_the_goal_in_guided_and_stays_as_it_is_in_rtl(station: Station) -> None:
     station.fly_to(15.0)
     station.setpoint(Vector(0.0, 30.0, 15.0))
     station.wait(15.0)
@@ -238,8 +222,7 @@ def test_the_nose_turns_to_the_goal_in_guided_and_stays_as_it_is_in_rtl() -> Non
     assert abs(math.degrees(station.copter.motion.heading) - 90.0) < 3.0
 
 
-def test_a_speed_that_was_set_is_flown() -> None:
-    station = Station()
+def test_a_speed_that_was_set_is_flown(station: Station) -> None:
     station.fly_to(10.0)
     station.setpoint(Vector(100.0, 0.0, 10.0))
     assert station.command(178, 1, 3.0, -1) == ACCEPTED
@@ -247,8 +230,7 @@ def test_a_speed_that_was_set_is_flown() -> None:
     assert abs(station.speed - 3.0) < 0.2
 
 
-def test_a_forced_disarm_in_flight_lets_the_copter_fall() -> None:
-    station = Station()
+def test_a_forced_disarm_in_flight_lets_the_copter_fall(station: Station) -> None:
     station.fly_to(10.0)
     assert station.command(400, 0) == FAILED
     assert station.command(400, 0, 21196) == ACCEPTED
@@ -270,8 +252,7 @@ def test_loiter_brake_and_stabilize_hover_where_they_began() -> None:
         assert station.copter.armed
 
 
-def test_rtl_within_the_cone_does_not_climb_to_its_full_height() -> None:
-    station = Station()
+def test_rtl_within_the_cone_does_not_climb_to_its_full_height(station: Station) -> None:
     station.fly_to(5.0)
     station.setpoint(Vector(2.5, 0.0, 5.0))
     station.wait(10.0)
@@ -287,8 +268,7 @@ def test_rtl_within_the_cone_does_not_climb_to_its_full_height() -> None:
     assert 7.0 < highest < 8.0  # 3 m per metre of distance
 
 
-def test_the_battery_drains_in_flight_and_not_on_the_ground() -> None:
-    station = Station()
+def test_the_battery_drains_in_flight_and_not_on_the_ground(station: Station) -> None:
     station.wait(100.0)
     assert station.copter.battery.remaining == 100
     station.fly_to(10.0)
@@ -296,8 +276,7 @@ def test_the_battery_drains_in_flight_and_not_on_the_ground() -> None:
     assert 80 <= station.copter.battery.remaining <= 85
 
 
-def test_the_fence_brings_the_copter_home_when_it_is_drawn_tighter_around_it() -> None:
-    station = Station()
+def test_the_fence_brings_the_copter_home_when_it_is_drawn_tighter_around_it(station: Station) -> None:
     station.fly_to(10.0)
     station.setpoint(Vector(60.0, 0.0, 10.0))
     station.wait(20.0)
@@ -308,8 +287,7 @@ def test_the_fence_brings_the_copter_home_when_it_is_drawn_tighter_around_it() -
     assert station.copter.mode is Mode.RTL
 
 
-def test_a_lost_ground_station_disarms_on_the_ground_only_by_the_usual_delay() -> None:
-    station = Station()
+def test_a_lost_ground_station_disarms_on_the_ground_only_by_the_usual_delay(station: Station) -> None:
     station.say(dialect.MAVLink_param_set_message(1, 1, b"FS_GCS_ENABLE", 1, 2))
     station.guided()
     station.command(400, 1)
@@ -318,8 +296,7 @@ def test_a_lost_ground_station_disarms_on_the_ground_only_by_the_usual_delay() -
     assert station.copter.mode is Mode.GUIDED
 
 
-def test_a_reboot_is_refused_with_motors_on_and_otherwise_begins_anew() -> None:
-    station = Station()
+def test_a_reboot_is_refused_with_motors_on_and_otherwise_begins_anew(station: Station) -> None:
     station.command(511, 33, 100_000)
     station.guided()
     station.command(400, 1)
@@ -334,8 +311,7 @@ def test_a_reboot_is_refused_with_motors_on_and_otherwise_begins_anew() -> None:
     assert "GLOBAL_POSITION_INT" not in {message.get_type() for message in station.wait(2.0)}
 
 
-def test_dronekits_guided_mission_item_is_a_goal() -> None:
-    station = Station()
+def test_dronekits_guided_mission_item_is_a_goal(station: Station) -> None:
     station.fly_to(10.0)
     goal = FlatMap(FIELD).place(Vector(10.0, 10.0, 0.0))
     item = dialect.MAVLink_mission_item_message(1, 1, 0, 3, 16, 2, 0, 0, 0, 0, 0, goal.lat, goal.lon, 12.0)
@@ -346,16 +322,14 @@ def test_dronekits_guided_mission_item_is_a_goal() -> None:
     assert abs(station.at.up - 12.0) < 0.2
 
 
-def test_the_mission_list_of_a_fresh_vehicle_is_home_alone_and_the_other_lists_are_empty() -> None:
-    station = Station()
+def test_the_mission_list_of_a_fresh_vehicle_is_home_alone_and_the_other_lists_are_empty(station: Station) -> None:
     counts = [station.say(dialect.MAVLink_mission_request_list_message(1, 1, kind))[0].count for kind in (0, 1, 2)]
     assert counts == [1, 0, 0]
     (item,) = station.say(dialect.MAVLink_mission_request_int_message(1, 1, 0))
     assert (item.x, item.y) == (FIELD.lat_e7, FIELD.lon_e7)
 
 
-def test_auto_without_a_mission_is_refused() -> None:
-    station = Station()
+def test_auto_without_a_mission_is_refused(station: Station) -> None:
     assert station.command(176, 1, Mode.AUTO) == FAILED
     assert station.command(300) == FAILED
 

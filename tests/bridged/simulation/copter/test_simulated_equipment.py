@@ -38,8 +38,7 @@ def set_parameter(station: Station, name: str, value: float) -> None:
     assert answer.param_value == pytest.approx(value)
 
 
-def test_a_servo_goes_where_it_is_told_to_and_shows_it() -> None:
-    station = Station()
+def test_a_servo_goes_where_it_is_told_to_and_shows_it(station: Station) -> None:
     assert pulse(station, 9) == 0
     assert station.command(SET_SERVO, 9, 1900) == ACCEPTED
     assert pulse(station, 9) == 1900
@@ -48,8 +47,9 @@ def test_a_servo_goes_where_it_is_told_to_and_shows_it() -> None:
 @pytest.mark.parametrize(
     ("channel", "said"), [(1, ["ServoRelayEvent: Channel 1 is already in use"]), (0, ["No servo output 0"]), (17, None)]
 )
-def test_a_servo_output_that_drives_a_motor_or_is_not_there_is_refused(channel: int, said: list[str] | None) -> None:
-    station = Station()
+def test_a_servo_output_that_drives_a_motor_or_is_not_there_is_refused(
+    station: Station, channel: int, said: list[str] | None
+) -> None:
     assert station.command(SET_SERVO, channel, 1900) == FAILED
     assert station.texts() == (said or ["No servo output 17"])
     assert pulse(station, 1) == 1000
@@ -65,8 +65,7 @@ def test_a_repeated_servo_goes_to_and_fro_and_ends_at_its_trim() -> None:
     assert turns == [1900, 1500, 1900, 1500]
 
 
-def test_a_gripper_moves_its_servo_and_tells_when_it_has_let_go() -> None:
-    station = Station()
+def test_a_gripper_moves_its_servo_and_tells_when_it_has_let_go(station: Station) -> None:
     assert station.command(GRIPPER, 1, 0) == FAILED  # none is enabled
     set_parameter(station, "GRIP_ENABLE", 1)
     set_parameter(station, "SERVO9_FUNCTION", 28)
@@ -88,8 +87,7 @@ def drained(minutes: float, **parameters: float) -> Station:
     return station
 
 
-def test_the_voltage_of_the_recorded_battery_never_falls() -> None:
-    station = Station()
+def test_the_voltage_of_the_recorded_battery_never_falls(station: Station) -> None:
     station.fly_to(5.0)
     station.wait(600.0)
     status = last(station, 147)
@@ -165,8 +163,7 @@ def override(station: Station, **pulses: int) -> None:
     station.say(dialect.MAVLink_rc_channels_override_message(1, 1, *channels))
 
 
-def test_overridden_channels_show_until_they_are_given_back_or_too_old() -> None:
-    station = Station()
+def test_overridden_channels_show_until_they_are_given_back_or_too_old(station: Station) -> None:
     override(station, chan2=1700, chan10=1234)
     shown = last(station, 65)
     assert (shown.chan1_raw, shown.chan2_raw, shown.chan10_raw, shown.chancount) == (1500, 1700, 1234, 16)
@@ -178,15 +175,13 @@ def test_overridden_channels_show_until_they_are_given_back_or_too_old() -> None
     assert last(station, 65).chan10_raw == 0
 
 
-def test_overrides_of_another_system_than_the_ground_station_are_ignored() -> None:
-    station = Station()
+def test_overrides_of_another_system_than_the_ground_station_are_ignored(station: Station) -> None:
     set_parameter(station, "MAV_GCS_SYSID", 200)
     override(station, chan2=1700)
     assert last(station, 65).chan2_raw == 1500
 
 
-def test_a_stick_that_is_overridden_moves_the_copter_in_loiter_until_it_is_centred() -> None:
-    station = Station()
+def test_a_stick_that_is_overridden_moves_the_copter_in_loiter_until_it_is_centred(station: Station) -> None:
     station.fly_to(10.0)
     assert station.command(176, 1, Mode.LOITER) == ACCEPTED
     for _ in range(10):
@@ -197,8 +192,7 @@ def test_a_stick_that_is_overridden_moves_the_copter_in_loiter_until_it_is_centr
     station.until(lambda: station.speed < 0.1, "a stop", 12)
 
 
-def test_the_mode_switch_of_an_overridden_transmitter_changes_the_mode() -> None:
-    station = Station()
+def test_the_mode_switch_of_an_overridden_transmitter_changes_the_mode(station: Station) -> None:
     override(station, chan5=1400)  # third position: FLTMODE3
     station.wait(0.5)
     assert station.copter.mode is Mode.RTL
@@ -208,8 +202,7 @@ def test_the_mode_switch_of_an_overridden_transmitter_changes_the_mode() -> None
     assert station.copter.mode is Mode.GUIDED  # it was not moved
 
 
-def test_the_velocity_that_is_flown_shows_as_the_local_target() -> None:
-    station = Station()
+def test_the_velocity_that_is_flown_shows_as_the_local_target(station: Station) -> None:
     station.fly_to(10.0)
     station.say(
         dialect.MAVLink_set_position_target_local_ned_message(
@@ -227,8 +220,7 @@ def test_the_velocity_that_is_flown_shows_as_the_local_target() -> None:
     assert target.type_mask & 0b111 == 0
 
 
-def test_the_fence_tells_its_state_while_it_is_enabled() -> None:
-    station = Station()
+def test_the_fence_tells_its_state_while_it_is_enabled(station: Station) -> None:
     assert station.command(REQUEST, 162) == FAILED
     assert station.command(207, 1) == ACCEPTED
     assert last(station, 162).breach_status == 0
@@ -269,8 +261,7 @@ def setup_signing(station: Station, key: bytes, timestamp: int) -> None:
     station.say(dialect.MAVLink_setup_signing_message(1, 1, list(key), timestamp))
 
 
-def test_a_vehicle_that_gets_a_key_signs_and_keeps_its_first_link_open() -> None:
-    station = Station()
+def test_a_vehicle_that_gets_a_key_signs_and_keeps_its_first_link_open(station: Station) -> None:
     vehicle = station.vehicle
     assert vehicle.signing_state.signing is None
     ahead = now_10us() + 10 * MINUTE
@@ -287,8 +278,7 @@ def test_a_vehicle_that_gets_a_key_signs_and_keeps_its_first_link_open() -> None
     assert station.vehicle.signing_state.signing is None
 
 
-def test_a_key_is_refused_with_motors_on() -> None:
-    station = Station()
+def test_a_key_is_refused_with_motors_on(station: Station) -> None:
     station.guided()
     station.command(400, 1)
     setup_signing(station, KEY, 1)
@@ -314,8 +304,7 @@ def test_each_link_has_streams_of_its_own_and_hears_what_happens_by_orders_on_an
     assert [message.get_type() for message in vehicle.waiting(0)] == ["HEARTBEAT"]
 
 
-def test_a_copter_whose_autopilot_restarts_in_the_air_falls_and_starts_anew_on_the_ground() -> None:
-    station = Station()
+def test_a_copter_whose_autopilot_restarts_in_the_air_falls_and_starts_anew_on_the_ground(station: Station) -> None:
     station.vehicle = Vehicle(FIELD, faults=Faults(reboots=(30.0,)))
     station.heartbeat()
     station.wait(4.0)

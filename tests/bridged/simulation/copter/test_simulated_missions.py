@@ -141,22 +141,19 @@ def test_auto_goes_on_where_it_was_left() -> None:
     assert current(station).seq == 2
 
 
-def test_a_mission_is_cleared_and_auto_is_then_refused() -> None:
-    station = Station()
+def test_a_mission_is_cleared_and_auto_is_then_refused(station: Station) -> None:
     assert offer(station, [TAKEOFF, waypoint(5.0)]) == ACCEPTED
     assert [one.type for one in station.say(CLEAR(1, 1)) if one.get_type() == "MISSION_ACK"] == [ACCEPTED]
     assert station.say(dialect.MAVLink_mission_request_list_message(1, 1))[0].count == 1
     assert station.command(176, 1, Mode.AUTO) == FAILED
 
 
-def test_a_command_that_the_vehicle_does_not_know_ends_the_upload() -> None:
-    station = Station()
+def test_a_command_that_the_vehicle_does_not_know_ends_the_upload(station: Station) -> None:
     assert offer(station, [TAKEOFF, Item(31_000)]) == UNSUPPORTED
     assert station.say(dialect.MAVLink_mission_request_list_message(1, 1))[0].count == 1
 
 
-def test_an_upload_that_is_left_alone_is_asked_for_again_and_given_up() -> None:
-    station = Station()
+def test_an_upload_that_is_left_alone_is_asked_for_again_and_given_up(station: Station) -> None:
     station.say(dialect.MAVLink_mission_count_message(1, 1, 3))
     kinds = [one.get_type() for one in station.wait(9.0)]
     assert kinds.count("MISSION_REQUEST") == 7

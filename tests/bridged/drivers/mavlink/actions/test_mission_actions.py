@@ -20,11 +20,6 @@ TOUR: list[Term] = [["takeoff", 0, 0, 10], NEAR, FAR]
 LIMITED = MISSION + "    limits: {altitude: 30, radius: 100}\n"
 
 
-@pytest.fixture
-def sky(tmp_path: Path) -> Sky:
-    return Sky(tmp_path)
-
-
 def every(n: int, kind: str = "") -> Passes:
     """Loses every n-th message, or every n-th of a kind."""
     count = 0

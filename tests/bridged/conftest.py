@@ -1,0 +1,22 @@
+"""What tests of robots have at hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.bridged.sky import Sky
+from tests.bridged.virtual_copter import Station
+
+
+@pytest.fixture
+def sky(tmp_path: Path) -> Sky:
+    """A bridge and a simulated copter in virtual time, before the first heartbeat."""
+    return Sky(tmp_path)
+
+
+@pytest.fixture
+def station() -> Station:
+    """A ground station and a simulated copter that is ready, in virtual time."""
+    return Station()
