@@ -207,6 +207,19 @@ class Sky:
             assert status.state == "succeeded", status.reason
         return self
 
+    def pretend(self, asked: Passes, result: int = dialect.MAV_RESULT_ACCEPTED, text: str = "") -> None:
+        """From now on the vehicle only acknowledges what is asked of it, and does not do it."""
+
+        def hears(message: Message) -> bool:
+            if not asked(message):
+                return True
+            self.downlink.append(dialect.MAVLink_command_ack_message(message.command, result, 0, 0, 1, 191))
+            if text:
+                self.downlink.append(dialect.MAVLink_statustext_message(4, text.encode()))
+            return False
+
+        self.hears_us = hears
+
     def commands(self, number: int) -> list[Message]:
         """The commands of a kind that were sent so far."""
         return [one for one in self.sent if one.get_type() == "COMMAND_LONG" and one.command == number]

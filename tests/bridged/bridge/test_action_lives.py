@@ -67,17 +67,9 @@ def test_the_status_names_the_last_percept_that_was_published_before_it(sky: Sky
 
 
 def test_a_refused_takeoff_tells_the_vehicles_text(sky: Sky) -> None:
-    def refuse(message: dialect.MAVLink_message) -> bool:
-        if is_command(dialect.MAV_CMD_NAV_TAKEOFF)(message):
-            ack = dialect.MAVLink_command_ack_message(message.command, dialect.MAV_RESULT_FAILED, 0, 0, 1, 191)
-            sky.downlink.append(ack)
-            sky.downlink.append(dialect.MAVLink_statustext_message(4, b"Takeoff: rotors not spooled"))
-            return False
-        return True
-
     sky.do("set_mode", "GUIDED")
     sky.do("arm_motors", True)
-    sky.hears_us = refuse
+    sky.pretend(is_command(dialect.MAV_CMD_NAV_TAKEOFF), dialect.MAV_RESULT_FAILED, "Takeoff: rotors not spooled")
     final = sky.do("takeoff", 5)
     assert final.state == "refused"
     assert final.result is False
@@ -93,28 +85,16 @@ def test_arming_in_a_mode_that_does_not_arm_is_refused_with_the_vehicles_text(sk
 
 
 def test_an_acknowledged_mode_without_effect_is_no_success(sky: Sky) -> None:
-    def pretend(message: dialect.MAVLink_message) -> bool:
-        if is_command(dialect.MAV_CMD_DO_SET_MODE)(message):
-            sky.downlink.append(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, 1, 191))
-            return False
-        return True
-
-    sky.hears_us = pretend
+    sky.pretend(is_command(dialect.MAV_CMD_DO_SET_MODE))
     final = sky.do("set_mode", "GUIDED")
     assert final.state == "failed"
     assert final.reason.startswith("GUIDED was acknowledged, but the vehicle is in STABILIZE")
 
 
 def test_an_acknowledged_takeoff_without_effect_is_no_success(sky: Sky) -> None:
-    def pretend(message: dialect.MAVLink_message) -> bool:
-        if is_command(dialect.MAV_CMD_NAV_TAKEOFF)(message):
-            sky.downlink.append(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, 1, 191))
-            return False
-        return True
-
     sky.do("set_mode", "GUIDED")
     sky.do("arm_motors", True)
-    sky.hears_us = pretend
+    sky.pretend(is_command(dialect.MAV_CMD_NAV_TAKEOFF))
     final = sky.do("takeoff", 5)
     assert final.state == "failed"
     assert "disarmed before it was up: Disarming motors" in final.reason

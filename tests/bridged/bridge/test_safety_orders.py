@@ -534,14 +534,10 @@ def test_a_restarted_bridge_answers_for_nobody_if_its_vehicle_is_not_armed(sky: 
 async def test_a_lost_agents_vehicle_that_refuses_to_return_lands_and_it_is_said(
     sky: Sky, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def refuse(message: dialect.MAVLink_message) -> bool:
-        if is_command(dialect.MAV_CMD_DO_SET_MODE)(message) and message.param2 == 6:
-            ack = dialect.MAVLink_command_ack_message(message.command, dialect.MAV_RESULT_FAILED, 0, 0, 1, 191)
-            sky.downlink.append(ack)
-            return False
-        return True
-
-    sky.hears_us = refuse
+    sky.pretend(
+        lambda message: is_command(dialect.MAV_CMD_DO_SET_MODE)(message) and message.param2 == 6,
+        dialect.MAV_RESULT_FAILED,
+    )
     sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 1.0), Step("rtl")))
     await passing(sky, 10)
     assert mode_of(sky) == "LAND"

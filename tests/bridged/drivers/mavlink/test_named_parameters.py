@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.actions.parameters import spellings
 from bridged.simulation.copter.fault_injection import Faults
 from schemas.wire.terms import Term
-from tests.bridged.sky import MISSION, Message, Sky
+from tests.bridged.sky import MISSION, Message, Sky, is_command
 
 
 def told(sky: Sky) -> dict[Term, Term]:
@@ -128,14 +128,8 @@ def test_the_fence_is_shaped_by_parameters_and_switched_by_a_command(sky: Sky) -
 
 
 def test_a_fence_that_is_acknowledged_and_stays_off_is_no_success(sky: Sky) -> None:
-    def pretend(message: Message) -> bool:
-        if message.get_type() == "COMMAND_LONG" and message.command == dialect.MAV_CMD_DO_FENCE_ENABLE:
-            sky.downlink.append(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, 1, 191))
-            return False
-        return True
-
     sky.wait(2)
-    sky.hears_us = pretend
+    sky.pretend(is_command(dialect.MAV_CMD_DO_FENCE_ENABLE))
     final = sky.do("enable_fence", True)
     assert final.state == "failed"
     assert final.reason == "MAV_CMD_DO_FENCE_ENABLE was acknowledged, but the fence is not enabled"

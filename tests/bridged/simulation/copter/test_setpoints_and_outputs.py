@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.simulation.copter.fault_injection import Faults
 from bridged.simulation.copter.mission import Item as Stored
 from schemas.manifest.loader import Manifest, load_manifest, read_manifest
-from tests.bridged.sky import GOAL, MISSION, Message, Sky, is_command
+from tests.bridged.sky import GOAL, MISSION, Sky, is_command
 from tests.support.notes import identities
 
 MORE = """
@@ -237,14 +237,8 @@ def test_a_reposition_that_is_cancelled_holds_the_copter(sky: Sky) -> None:
 
 
 def test_a_reposition_that_is_acknowledged_and_not_flown_fails(sky: Sky) -> None:
-    def pretend(message: Message) -> bool:
-        if message.get_type() == "COMMAND_INT":
-            sky.downlink.append(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, 1, 191))
-            return False
-        return True
-
     sky.flying()
-    sky.hears_us = pretend
+    sky.pretend(lambda message: message.get_type() == "COMMAND_INT")
     final = sky.do("reposition", *GOAL)
     assert final.state == "failed"
     assert final.reason.startswith("MAV_CMD_DO_REPOSITION was acknowledged, but it")
@@ -257,14 +251,8 @@ def test_the_buoy_is_dropped_when_the_output_shows_it(sky: Sky) -> None:
 
 
 def test_a_servo_that_is_acknowledged_and_does_not_move_is_no_success(sky: Sky) -> None:
-    def pretend(message: Message) -> bool:
-        if is_command(dialect.MAV_CMD_DO_SET_SERVO)(message):
-            sky.downlink.append(dialect.MAVLink_command_ack_message(message.command, 0, 0, 0, 1, 191))
-            return False
-        return True
-
     sky.wait(1)
-    sky.hears_us = pretend
+    sky.pretend(is_command(dialect.MAV_CMD_DO_SET_SERVO))
     final = sky.do("drop_buoy")
     assert final.state == "failed"
     assert "was acknowledged, but SERVO_OUTPUT_RAW does not show servo 9 at 1900" in final.reason
