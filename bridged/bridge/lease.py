@@ -12,7 +12,7 @@ IDLE = 10.0
 
 
 class Lease:
-    """Which agent has a robot, and which one answers for it."""
+    """Which agent has a robot, and which one answers for it. `now` is in mission seconds."""
 
     def __init__(
         self,

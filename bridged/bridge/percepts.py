@@ -158,7 +158,10 @@ class PerceptPublisher:
                 self._publish_slot(slot, slot.waiting, now)
 
     def show(self, agent: str, name: str, parameters: Parameters, key: tuple[int, ...] = ()) -> None:
-        """Publish a percept of one agent alone (about its action, or about it), if it has changed."""
+        """Publish a percept of one agent alone (about its action, or about it), if it has changed.
+
+        `key`: places of the parameters, from 0, that identify it.
+        """
         if not any(one.name == name and one.parameters == parameters for one in self.sets[agent].present()):
             self._send((agent,), name, parameters, "replace", key)
 

@@ -55,7 +55,10 @@ def _said(mission: Mission, text: str) -> Finding:
 
 
 def prepare_all(mission: Mission, names: list[str], link: str | None, speed: float) -> tuple[Mission, list[RobotSetup]]:
-    """Prepare several robots of one bridge. Raises Findings with what is wrong with any of them."""
+    """Prepare several robots of one bridge. `speed`: mission seconds per wall second.
+
+    Raises Findings with what is wrong with any of them.
+    """
     parts: list[RobotSetup] = []
     findings: list[Finding] = []
     for name in dict.fromkeys(names):

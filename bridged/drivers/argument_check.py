@@ -102,8 +102,11 @@ class _Reader:
             value = _as(kind, term)
             if value is None:
                 continue
-            if isinstance(value, int | float) and not isinstance(value, bool) and not _in_range(parameter, value):
-                break
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                low = -math.inf if parameter.min is None else parameter.min
+                high = math.inf if parameter.max is None else parameter.max
+                if not low <= value <= high:
+                    break
             return value
         raise self.unfit(place, parameter.expected(), term)
 
@@ -150,9 +153,3 @@ def _as(kind: ParameterType, term: Term) -> Argument | None:
     if kind == "int":
         return int(number) if number.is_integer() else None
     return number
-
-
-def _in_range(parameter: Parameter, value: float) -> bool:
-    low = -math.inf if parameter.min is None else parameter.min
-    high = math.inf if parameter.max is None else parameter.max
-    return low <= value <= high

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import sys
 import threading
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -55,7 +54,14 @@ def find_driver(name: str) -> DriverKind:
 
 def check_manifest(manifest: Manifest) -> list[Finding]:
     """Return what the drivers do not know in a manifest, and orders without an action, each at its line."""
-    return [*order_problems(manifest), *_problems(manifest)]
+    findings = list(order_problems(manifest))
+    for name in manifest.drivers():
+        try:
+            findings += find_driver(name).check_manifest(manifest.part(name))
+        except NoDriver as error:
+            where = _where_named(manifest, name)
+            findings.append(manifest.finding(f"{'.'.join(where)}: {error}", *where))
+    return findings
 
 
 def check_robot(manifest: Manifest, robot: Robot) -> list[tuple[str, str]]:
@@ -76,17 +82,6 @@ def orders_of(manifest: Manifest) -> frozenset[Order] | None:
     except NoDriver:
         return None
     return None if own is None else own | frozenset(manifest.orders)
-
-
-def _problems(manifest: Manifest) -> Iterator[Finding]:
-    for name in manifest.drivers():
-        try:
-            kind = find_driver(name)
-        except NoDriver as error:
-            where = _where_named(manifest, name)
-            yield manifest.finding(f"{'.'.join(where)}: {error}", *where)
-            continue
-        yield from kind.check_manifest(manifest.part(name))
 
 
 def _where_named(manifest: Manifest, driver: str) -> tuple[str, ...]:

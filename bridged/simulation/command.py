@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from typing import Any
 
 VEHICLES = {
     "copter": ("bridged.simulation.copter.command", "an ArduCopter on MAVLink"),
@@ -27,3 +29,20 @@ def run(args: argparse.Namespace) -> int:
     module, _ = VEHICLES[args.vehicle]
     code: int = import_module(module).run(args)
     return code
+
+
+def number_in(what: str, low: float, high: float, kind: type[int | float] = float) -> Callable[[str], Any]:
+    """Return a reader of an argument from `low` to `high`; `what` is its unit, for people."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"expected {what} between {low:g} and {high:g}, got {text!r}")
+        if kind(value) != value:
+            raise argparse.ArgumentTypeError(f"expected a whole number, got {text!r}")
+        return kind(value)
+
+    return read

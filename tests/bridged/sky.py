@@ -79,10 +79,6 @@ class Carrier:
         """Take a message for the vehicle; it goes on its way with the next step."""
         self.world.uplink.append(self.world.ours.pack(message))
 
-    def two_vehicles(self, link_client: object) -> str:
-        """There is one."""
-        return ""
-
     def counters(self, link_client: object) -> dict[str, float]:
         """No figures."""
         return {}

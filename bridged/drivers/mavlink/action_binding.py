@@ -13,6 +13,7 @@ from types import MappingProxyType
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Value
+from bridged.drivers.argument_check import fields_of
 from bridged.drivers.mavlink.actions import flight, mission_actions, mission_execution, outputs, parameters, setpoints
 from bridged.drivers.mavlink.actions.context import BoundAction, LocalTarget, Procedure, Triple
 from bridged.drivers.mavlink.actions.setpoints import RC_CHANNELS, RC_IGNORE, RC_IGNORE_HIGH
@@ -175,7 +176,7 @@ def bind_action(entry: ActionEntry, arguments: Mapping[str, Value], modes: ModeT
         return replace(action, arguments=_raw(entry, arguments), frame=frame)
     if entry.message == CHANNELS:
         return replace(action, channels=_channels(_raw(entry, arguments)))
-    values = {field: _value(value, arguments, modes) for field, value in entry.fields.items()}
+    values = {field: _value(FieldValue.written_out(said), arguments, modes) for field, said in entry.fields.items()}
     if entry.message == GLOBAL_TARGET:
         place = Place(values["lat_int"] / 1e7, values["lon_int"] / 1e7, values["alt"])
         frame = GLOBAL_FRAMES[entry.frame or "relative"]
@@ -237,23 +238,16 @@ def _raw(entry: ActionEntry, arguments: Mapping[str, Value]) -> dict[str, Value]
     """Return the fields with numbers converted; texts and lists are unchanged."""
     if not entry.fields:
         return dict(arguments)
-    return {field: _filled(said, arguments) for field, said in entry.fields.items()}
+    filled: dict[str, Value] = {}
+    for name, spec in fields_of(entry).items():
+        value = arguments[spec.param] if spec.value is None else spec.value
+        if isinstance(value, int | float) and not isinstance(value, bool) and (spec.scale, spec.offset) != (1.0, 0.0):
+            value = float(value) * spec.scale + spec.offset
+        filled[name] = value
+    return filled
 
 
-def _filled(said: Value | FieldValue, arguments: Mapping[str, Value]) -> Value:
-    spec = said if isinstance(said, FieldValue) else FieldValue(param=said) if isinstance(said, str) else None
-    if spec is None:
-        return said  # type: ignore[return-value]
-    value = arguments[spec.param] if spec.value is None else spec.value
-    if isinstance(value, int | float) and not isinstance(value, bool) and (spec.scale, spec.offset) != (1.0, 0.0):
-        return float(value) * spec.scale + spec.offset
-    return value
-
-
-def _value(said: Value | FieldValue, arguments: Mapping[str, Value], modes: ModeTable) -> float:
-    spec = said if isinstance(said, FieldValue) else FieldValue(param=said) if isinstance(said, str) else None
-    if spec is None:
-        return _number(said)
+def _value(spec: FieldValue, arguments: Mapping[str, Value], modes: ModeTable) -> float:
     value = arguments[spec.param] if spec.value is None else spec.value
     if spec.table == "modes" and isinstance(value, str | int):
         return float(modes.number(value))

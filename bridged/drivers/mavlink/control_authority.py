@@ -55,7 +55,10 @@ class ControlAuthority:
         return self._pending is not None
 
     def heard(self, mode_before: int, *, again: bool) -> None:
-        """Take in the mode of a HEARTBEAT; `again` = the vehicle could not be heard before it."""
+        """Take in the mode of a HEARTBEAT; `again` = the vehicle could not be heard before it.
+
+        `mode_before`: number of the mode before (custom_mode); -1 = there was no HEARTBEAT yet.
+        """
         vehicle = self._flight.vehicle
         if mode_before < 0 or self._restarted:
             self._restarted = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -178,7 +179,7 @@ class MavlinkDriver(VehicleSession):
 
     def _two(self) -> str:
         """Return the warning that two vehicles have the system id of ours, empty if there is one."""
-        return "" if self.link is None else self.link.two_vehicles(self._link_client)
+        return self._link_client.address.two_vehicles(time.monotonic())
 
     def _send_on_link(self, message: dialect.MAVLink_message) -> None:
         if self.link is None:

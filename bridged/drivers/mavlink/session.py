@@ -422,7 +422,7 @@ class LinkState:
     """The percept of the link: `up` while the vehicle is heard over a transport that carries, `down` otherwise.
 
     Each change is reported once. A vehicle that was not heard yet is neither up nor down until it has been silent for
-    the time of a link loss: a program need not distinguish the start of a flight from a loss. Times: mission seconds.
+    the time of a link loss: a program need not distinguish the start of a flight from a loss. Times are in mission s.
     """
 
     def __init__(self, on_reading: OnReading) -> None:
@@ -433,7 +433,7 @@ class LinkState:
         self._carries_since = -math.inf
 
     def carry(self, up: bool, now: float) -> None:
-        """The transport (a socket, a device) came up or went down."""
+        """Take in that the transport (a socket, a device) came up or went down at `now` (mission seconds)."""
         if up and not self._carries:
             self._carries_since = now
         self._carries = up
@@ -441,7 +441,8 @@ class LinkState:
     def look(self, connected: bool, heard_at: float, now: float, patience: float) -> None:
         """Report a change, by whether the vehicle is heard and when it was heard last.
 
-        After the transport was down the link is up when the vehicle is heard again, not before.
+        `patience`: mission seconds of silence that are a link loss. After the transport was down the link is up when
+        the vehicle is heard again, not before.
         """
         self._begun = min(self._begun, now)
         up = self._carries and connected and heard_at >= self._carries_since

@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Generator, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any, cast
 
 from bridged.drivers.api import Execution, Outcome, Setup, Value
@@ -179,10 +180,10 @@ class PythonDriver(SimpleDriver):
         loop, worker = asyncio.get_running_loop(), self._workers[source]
         while True:
             began = loop.time()
-            function = self._functions[source]
-            result = await worker.call(lambda function=function: _reading(function()), self._bound(source))  # type: ignore[misc]
+            rates = [entry.rate for entry in self.manifest.percepts.values() if entry.source == source and entry.rate]
+            result = await worker.call(partial(_read, self._functions[source]), self._ttl(source) or BOUND)
             self._note(source, result)
-            pause = began + self._period(source) - loop.time()
+            pause = began + self.setup.clock.to_wall(1 / max(rates, default=RATE)) - loop.time()
             if isinstance(result, Returned) and inspect.isgenerator(result.value):
                 await self._follow(source, worker, cast(Readings, result.value))
                 pause = AGAIN
@@ -211,16 +212,8 @@ class PythonDriver(SimpleDriver):
         try:
             self.tell(source, fields)
         except Exception as error:  # a value that nothing can be made of must not end its source
-            _tell_defect(f"a reading of {source}", error)
-
-    def _period(self, source: str) -> float:
-        """Wall seconds between two calls."""
-        rates = [entry.rate for entry in self.manifest.percepts.values() if entry.source == source and entry.rate]
-        return self.setup.clock.to_wall(1 / max(rates, default=RATE))
-
-    def _bound(self, source: str) -> float:
-        """Wall seconds that a call for a reading may take."""
-        return self._ttl(source) or BOUND
+            what = {"message": f"a reading of {source}", "exception": error}
+            asyncio.get_running_loop().call_exception_handler(what)
 
     def _ttl(self, source: str) -> float:
         """The shortest `ttl` of a source's percepts; 0 if none has one."""
@@ -253,10 +246,6 @@ class PythonDriver(SimpleDriver):
 _END = object()
 
 
-def _tell_defect(what: str, error: Exception) -> None:
-    asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
-
-
 def _next(generator: Readings) -> object:
     """Return the fields of a generator's next reading, in its thread."""
     try:
@@ -265,6 +254,7 @@ def _next(generator: Readings) -> object:
         return _END
 
 
-def _reading(value: object) -> object:
-    """Return the fields of a function's result, in its thread; a generator as it is."""
+def _read(function: Function) -> object:
+    """Call a function in its thread. Returns the fields of its result; a generator as it is."""
+    value = function()
     return value if inspect.isgenerator(value) else fields_in(value)

@@ -76,8 +76,8 @@ class Plugins:
             return Plugin(name, _offered(entry))
         if self.simulated and has_plugin(name):
             raise NoFunction(f"the plug-in `{name}` cannot be simulated: no entry point of `{TWINS}` has its name")
-        known = sorted({entry.name for entry in found})
-        raise NoFunction(f"no plug-in `{name}` is installed (entry points of `{group}`); there is {_listed(known)}")
+        known = ", ".join(sorted({entry.name for entry in found})) or "none"
+        raise NoFunction(f"no plug-in `{name}` is installed (entry points of `{group}`); there is {known}")
 
 
 def has_plugin(name: str, group: str = REAL) -> bool:
@@ -112,10 +112,6 @@ def misfit(function: Function, arguments: Iterable[str]) -> str:
     except TypeError as error:
         return f"{error}: it is {getattr(function, '__name__', 'called')}{signature}"
     return ""
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) or "none"
 
 
 MAX_FUNCTIONS = 32

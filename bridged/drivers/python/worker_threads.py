@@ -67,7 +67,10 @@ class Worker:
         return self.busy > self.bound
 
     def begin(self, work: Work, done: Callable[[Result], None], bound: float = math.inf) -> None:
-        """Do `work` in the thread; `done` is called in the event loop. Raises RuntimeError while one is under way."""
+        """Do `work` in the thread; `done` is called in the event loop. After `bound` wall seconds it counts as hanging.
+
+        Raises RuntimeError while one is under way.
+        """
         if self._since is not None:
             raise RuntimeError(f"{self.name} is called already")
         self._since, self.bound = self._now(), bound
@@ -79,9 +82,9 @@ class Worker:
         self._queue.put((work, asyncio.get_running_loop(), done))
 
     async def call(self, work: Work, bound: float = math.inf) -> Result:
-        """Do `work` in the thread and wait for it, for as long as it takes: past the bound it only counts as hanging.
+        """Do `work` in the thread and wait for it, as long as it takes, and for the call before.
 
-        Waits for the call before, too.
+        After `bound` wall seconds it counts as hanging.
         """
         loop = asyncio.get_running_loop()
         await self.idle()

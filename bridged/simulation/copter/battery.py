@@ -84,10 +84,6 @@ class Battery:
         return max(1.0, real if real > 0 else self.parameters["BATT_CAPACITY"])
 
     @property
-    def _left(self) -> float:
-        return max(0.0, 1 - self.used / self._capacity)
-
-    @property
     def empty(self) -> bool:
         """Whether the charge is used up; never for a battery without SIM_BATT_CAP_AH."""
         return self.parameters["SIM_BATT_CAP_AH"] > 0 and self.used >= self._capacity
@@ -103,7 +99,7 @@ class Battery:
         full = max(0.0, min(HIGHEST_VOLTAGE, self.parameters["SIM_BATT_VOLTAGE"]))
         if self.parameters["SIM_BATT_CAP_AH"] <= 0:
             return full
-        left, (low, share) = self._left, _AT_REST[0]
+        left, (low, share) = max(0.0, 1 - self.used / self._capacity), _AT_REST[0]
         for high, more in _AT_REST[1:]:
             if left <= high:
                 share += (more - share) * (left - low) / (high - low)

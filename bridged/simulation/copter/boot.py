@@ -75,7 +75,7 @@ class Boot:
         return reached
 
     def ekf_flags(self, now: float) -> int:
-        """EKF_STATUS_REPORT.flags"""
+        """Return EKF_STATUS_REPORT.flags `now` seconds after power on."""
         if self.passed(Milestone.POSITION, now):
             return _EKF_POSITION
         if self.passed(Milestone.EKF_YAW, now):

@@ -55,7 +55,7 @@ class Camera:
                 self._seen[victim] = wall
 
     def sightings(self, wall: float) -> list[Sighting]:
-        """Return the sightings to publish now."""
+        """Return the sightings to publish at `wall` monotonic wall seconds."""
         return [
             Sighting(victim.number, victim.lat, victim.lon)
             for victim, seen in self._seen.items()

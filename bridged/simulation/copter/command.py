@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bridged.simulation.command import number_in
 from bridged.simulation.copter.battery import CHARGE_S
 from bridged.simulation.copter.geodesy import Place
 from schemas.files.units import check_endpoint
@@ -41,10 +42,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"where it stands: degrees, degrees, metres above mean sea level (default {HOME})",
     )
     parser.add_argument(
-        "--heading", default=0.0, type=_heading, metavar="DEG", help="where its nose points (default 0)"
+        "--heading",
+        default=0.0,
+        type=number_in("degrees", 0, 360),
+        metavar="DEG",
+        help="where its nose points (default 0)",
     )
-    parser.add_argument("--sysid", default=1, type=_sysid, metavar="N", help="its MAVLink system id (default 1)")
-    parser.add_argument("--speed", default=1.0, type=_speed, metavar="X", help="times real time (default 1)")
+    parser.add_argument(
+        "--sysid",
+        default=1,
+        type=number_in("a system id", 1, 255, int),
+        metavar="N",
+        help="its MAVLink system id (default 1)",
+    )
+    parser.add_argument(
+        "--speed", default=1.0, type=number_in("a factor", 0.1, 100), metavar="X", help="times real time (default 1)"
+    )
     parser.add_argument(
         "--boot",
         default="quick",
@@ -61,14 +74,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--battery-minutes",
-        type=_minutes,
+        type=number_in("minutes", 0.1, 10_000),
         metavar="M",
         help="a full battery lasts so long in the air, and its voltage falls; else it stays at 12.6 V, as recorded",
     )
     parser.add_argument(
         "--recharge-seconds",
         default=CHARGE_S,
-        type=_seconds,
+        type=number_in("seconds", 1, 100_000),
         metavar="S",
         help=f"an empty battery is full after so long at home with the motors off (default {CHARGE_S:g})",
     )
@@ -78,7 +91,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--victims", type=_victims, metavar="N,SEED,SOUTH,WEST,NORTH,EAST", help="who is in the water below its camera"
     )
-    parser.add_argument("--camera", type=_metres, metavar="M", help="its camera sees victims so far away over ground")
+    parser.add_argument(
+        "--camera",
+        type=number_in("metres", 0.1, 10_000),
+        metavar="M",
+        help="its camera sees victims so far away over ground",
+    )
     parser.add_argument(
         "--camera-key", default="camera/victim", metavar="KEY", help="where its camera tells them (camera/victim)"
     )
@@ -203,45 +221,8 @@ def _place(text: str) -> Place:
         raise argparse.ArgumentTypeError(problem) from None
 
 
-def _within(text: str, low: float, high: float, what: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"expected {what} between {low:g} and {high:g}, got {text!r}")
-    return value
-
-
-def _speed(text: str) -> float:
-    return _within(text, 0.1, 100, "a factor")
-
-
-def _minutes(text: str) -> float:
-    return _within(text, 0.1, 10_000, "minutes")
-
-
 def _endpoint(text: str) -> str:
     try:
         return check_endpoint(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _seconds(text: str) -> float:
-    return _within(text, 1, 100_000, "seconds")
-
-
-def _metres(text: str) -> float:
-    return _within(text, 0.1, 10_000, "metres")
-
-
-def _heading(text: str) -> float:
-    return _within(text, 0, 360, "degrees")
-
-
-def _sysid(text: str) -> int:
-    value = _within(text, 1, 255, "a system id")
-    if value != int(value):
-        raise argparse.ArgumentTypeError(f"expected a whole number, got {text!r}")
-    return int(value)

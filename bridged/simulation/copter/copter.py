@@ -102,7 +102,7 @@ class Copter:
         self.events.append(Text(severity, text))
 
     def set_mode(self, number: int) -> Result:
-        """Change the flight mode; a status text gives the reason of a refusal.
+        """Change the flight mode to that of a number (custom_mode); a status text gives the reason of a refusal.
 
         As in ArduCopter, a position is needed only with motors on.
         """
@@ -296,7 +296,7 @@ class Copter:
         return Result.ACCEPTED
 
     def jump_to(self, seq: int) -> bool:
-        """MISSION_SET_CURRENT: AUTO continues, or will begin, with this item; returns False if there is none."""
+        """MISSION_SET_CURRENT: AUTO continues, or will begin, with item `seq` (from 1). Returns False without one."""
         if self.mission.item(seq) is None:
             return False
         self.mission.complete = False

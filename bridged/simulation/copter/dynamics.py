@@ -70,7 +70,7 @@ class Limits:
 
 @dataclass(slots=True)
 class Axis:
-    """One direction: motion of the copter and of its target."""
+    """One direction: motion of the copter and of its target, in steps of `dt` seconds."""
 
     position: float = 0.0
     velocity: float = 0.0
@@ -91,13 +91,13 @@ class Axis:
         self.target, self.target_velocity, self.target_accel = self.position, self.velocity, 0.0
 
     def plan(self, accel: float, dt: float) -> None:
-        """Move the target."""
+        """Move the target, accelerated by `accel` m/s², for `dt` seconds."""
         self.target_accel = accel
         self.target_velocity += accel * dt
         self.target += self.target_velocity * dt
 
     def follow(self, dt: float) -> None:
-        """Move the copter after the target: feedback, tilt lag, drag."""
+        """Move the copter after the target for `dt` seconds: feedback, tilt lag, drag."""
         off = self.target_velocity + _POSITION_GAIN * (self.target - self.position) - self.velocity
         self.integral += _INTEGRAL_GAIN * off * dt
         demand = self.target_accel + _VELOCITY_GAIN * off + self.integral
@@ -112,7 +112,7 @@ class Axis:
 
 
 class Motion:
-    """The body of the copter, moved step by step. Deterministic: no noise, no wind."""
+    """The body of the copter, moved in steps of `dt` seconds. Deterministic: no noise, no wind."""
 
     def __init__(self, heading: float = 0.0) -> None:
         self.north, self.east, self.up = Axis(), Axis(), Axis()
@@ -165,7 +165,7 @@ class Motion:
             axis.retarget()
 
     def go(self, goal: Vector, limits: Limits, dt: float) -> None:
-        """One step on the straight line to `goal`, braking in time to stop there."""
+        """Move for `dt` seconds on the straight line to `goal`, braking in time to stop there."""
         north, east = goal.north - self.north.target, goal.east - self.east.target
         up = goal.up - self.up.target
         flat = math.hypot(north, east)
@@ -180,7 +180,7 @@ class Motion:
         self.fly(Vector(north * scale, east * scale, climb), limits, dt)
 
     def fly(self, velocity: Vector, limits: Limits, dt: float) -> None:
-        """One step with this velocity as the wish."""
+        """Move for `dt` seconds with this velocity as the wish."""
         north, east = velocity.north - self.north.target_velocity, velocity.east - self.east.target_velocity
         speeding_up = north * self.north.target_velocity + east * self.east.target_velocity >= 0
         response = limits.response if speeding_up else limits.release
@@ -199,7 +199,7 @@ class Motion:
         self.up.track()
 
     def fall(self, dt: float) -> None:
-        """One step with the motors off in the air."""
+        """Fall for `dt` seconds, with the motors off in the air."""
         self.up.accel = -GRAVITY
         self.up.velocity -= GRAVITY * dt
         for axis in (self.north, self.east, self.up):
@@ -207,7 +207,7 @@ class Motion:
             axis.retarget()
 
     def turn(self, heading: float, dt: float) -> None:
-        """One step of turning to `heading` (radians) the short way."""
+        """Turn for `dt` seconds to `heading` (radians) the short way."""
         off = math.remainder(heading - self.heading, 2 * math.pi)
         wish = math.copysign(min(_TURN_RATE, math.sqrt(1.5 * _TURN_ACCEL * abs(off)), 4.0 * abs(off)), off)
         most = _TURN_ACCEL * dt

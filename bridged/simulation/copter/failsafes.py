@@ -22,7 +22,7 @@ FENCE_ALTITUDE, FENCE_CIRCLE = 1, 2
 
 @dataclass(slots=True)
 class Fence:
-    """Circle around home and ceiling above it, as FENCE_ parameters say."""
+    """Circle around home and ceiling above it, as FENCE_ parameters say; times are vehicle seconds."""
 
     parameters: Parameters
     breached: str | None = None
@@ -72,12 +72,12 @@ class StationWatch:
     lost: bool = False
 
     def heartbeat(self, sysid: int, now: float) -> None:
-        """Note a HEARTBEAT."""
+        """Note a HEARTBEAT of a system id at `now` vehicle seconds."""
         if sysid == int(self.parameters["MAV_GCS_SYSID"]):
             self.heard_at = now
 
     def check(self, now: float, *, armed: bool) -> StationLink | None:
-        """Return the change of the link since the last call."""
+        """Return the change of the link since the last call; `now`: vehicle seconds."""
         if self.heard_at is None:
             return None
         silent = now - self.heard_at >= max(2.0, self.parameters["FS_GCS_TIMEOUT"])
@@ -103,7 +103,8 @@ def watch_over(copter: "Copter", dt: float) -> None:
     _station(copter)
     _fence(copter)
     _battery(copter, dt)
-    _arming(copter, dt)
+    if copter.hindrance and not copter.armed and copter.now % PREARM_SAID_EVERY < dt:
+        copter.say(f"PreArm: {copter.hindrance}", Severity.CRITICAL)
     said = copter.outputs.step(copter.now)
     if said is not None:
         copter.say(said)
@@ -147,12 +148,6 @@ def _fence(copter: "Copter") -> None:
             copter.set_mode(Mode.BRAKE)
         case _:
             copter.bring_home()
-
-
-def _arming(copter: "Copter", dt: float) -> None:
-    """Repeat the arming check that fails by a fault while the motors are off."""
-    if copter.hindrance and not copter.armed and copter.now % PREARM_SAID_EVERY < dt:
-        copter.say(f"PreArm: {copter.hindrance}", Severity.CRITICAL)
 
 
 def _battery(copter: "Copter", dt: float) -> None:

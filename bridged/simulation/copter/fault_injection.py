@@ -51,7 +51,7 @@ class Cut:
     seconds: float
 
     def covers(self, now: float) -> bool:
-        """Return whether the link is cut at a time."""
+        """Return whether the link is cut at `now` vehicle seconds."""
         return self.at <= now < self.at + self.seconds
 
 
@@ -89,7 +89,7 @@ class Faults:
         return faults
 
     def silent(self, now: float) -> bool:
-        """Return whether the link is cut at a time."""
+        """Return whether the link is cut at `now` vehicle seconds."""
         return any(cut.covers(now) for cut in self.cuts)
 
 
@@ -210,7 +210,7 @@ class Air:
         return out + self._release()
 
     def due(self, now: float) -> list[bytes]:
-        """Return the delayed packet when it is due; call it now and then."""
+        """Return the delayed packet when it is due; call it now and then. `now`: vehicle seconds."""
         if self._held is None or now < self._held_until:
             return []
         if self._faults.silent(now):
@@ -270,7 +270,7 @@ class Character:
         return next((said for until, said in self._faults.prearm if now < until), "")
 
     def restarts(self, now: float) -> bool:
-        """Return whether the vehicle restarts now; True once for each configured time."""
+        """Return whether the vehicle restarts at `now` vehicle seconds; True once for each configured time."""
         if self._reboots and now >= self._reboots[0]:
             del self._reboots[0]
             return True

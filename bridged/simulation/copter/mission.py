@@ -92,22 +92,22 @@ class Mission:
         self._jumped: dict[int, int] = {}
 
     def clear(self) -> None:
-        """Forgets all items."""
+        """Forget all items."""
         self.items = []
         self.rewind()
 
     def rewind(self) -> None:
-        """The next AUTO begins with the first item."""
+        """Let the next AUTO begin with the first item."""
         self.current, self.complete = 0, False
         self._jumped.clear()
 
     def store(self, items: list[Item]) -> None:
-        """Replaces the items; `items[0]` stands for home and is not kept."""
+        """Replace the items; `items[0]` stands for home and is not kept."""
         self.items = items[1:]
         self.rewind()
 
     def item(self, seq: int) -> Item | None:
-        """The item of this number, from 1."""
+        """Return the item of this number, from 1."""
         return self.items[seq - 1] if 1 <= seq <= len(self.items) else None
 
     @property
@@ -116,7 +116,7 @@ class Mission:
         return any(item.command in NAV_COMMANDS for item in self.items)
 
     def next_place(self, seq: int) -> tuple[list[Item], Item | None]:
-        """What is to be done from item `seq` on, and then the next item to fly; None at the end of the mission."""
+        """Return what to do from item `seq` (from 1) on, and then the next item to fly; None at the mission's end."""
         actions: list[Item] = []
         for _ in range(MOST_STEPS):
             item = self.item(seq)
@@ -139,27 +139,18 @@ class Mission:
         return int(item.params[0])
 
     def start(self, item: Item, now: float) -> None:
-        """This item is flown from now on."""
+        """Fly this item from `now` (vehicle seconds) on."""
         self.current, self._entered_at = item.seq, now
 
     def done(self, item: Item, flight: Flight, now: float) -> bool:
-        """Whether the item that is flown is over."""
-        if item.command in (
-            dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH,
-            dialect.MAV_CMD_NAV_LAND,
-            dialect.MAV_CMD_NAV_LOITER_UNLIM,
-        ):
-            return False  # the first two end with the motors, the last one never
+        """Return whether the item that is flown is over at `now` vehicle seconds."""
+        if item.command in _ENDLESS:
+            return False
         if item.command == dialect.MAV_CMD_NAV_DELAY:
             return now - self._entered_at >= item.params[0]
         if not flight.reached:
             self._entered_at = now
-        stay = (
-            item.params[0]
-            if item.command
-            in (dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_NAV_LOITER_TIME, dialect.MAV_CMD_NAV_SPLINE_WAYPOINT)
-            else 0.0
-        )
+        stay = item.params[0] if item.command in _STAYING else 0.0
         return flight.reached and now - self._entered_at >= stay
 
 
@@ -202,7 +193,7 @@ def _height(item: Item, chart: FlatMap, home: Place) -> float:
 
 
 def do(copter: "Copter", command: int, params: tuple[float, float, float, float]) -> Result:
-    """Carries out one command (MAV_CMD) of `DO_COMMANDS`."""
+    """Carry out one command (MAV_CMD) of `DO_COMMANDS`; its parameters are in the units of that command."""
     first, second, third, fourth = params
     match command:
         case dialect.MAV_CMD_DO_CHANGE_SPEED:

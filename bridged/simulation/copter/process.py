@@ -179,7 +179,9 @@ async def simulate(
     faults: Faults | None = None,
     beside: Callable[[asyncio.Event], Coroutine[Any, Any, None]] | None = None,
 ) -> None:
-    """Runs the vehicle until SIGTERM or SIGINT; `started` is called when the links are open. Raises LinkError.
+    """Run the vehicle at `speed` times real time until SIGTERM or SIGINT. Raises LinkError.
+
+    `started` is called when the links are open.
 
     `beside` is what else the process does, until the event is set; the vehicle flies on if it ends.
     """

@@ -35,7 +35,7 @@ _MODE_SWITCH_STEPS = (1230, 1360, 1490, 1620, 1749)
 
 @dataclass(slots=True)
 class Transmitter:
-    """RC_CHANNELS. An override expires RC_OVERRIDE_TIME seconds after its last message."""
+    """RC_CHANNELS. An override expires RC_OVERRIDE_TIME seconds after its last message; `now`: vehicle seconds."""
 
     parameters: Parameters
     _overrides: dict[int, tuple[int, float]] = field(default_factory=dict)  # pulse, when it was said

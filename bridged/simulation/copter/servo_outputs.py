@@ -47,7 +47,10 @@ class _Repeat:
 
 
 class Outputs:
-    """Servo outputs by their numbers from 1. An output that was never set gives no pulse (0)."""
+    """Servo outputs by their numbers from 1. An output that was never set gives no pulse (0).
+
+    Pulses are in microseconds; `now` is in vehicle seconds.
+    """
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters

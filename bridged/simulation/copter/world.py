@@ -54,7 +54,7 @@ class Victim:
 
 
 def victims_of(seed: int, count: int, area: Area) -> list[Victim]:
-    """Return the victims of a world. Raises ValueError if the area has no room for so many."""
+    """Return `count` victims, the same for each `seed`. Raises ValueError if the area has no room for them."""
     dice = random.Random(f"victims {seed}")
     found: list[Victim] = []
     for _ in range(_TRIES):
@@ -95,7 +95,10 @@ class ServoLog:
         self._file = path.open("wb", buffering=0)
 
     def moved(self, copter: Copter, system: int, age: float, output: int, pulse: int) -> None:
-        """Write that an output got another pulse. Raises OSError."""
+        """Write that an output (from 1) of a copter (system id) got another pulse (microseconds). Raises OSError.
+
+        `age`: vehicle seconds since it was switched on.
+        """
         place, position, home = copter.place, copter.motion.position, copter.home_on_chart
         away = math.hypot(position.north - home.north, position.east - home.east)
         move = ServoMove(

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
+from bridged.simulation.command import number_in
 from bridged.simulation.turtle.turtle import STEP, Pen, Turtle, svg
 from commd.bus.bus import open_bus
 from commd.bus.raw import RawBus, Sample
@@ -155,7 +156,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_router_argument(parser)
     parser.add_argument("--name", default="turtle1", help="the first part of its keys (default turtle1)")
     parser.add_argument("--prefix", default="", help="what stands before the name, as `prefix` of a mission's robot")
-    parser.add_argument("--speed", default=1.0, type=_speed, metavar="X", help="times real time (default 1)")
+    parser.add_argument(
+        "--speed", default=1.0, type=number_in("a factor", 0.1, 100), metavar="X", help="times real time (default 1)"
+    )
     parser.add_argument("--draw", type=Path, metavar="FILE", help="write what it has drawn as SVG at the end")
 
 
@@ -185,13 +188,3 @@ def run(args: argparse.Namespace) -> int:
             print(f"bridged simulate: error: cannot write {args.draw}: {error.strerror}", file=sys.stderr)
             return EXIT_BAD_INPUT
     return code
-
-
-def _speed(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.1 <= value <= 100:
-        raise argparse.ArgumentTypeError(f"expected a factor between 0.1 and 100, got {text!r}")
-    return value

@@ -51,11 +51,8 @@ class Turtle:
     """Radians per second to the left."""
     pen: Pen = Pen()
     strokes: list[Stroke] = field(default_factory=list)
-    walls_hit: int = 0
-    """Collisions with a wall."""
     _left: float = 0.0
     """Seconds for which the command still holds."""
-    _at_wall: bool = False
 
     def command(self, ahead: float, left: float, angular: float) -> None:
         """Move with these velocities from now on, for `HELD` seconds."""
@@ -65,7 +62,6 @@ class Turtle:
         """Let `STEP` seconds pass."""
         if self._left <= STEP / 2:
             self.linear, self.angular = (0.0, 0.0), 0.0
-            self._at_wall = False
             return
         self._left -= STEP
         ahead, left = self.linear
@@ -85,7 +81,7 @@ class Turtle:
         }
 
     def teleport(self, x: float, y: float, theta: float) -> None:
-        """Move there, and draw the way. Raises ValueError for a place outside the field."""
+        """Move to x and y (metres), draw the way, and turn to theta (radians). Raises ValueError outside the field."""
         for name, value in (("x", x), ("y", y)):
             if not 0 <= value <= FIELD:
                 raise ValueError(f"{name}: {value:g} is outside the field, 0..{FIELD:.2f}")
@@ -110,27 +106,21 @@ class Turtle:
 
     def _move(self, x: float, y: float) -> None:
         inside = min(max(x, 0.0), FIELD), min(max(y, 0.0), FIELD)
-        hits = inside != (x, y)
-        self.walls_hit += hits and not self._at_wall
-        self._at_wall = hits
         start, (self.x, self.y) = (self.x, self.y), inside
         if start != inside and not self.pen.off:
             self._draw(start, inside)
 
     def _draw(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         last = self.strokes[-1] if self.strokes else None
-        if last is not None and last.pen is self.pen and last.end == start and _goes_on(last, end):
-            last.end = end
-            return
+        if last is not None and last.pen is self.pen and last.end == start:
+            (x0, y0), (x1, y1), (x2, y2) = last.start, start, end
+            ahead = (x1 - x0) * (x2 - x1) + (y1 - y0) * (y2 - y1)
+            if ahead > 0 and abs((x1 - x0) * (y2 - y1) - (y1 - y0) * (x2 - x1)) < STRAIGHT:
+                last.end = end
+                return
         if len(self.strokes) >= MAX_STROKES:
             del self.strokes[0]
         self.strokes.append(Stroke(self.pen, start, end))
-
-
-def _goes_on(stroke: Stroke, end: tuple[float, float]) -> bool:
-    (x0, y0), (x1, y1), (x2, y2) = stroke.start, stroke.end, end
-    ahead = (x1 - x0) * (x2 - x1) + (y1 - y0) * (y2 - y1)
-    return ahead > 0 and abs((x1 - x0) * (y2 - y1) - (y1 - y0) * (x2 - x1)) < STRAIGHT
 
 
 def svg(turtle: Turtle) -> str:

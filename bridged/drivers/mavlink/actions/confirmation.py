@@ -81,7 +81,7 @@ def asked_message(
     patience: tuple[float, float],
     fits: Fits = lambda message: True,
 ) -> Generator[None, None, dialect.MAVLink_message | None]:
-    """As `next_message`, requesting the message until it arrives."""
+    """As `next_message`, requesting the message until it arrives. `patience`: mission and wall seconds."""
     return (yield from next_message(flight, name, patience, fits, Poll(flight, run, name)))
 
 
@@ -127,7 +127,10 @@ TARGET_NEAR = 1.0
 
 
 def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode: int) -> Attempt:
-    """Send a command that changes the mode until it sticks. Returns the failure, None if the mode is steady."""
+    """Send a command that changes the mode until it sticks. `mode`: its number in HEARTBEAT.custom_mode.
+
+    Returns the failure, None if the mode is steady.
+    """
     vehicle, before = flight.vehicle, flight.vehicle.mode
     asked, name = flight.now, flight.vehicle.modes.name(mode)
 
@@ -338,7 +341,8 @@ def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: s
     """Judge whether motors that have just stopped did so on the ground. Returns None if so, else why not.
 
     What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
-    itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time; `where` is for people.
+    itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time, in mission seconds;
+    `where` is for people.
     """
     vehicle, asked, seen = flight.vehicle, flight.now, flight.vehicle.positions
     until = asked + flight.wait(*STANDS_FOR)
@@ -369,5 +373,5 @@ def from_home(flight: ProcedureContext) -> float | None:
 
 
 def metres(distance: float | None) -> str:
-    """Return a distance for people."""
+    """Return a distance in metres for people; None = it is not known."""
     return "an unknown distance" if distance is None else f"{distance:.1f} m"

@@ -192,7 +192,7 @@ class ProcedureContext:
         return self.commands.submit(command, self.now)
 
     def send_target(self, place: Place, frame: int, yaw: float | None = None) -> None:
-        """Send a position target; nothing acknowledges it."""
+        """Send a position target; nothing acknowledges it. `frame`: MAV_FRAME; `yaw`: radians from north, clockwise."""
         identity = self.commands.identity
         latitude, longitude = round(place.latitude * 1e7), round(place.longitude * 1e7)
         mask = POSITION_ONLY if yaw is None else POSITION_ONLY & ~YAW_IGNORED
@@ -253,7 +253,7 @@ class ProcedureContext:
         self._expected[mode] = self.now + self.wait(*EXPECTED_FOR)
 
     def expects(self, mode: int) -> bool:
-        """Whether we asked for `mode` lately."""
+        """Whether we asked for the mode of this number (custom_mode) lately."""
         return self._expected.get(mode, -1.0) >= self.now
 
     @property

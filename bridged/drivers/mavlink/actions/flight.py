@@ -258,7 +258,7 @@ def return_above(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
 
 
 def mode_action(mode: int) -> BoundAction:
-    """DO_SET_MODE to a mode of the vehicle."""
+    """Return DO_SET_MODE to a mode of the vehicle, by its number (custom_mode)."""
     parameters = (float(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(mode), 0.0, 0.0, 0.0, 0.0, 0.0)
     return BoundAction(dialect.MAV_CMD_DO_SET_MODE, parameters)
 

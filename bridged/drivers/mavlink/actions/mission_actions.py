@@ -261,6 +261,7 @@ def set_current(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
 
 
 def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Attempt:
+    """Make an item the current one, by its number from 1. Returns the failure, None if MISSION_CURRENT shows it."""
     identity, poll = flight.commands.identity, Poll(flight, run, "MISSION_CURRENT")
     run.waits_for = f"the vehicle to report that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):

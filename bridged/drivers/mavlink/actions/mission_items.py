@@ -100,7 +100,10 @@ class Item:
 
 
 def read_items(value: Value, frame: int) -> tuple[Item, ...]:
-    """Read the items of a mission without home. Raises ValueError for the first that is wrong."""
+    """Read the items of a mission without home. `frame`: MAV_FRAME of items that name none.
+
+    Raises ValueError for the first that is wrong.
+    """
     if not isinstance(value, list) or not value:
         raise ValueError(f"a mission is a list of items, each {FORMS}")
     if len(value) > MAX_ITEMS:

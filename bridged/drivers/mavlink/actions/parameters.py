@@ -138,7 +138,10 @@ def set_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
 
 
 def guard(flight: ProcedureContext, name: str, value: float) -> str:
-    """Return that a value would switch off what the mission file relies on, for people; empty = it would not."""
+    """Return that a value would switch off what the mission file relies on, for people; empty = it would not.
+
+    `value`: as ArduPilot's parameter of the name counts.
+    """
     name, off = name.upper(), abs(value) < 1
     if flight.failsafe.watches and (name in _FAILSAFE_SETTINGS or (name in _FAILSAFE_SWITCHES and off)):
         return f"{name} is not set to {value:g}: the mission declares `failsafe`, which relies on it"
@@ -148,7 +151,7 @@ def guard(flight: ProcedureContext, name: str, value: float) -> str:
 
 
 def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, wanted: float) -> Attempt:
-    """Set a parameter. Returns the failure, None if the vehicle has taken the value."""
+    """Set a parameter to a value that fits into 32 bits. Returns the failure, None if the vehicle has taken it."""
     try:
         wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will tell it
     except OverflowError:

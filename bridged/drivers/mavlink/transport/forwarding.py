@@ -78,7 +78,7 @@ class GroundStation:
             self._opening = asyncio.create_task(self._open(), name=f"forward {self.address}")
 
     async def detach(self, vehicle: int) -> None:
-        """Remove a vehicle; the last one closes the link."""
+        """Remove a vehicle, by its system id; the last one closes the link."""
         self._vehicles.pop(vehicle, None)
         if not self._vehicles and self._opening is not None:
             opening, self._opening = self._opening, None
@@ -131,7 +131,7 @@ class GroundStation:
                 log.info("forwarding to %s", self.address)
 
     def take(self, packet: bytes, system: int, number: int) -> None:
-        """Send a packet of the station to the vehicles."""
+        """Send a packet of the station to the vehicles; `number` is its message id."""
         part, now = component(packet), asyncio.get_running_loop().time()
         if system in self._vehicles and (part == AUTOPILOT or now - self._parts.get((system, part), -inf) < ECHO_FOR):
             self.counters.echoes += 1
@@ -164,7 +164,7 @@ class _StationGate(Gate):
 
 
 def target_of(packet: bytes, number: int) -> int:
-    """Return the system that a packet is meant for; 0 = all of them, or the message names none."""
+    """Return the id of the system that a packet of message `number` is meant for; 0 = all, or it names none."""
     place = _target_place(number)
     header, payload = (HEADER_1 if packet[0] == MAGIC_1 else HEADER_2), packet[1]
     return packet[header + place] if place is not None and place < payload else 0

@@ -38,7 +38,7 @@ class WireCounters:
 
 
 class Gate:
-    """A framer's filter of packets before they are decoded. This one lets all of them through."""
+    """A framer's filter of packets before they are decoded, by system id. This one lets all of them through."""
 
     def wants(self, system: int, message_id: int) -> bool:
         """Whether somebody reads such messages of this system."""

@@ -164,16 +164,12 @@ class SharedLink:
         if self.link is None:
             return
         ids, signing, home = link_client.ids, link_client.signing, link_client.address.peer
-        if self.two_vehicles(link_client):
+        if link_client.address.two_vehicles(asyncio.get_running_loop().time()):
             self.link.send_to(self.link.peers_of(link_client.vehicle), message, ids=ids, signing=signing)
         elif home is not None and not home.closed:
             self.link.send_to([home], message, ids=ids, signing=signing)
         else:
             self.link.send(message, link_client.vehicle, ids=ids, signing=signing)
-
-    def two_vehicles(self, link_client: LinkClient) -> str:
-        """Return the warning that two vehicles have the system id of a robot's, empty if there is one."""
-        return link_client.address.two_vehicles(asyncio.get_running_loop().time())
 
     def notes(self, link_client: LinkClient) -> list[Note]:
         """Return the warnings of the link that hold now, and those of one robot's place at it."""
@@ -239,7 +235,7 @@ class SharedLink:
         return counters
 
     def refuse(self, system: int, objection: str, peer: Peer) -> None:
-        """Take in that a packet was refused for its signature."""
+        """Take in that a packet of a system (MAVLink id) was refused for its signature."""
         what, now = (system, objection, str(peer)), asyncio.get_running_loop().time()
         if objection == OUTDATED and now - peer.told_at >= TELL_AGAIN:
             peer.told_at = now

@@ -194,7 +194,10 @@ class Timestamps:
         return following
 
     def heard(self, timestamp: int) -> None:
-        """Another holder of the key is ahead: go on from there (devguide), so that clocks need not agree."""
+        """Continue from the timestamp (10 µs) of another holder of the key who is ahead (devguide).
+
+        Clocks then need not agree.
+        """
         self._last = max(self._last, timestamp)
 
     def close(self) -> None:
@@ -236,7 +239,7 @@ class Signing:
     def __init__(
         self, key: bytes, timestamps: Timestamps | None = None, link_id: int = 0, streams: SignedStreams | None = None
     ) -> None:
-        """`link_id` tells apart several links of one sender to one vehicle; `streams` are those of all keys."""
+        """`link_id` (0..255) tells apart links of one sender to one vehicle; `streams` are those of all keys."""
         self._key = key
         self._link_id = link_id
         self.timestamps = timestamps or Timestamps()

@@ -40,7 +40,7 @@ class _Heard:
 
 
 class VehicleAddress:
-    """Where one vehicle's autopilot speaks."""
+    """Where one vehicle's autopilot speaks. `now` is in wall seconds."""
 
     def __init__(self, system: int, link_loss: float = 5.0) -> None:
         self.link_loss = link_loss

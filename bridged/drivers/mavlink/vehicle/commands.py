@@ -81,7 +81,10 @@ class MavlinkCommand:
 
 
 class Commands:
-    """The commands that are under way to one vehicle; of each kind one at a time, the others wait for their turn."""
+    """The commands that are under way to one vehicle; of each kind one at a time, the others wait for their turn.
+
+    `speed` is mission seconds per wall second; `now` is in mission seconds.
+    """
 
     def __init__(self, identity: Identity, speed: float, send: Callable[[dialect.MAVLink_message], None]) -> None:
         self.identity = identity
@@ -146,18 +149,14 @@ class Commands:
         if command.sent > command.retry.times or (command.sent and not command.may_repeat()):
             command.silent = True
             return True
+        to, number, again = (self.identity.vehicle, self.identity.autopilot), command.number, min(command.sent, 255)
+        if command.frame is None:
+            self._send(dialect.MAVLink_command_long_message(*to, number, again, *command.parameters))
+        else:
+            *first, latitude, longitude, altitude = command.parameters
+            place = (round(latitude * 1e7), round(longitude * 1e7), altitude)
+            self._send(dialect.MAVLink_command_int_message(*to, command.frame, number, 0, 0, *first, *place))
         self.repeated += command.sent > 0
-        self._send(self._packed(command))
         command.sent += 1
         command.next_at = now + float(command.retry.every) * self._patience
         return False
-
-    def _packed(self, command: MavlinkCommand) -> dialect.MAVLink_message:
-        to = (self.identity.vehicle, self.identity.autopilot)
-        if command.frame is None:
-            return dialect.MAVLink_command_long_message(
-                *to, command.number, min(command.sent, 255), *command.parameters
-            )
-        *first, latitude, longitude, altitude = command.parameters
-        place = (round(latitude * 1e7), round(longitude * 1e7), altitude)
-        return dialect.MAVLink_command_int_message(*to, command.frame, command.number, 0, 0, *first, *place)

@@ -85,39 +85,17 @@ class ModeTable:
         raise ValueError(f"no mode {mode!r}; this vehicle has {', '.join(self.names.values())}")
 
 
+def _names(enum: str, otherwise: Mapping[int, str]) -> Mapping[int, str]:
+    """Return MAVLink's names of modes by number; `otherwise`: those that mavros and ground stations call otherwise."""
+    entries = dialect.enums[enum].items()
+    names = {number: entry.name.removeprefix(f"{enum}_") for number, entry in entries}
+    return MappingProxyType({number: name for number, name in names.items() if name != "ENUM_END"} | dict(otherwise))
+
+
 ARDUCOPTER = ModeTable(
     vehicle="arducopter",
     types=frozenset({2, 3, 4, 13, 14, 15, 29, 35}),
-    names=MappingProxyType(
-        {
-            0: "STABILIZE",
-            1: "ACRO",
-            2: "ALT_HOLD",
-            3: "AUTO",
-            4: "GUIDED",
-            5: "LOITER",
-            6: "RTL",
-            7: "CIRCLE",
-            9: "LAND",
-            11: "DRIFT",
-            13: "SPORT",
-            14: "FLIP",
-            15: "AUTOTUNE",
-            16: "POSHOLD",
-            17: "BRAKE",
-            18: "THROW",
-            19: "AVOID_ADSB",
-            20: "GUIDED_NOGPS",
-            21: "SMART_RTL",
-            22: "FLOWHOLD",
-            23: "FOLLOW",
-            24: "ZIGZAG",
-            25: "SYSTEMID",
-            26: "AUTOROTATE",
-            27: "AUTO_RTL",
-            28: "TURTLE",
-        }
-    ),
+    names=_names("COPTER_MODE", {}),
     guided=4,
     hold=17,
     land=9,
@@ -132,36 +110,7 @@ ARDUCOPTER = ModeTable(
 ARDUPLANE = ModeTable(
     vehicle="arduplane",
     types=frozenset({1}),
-    names=MappingProxyType(
-        {
-            0: "MANUAL",
-            1: "CIRCLE",
-            2: "STABILIZE",
-            3: "TRAINING",
-            4: "ACRO",
-            5: "FBWA",
-            6: "FBWB",
-            7: "CRUISE",
-            8: "AUTOTUNE",
-            10: "AUTO",
-            11: "RTL",
-            12: "LOITER",
-            13: "TAKEOFF",
-            14: "AVOID_ADSB",
-            15: "GUIDED",
-            16: "INITIALISING",
-            17: "QSTABILIZE",
-            18: "QHOVER",
-            19: "QLOITER",
-            20: "QLAND",
-            21: "QRTL",
-            22: "QAUTOTUNE",
-            23: "QACRO",
-            24: "THERMAL",
-            25: "LOITERALTQLAND",
-            26: "AUTOLAND",
-        }
-    ),
+    names=_names("PLANE_MODE", {5: "FBWA", 6: "FBWB", 16: "INITIALISING", 25: "LOITERALTQLAND"}),
     guided=15,
     hold=12,
     land=11,
@@ -185,24 +134,7 @@ ARDUPLANE_VTOL = replace(ARDUPLANE, types=frozenset(range(19, 26)), land=20, lan
 ARDUROVER = ModeTable(
     vehicle="ardurover",
     types=frozenset({10, 11}),
-    names=MappingProxyType(
-        {
-            0: "MANUAL",
-            1: "ACRO",
-            3: "STEERING",
-            4: "HOLD",
-            5: "LOITER",
-            6: "FOLLOW",
-            7: "SIMPLE",
-            8: "DOCK",
-            9: "CIRCLE",
-            10: "AUTO",
-            11: "RTL",
-            12: "SMART_RTL",
-            15: "GUIDED",
-            16: "INITIALISING",
-        }
-    ),
+    names=_names("ROVER_MODE", {16: "INITIALISING"}),
     guided=15,
     hold=4,
     land=4,

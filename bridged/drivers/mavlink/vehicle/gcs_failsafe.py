@@ -51,7 +51,10 @@ def id_problem(failsafe: Failsafe, vehicle: int, ids: Ids) -> str:
 
 
 class FailsafeCheck:
-    """Reads the failsafe parameter back at each connect, and says what is wrong."""
+    """Reads the failsafe parameter back at each connect, and says what is wrong.
+
+    `speed` is mission seconds per wall second; `now` is in mission seconds.
+    """
 
     def __init__(
         self, failsafe: Failsafe, identity: Identity, send: Callable[[dialect.MAVLink_message], None], speed: float

@@ -132,7 +132,9 @@ class Vehicle:
         """Take in one message of this vehicle's autopilot."""
         self.now = now
         if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
-            self._clock(boot_ms)
+            if boot_ms + REBOOT_MS < self._boot_ms:
+                self._rebooted()
+            self._boot_ms = max(boot_ms, self._boot_ms)
         match message.get_type():
             case "HEARTBEAT":
                 self.heartbeats += 1
@@ -228,11 +230,6 @@ class Vehicle:
             if self.home is None:
                 missing.append("home is not known")
         return missing
-
-    def _clock(self, boot_ms: int) -> None:
-        if boot_ms + REBOOT_MS < self._boot_ms:
-            self._rebooted()
-        self._boot_ms = max(boot_ms, self._boot_ms)
 
     def _rebooted(self) -> None:
         """Forget what it reported: it is booting (MAV_STATE_BOOT), or its clock went back."""

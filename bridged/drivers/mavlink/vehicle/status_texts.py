@@ -55,7 +55,7 @@ class _Long:
 
 
 class Texts:
-    """The last texts with the time at which they came."""
+    """The last texts with the time at which they came; times are mission seconds."""
 
     def __init__(self) -> None:
         self._texts: deque[Said] = deque(maxlen=MAX_TEXTS)
@@ -110,7 +110,7 @@ class Warnings:
         self._heard: dict[tuple[int, str], float] = {}
 
     def take(self, said: Said, within: float) -> bool | None:
-        """Take in a text. Returns whether it is news, None if it is not to be told; `within` = REPEATS_WITHIN."""
+        """Take in a text. Returns whether it is news, None if it is not to be told; `within`: mission seconds."""
         if said.severity > NOTABLE:
             return None
         self._heard = {known: at for known, at in self._heard.items() if said.at - at <= within}

@@ -63,7 +63,10 @@ class _Stream:
 
 
 class Streams:
-    """The messages that one vehicle is asked for."""
+    """The messages that one vehicle is asked for.
+
+    `speed` is mission seconds per wall second; `now` is in mission seconds.
+    """
 
     def __init__(self, manifest: Manifest, commands: Commands, speed: float) -> None:
         self.requested = 0

@@ -5,7 +5,6 @@ is above home, as ArduCopter does.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -66,8 +65,84 @@ class CommandContext:
 
     def carry_out(self, command: Command) -> Result:
         """Carry out a command."""
-        action = _ACTIONS.get(command.number)
-        return action(self, command) if action is not None else Result.UNSUPPORTED
+        copter, (first, second, *_) = self.copter, command.params
+        match command.number:
+            case dialect.MAV_CMD_NAV_LOITER_UNLIM:
+                return copter.set_mode(Mode.LOITER)
+            case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+                return copter.set_mode(Mode.RTL)
+            case dialect.MAV_CMD_NAV_LAND:
+                return copter.set_mode(Mode.LAND)
+            case dialect.MAV_CMD_NAV_TAKEOFF:
+                return copter.take_off(command.z) if command.frame in RELATIVE_FRAMES else Result.DENIED
+            case dialect.MAV_CMD_DO_SET_MODE:
+                return copter.set_mode(whole(second)) if whole(first) & 1 else Result.DENIED
+            case dialect.MAV_CMD_DO_SET_HOME:
+                return _set_home(copter, command)
+            case dialect.MAV_CMD_DO_REPOSITION:
+                return _reposition(copter, command)
+            case number if number in _AS_IN_A_MISSION:
+                return do(copter, number, command.params)
+            case dialect.MAV_CMD_DO_SET_MISSION_CURRENT:
+                if not copter.jump_to(whole(first)):
+                    return Result.FAILED
+                self.after.append(telemetry.mission_current(copter))
+                return Result.ACCEPTED
+            case dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN if first in (1.0, 3.0):
+                self.reboot_wanted = not copter.armed
+                return Result.FAILED if copter.armed else Result.ACCEPTED
+            case dialect.MAV_CMD_MISSION_START:
+                return copter.start_mission()
+            case dialect.MAV_CMD_COMPONENT_ARM_DISARM if first in (0.0, 1.0):
+                force = second == FORCE
+                return copter.arm(force=force) if first else copter.disarm(force=force)
+            case dialect.MAV_CMD_RUN_PREARM_CHECKS:
+                if copter.armed:
+                    return Result.TEMPORARILY_REJECTED
+                for problem in copter.arming_problems():
+                    copter.say(f"PreArm: {problem}", Severity.CRITICAL)
+                return Result.ACCEPTED
+            case dialect.MAV_CMD_GET_HOME_POSITION:
+                return self._send(dialect.MAVLINK_MSG_ID_HOME_POSITION)
+            case dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
+                return self._send(dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+            case dialect.MAV_CMD_REQUEST_MESSAGE:
+                return self._send(whole(first))
+            case dialect.MAV_CMD_GET_MESSAGE_INTERVAL:
+                wanted = whole(first)
+                if not 0 <= wanted <= 65535:
+                    return Result.FAILED
+                interval = self.streams.interval_us(wanted)
+                self.ahead.append(dialect.MAVLink_message_interval_message(wanted, interval))
+                return Result.ACCEPTED if self.streams.knows(wanted) else Result.FAILED
+            case dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
+                if not math.isfinite(second):
+                    return Result.DENIED
+                if self.streams.set(whole(first), second, copter.now):
+                    return Result.ACCEPTED
+                copter.say(f"No ap_message for mavlink id ({whole(first)})")
+                return Result.DENIED
+        return Result.UNSUPPORTED
+
+    def _send(self, message: int) -> Result:
+        """Send a message after the acknowledgement."""
+        build = telemetry.BUILDERS.get(message)
+        built = None if build is None else build(self.copter)
+        if built is None:
+            return Result.FAILED
+        self.after.append(built)
+        return Result.ACCEPTED
+
+
+_AS_IN_A_MISSION = frozenset((
+    dialect.MAV_CMD_CONDITION_YAW,
+    dialect.MAV_CMD_DO_CHANGE_SPEED,
+    dialect.MAV_CMD_DO_SET_SERVO,
+    dialect.MAV_CMD_DO_REPEAT_SERVO,
+    dialect.MAV_CMD_DO_FENCE_ENABLE,
+    dialect.MAV_CMD_DO_GRIPPER,
+))  # fmt: skip
+"""Commands that do the same as items of a mission."""
 
 
 def altitude(copter: Copter, frame: int, z: float) -> float | None:
@@ -80,43 +155,7 @@ def altitude(copter: Copter, frame: int, z: float) -> float | None:
     return home.alt + z if frame in RELATIVE_FRAMES else None
 
 
-def _set_mode(context: CommandContext, command: Command) -> Result:
-    if not whole(command.params[0]) & 1:
-        return Result.DENIED
-    return context.copter.set_mode(whole(command.params[1]))
-
-
-def _enter(mode: Mode) -> "Action":
-    return lambda context, _: context.copter.set_mode(mode)
-
-
-def _arm(context: CommandContext, command: Command) -> Result:
-    force = command.params[1] == FORCE
-    match command.params[0]:
-        case 1.0:
-            return context.copter.arm(force=force)
-        case 0.0:
-            return context.copter.disarm(force=force)
-    return Result.UNSUPPORTED
-
-
-def _run_prearm_checks(context: CommandContext, command: Command) -> Result:
-    del command
-    if context.copter.armed:
-        return Result.TEMPORARILY_REJECTED
-    for problem in context.copter.arming_problems():
-        context.copter.say(f"PreArm: {problem}", Severity.CRITICAL)
-    return Result.ACCEPTED
-
-
-def _take_off(context: CommandContext, command: Command) -> Result:
-    if command.frame not in RELATIVE_FRAMES:
-        return Result.DENIED
-    return context.copter.take_off(command.z)
-
-
-def _reposition(context: CommandContext, command: Command) -> Result:
-    copter = context.copter
+def _reposition(copter: Copter, command: Command) -> Result:
     if not command.by_int:
         return Result.UNSUPPORTED
     above_sea = altitude(copter, command.frame, command.z)
@@ -136,19 +175,7 @@ def _reposition(context: CommandContext, command: Command) -> Result:
     return Result.ACCEPTED if copter.guide(GoTo(goal, heading)) else Result.FAILED
 
 
-def _do(context: CommandContext, command: Command) -> Result:
-    return do(context.copter, command.number, command.params)
-
-
-def _set_mission_item(context: CommandContext, command: Command) -> Result:
-    if not context.copter.jump_to(whole(command.params[0])):
-        return Result.FAILED
-    context.after.append(telemetry.mission_current(context.copter))
-    return Result.ACCEPTED
-
-
-def _set_home(context: CommandContext, command: Command) -> Result:
-    copter = context.copter
+def _set_home(copter: Copter, command: Command) -> Result:
     if command.params[0] == 1.0:
         copter.set_home(copter.place)
         return Result.ACCEPTED
@@ -160,84 +187,6 @@ def _set_home(context: CommandContext, command: Command) -> Result:
     except ValueError:
         return Result.DENIED
     return Result.ACCEPTED
-
-
-def _reboot(context: CommandContext, command: Command) -> Result:
-    if command.params[0] not in (1.0, 3.0):
-        return Result.UNSUPPORTED
-    if context.copter.armed:
-        return Result.FAILED
-    context.reboot_wanted = True
-    return Result.ACCEPTED
-
-
-def _start_mission(context: CommandContext, command: Command) -> Result:
-    del command
-    return context.copter.start_mission()
-
-
-def _send(message: int) -> "Action":
-    def action(context: CommandContext, command: Command) -> Result:
-        del command
-        built = telemetry.BUILDERS[message](context.copter)
-        if built is None:
-            return Result.FAILED
-        context.after.append(built)
-        return Result.ACCEPTED
-
-    return action
-
-
-def _request_message(context: CommandContext, command: Command) -> Result:
-    wanted = whole(command.params[0])
-    return _send(wanted)(context, command) if wanted in telemetry.BUILDERS else Result.FAILED
-
-
-def _set_interval(context: CommandContext, command: Command) -> Result:
-    wanted, interval_us = whole(command.params[0]), command.params[1]
-    if not math.isfinite(interval_us):
-        return Result.DENIED
-    if context.streams.set(wanted, interval_us, context.copter.now):
-        return Result.ACCEPTED
-    context.copter.say(f"No ap_message for mavlink id ({wanted})")
-    return Result.DENIED
-
-
-def _get_interval(context: CommandContext, command: Command) -> Result:
-    wanted = whole(command.params[0])
-    if not 0 <= wanted <= 65535:
-        return Result.FAILED
-    context.ahead.append(dialect.MAVLink_message_interval_message(wanted, context.streams.interval_us(wanted)))
-    return Result.ACCEPTED if context.streams.knows(wanted) else Result.FAILED
-
-
-Action = Callable[[CommandContext, Command], Result]
-
-_ACTIONS: dict[int, Action] = {
-    dialect.MAV_CMD_NAV_LOITER_UNLIM: _enter(Mode.LOITER),
-    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: _enter(Mode.RTL),
-    dialect.MAV_CMD_NAV_LAND: _enter(Mode.LAND),
-    dialect.MAV_CMD_NAV_TAKEOFF: _take_off,
-    dialect.MAV_CMD_CONDITION_YAW: _do,
-    dialect.MAV_CMD_DO_SET_MODE: _set_mode,
-    dialect.MAV_CMD_DO_CHANGE_SPEED: _do,
-    dialect.MAV_CMD_DO_SET_HOME: _set_home,
-    dialect.MAV_CMD_DO_REPOSITION: _reposition,
-    dialect.MAV_CMD_DO_SET_SERVO: _do,
-    dialect.MAV_CMD_DO_REPEAT_SERVO: _do,
-    dialect.MAV_CMD_DO_FENCE_ENABLE: _do,
-    dialect.MAV_CMD_DO_GRIPPER: _do,
-    dialect.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_item,
-    dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
-    dialect.MAV_CMD_MISSION_START: _start_mission,
-    dialect.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
-    dialect.MAV_CMD_RUN_PREARM_CHECKS: _run_prearm_checks,
-    dialect.MAV_CMD_GET_HOME_POSITION: _send(242),
-    dialect.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
-    dialect.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
-    dialect.MAV_CMD_REQUEST_MESSAGE: _request_message,
-    dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: _send(148),
-}
 
 
 _IGNORE_POSITION, _IGNORE_VELOCITY = 0b111, 0b111000

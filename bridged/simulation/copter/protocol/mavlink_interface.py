@@ -66,7 +66,7 @@ class SigningState:
         self.signing.timestamps.heard(message.initial_timestamp)
 
     def gate(self, channel: int) -> Gate:
-        """Return the gate for incoming packets of a link."""
+        """Return the gate for incoming packets of a link, by its number from 0."""
         return _SigningGate(self, channel)
 
 
@@ -195,7 +195,7 @@ class Vehicle:
 
     def receive(self, message: dialect.MAVLink_message, channel: int = 0) -> Messages:
         """Handle one message of another system; returns the immediate replies on the same channel."""
-        if self._reboot_in is not None or not self._is_for_us(message):
+        if self._reboot_in is not None or getattr(message, "target_system", 0) not in (0, self.system):
             return []
         here = self.channels[channel]
         here.heard = True
@@ -224,10 +224,6 @@ class Vehicle:
         if any(channel.list_at is not None for channel in self.channels):
             return STEP_S
         return max(0.0, min(channel.streams.next_due() for channel in self.channels) - self.copter.now)
-
-    def _is_for_us(self, message: dialect.MAVLink_message) -> bool:
-        target = getattr(message, "target_system", 0)
-        return target in (0, self.system)
 
     def _step(self) -> None:
         copter = self.copter
@@ -374,12 +370,8 @@ class Vehicle:
         if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
             found, index = parameters.at(message.param_index), message.param_index
         else:
-            name = _name_of(message)
+            name = message.param_id
+            name = name.decode(errors="replace") if isinstance(name, bytes) else str(name)
             value = message.param_value if kind == "PARAM_SET" else math.nan
             found, index = parameters.set(name, value) if name else None, _NO_INDEX
         return [self._value_of(found, index)] if found is not None else []
-
-
-def _name_of(message: dialect.MAVLink_message) -> str:
-    name = message.param_id
-    return name.decode(errors="replace") if isinstance(name, bytes) else str(name)

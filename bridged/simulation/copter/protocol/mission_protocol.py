@@ -56,7 +56,8 @@ class MissionProtocol:
             return self._other_list(message, peer, kind)
         match kind:
             case "MISSION_REQUEST_LIST":
-                return [dialect.MAVLink_mission_count_message(*peer, self._count())]
+                count = len(self._copter.mission.items) + (self._copter.home is not None)
+                return [dialect.MAVLink_mission_count_message(*peer, count)]
             case "MISSION_REQUEST" | "MISSION_REQUEST_INT":
                 return self._read(message.seq, peer, as_int=kind == "MISSION_REQUEST_INT")
             case "MISSION_COUNT":
@@ -65,8 +66,8 @@ class MissionProtocol:
                 self._copter.mission.clear()
                 self._copter.count_mission(0)
                 return [dialect.MAVLink_mission_ack_message(*peer, _ACCEPTED)]
-            case "MISSION_SET_CURRENT":
-                return self._set_current(message.seq)
+            case "MISSION_SET_CURRENT" if self._copter.jump_to(message.seq):  # else silence (ArduPilot)
+                return [telemetry.mission_current(self._copter)]
         return []
 
     def advance(self) -> Messages:
@@ -81,9 +82,6 @@ class MissionProtocol:
         if now - upload.asked >= _REPEAT_S:
             return [self._ask(upload)]
         return []
-
-    def _count(self) -> int:
-        return len(self._copter.mission.items) + (self._copter.home is not None)
 
     def _begin(self, count: int, peer: tuple[int, int]) -> Messages:
         if self._upload is not None and self._upload.peer != peer:
@@ -156,10 +154,6 @@ class MissionProtocol:
                 *peer, seq, item.frame, item.command, current, item.autocontinue, *item.params, x, y, item.z
             )
         ]
-
-    def _set_current(self, seq: int) -> Messages:
-        """Answered by MISSION_CURRENT, or by silence if there is no such item (ArduPilot)."""
-        return [telemetry.mission_current(self._copter)] if self._copter.jump_to(seq) else []
 
     def _guide(self, message: dialect.MAVLink_message, peer: tuple[int, int]) -> dialect.MAVLink_message:
         item, copter = _item_of(message), self._copter

@@ -123,7 +123,7 @@ class Parameter:
 
 
 class Parameters:
-    """All parameters of one vehicle. They survive a reboot."""
+    """All parameters of one vehicle of a system id (1..255). They survive a reboot."""
 
     def __init__(self, system: int = 1) -> None:
         self._values = {name: float(default) for name, default, _ in _TABLE}

@@ -336,7 +336,7 @@ ALL_GROUPS = 0
 
 @dataclass(slots=True)
 class Streams:
-    """Intervals in vehicle seconds by message id."""
+    """Intervals in vehicle seconds by message id; `now` is in vehicle seconds."""
 
     intervals: dict[int, float] = field(default_factory=lambda: dict(DEFAULTS_S))
     _due: dict[int, float] = field(default_factory=dict)

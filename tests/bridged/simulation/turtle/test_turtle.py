@@ -81,7 +81,6 @@ def test_walls_stop_it() -> None:
     turtle.command(10, 0, 0)
     moved(turtle, 2)
     assert turtle.x == FIELD
-    assert turtle.walls_hit == 1
 
 
 def test_it_draws_straight_lines_in_one_stroke_and_nothing_with_the_pen_off() -> None:
