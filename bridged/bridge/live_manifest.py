@@ -63,9 +63,16 @@ class RunningManifest:
             *_messages(check_manifest(manifest)),
             *_messages(self._objections(manifest)),
         ]
-        if not problems:
-            problems = self._put_into_effect(manifest)
-        return problems
+        if problems:
+            return problems
+        try:
+            self._adopt(manifest)
+        except (Findings, ValueError, OSError) as error:
+            self._adopt(self.manifest)
+            return _messages(error.findings) if isinstance(error, Findings) else [str(error)]
+        self.manifest = manifest
+        self.version += 1
+        return []
 
     def _fixed(self, manifest: Manifest) -> Iterable[str]:
         """Yield what would make it another robot, or need a driver that does not run."""
@@ -79,16 +86,6 @@ class RunningManifest:
                 if entry.driver and entry.driver not in self._drivers:
                     there = f"`{entry.driver}` does not run for this robot, {', '.join(self._drivers)} does"
                     yield f"{table}.{name}.driver: {there}; {RESTART}"
-
-    def _put_into_effect(self, manifest: Manifest) -> list[str]:
-        try:
-            self._adopt(manifest)
-        except (Findings, ValueError, OSError) as error:
-            self._adopt(self.manifest)
-            return _messages(error.findings) if isinstance(error, Findings) else [str(error)]
-        self.manifest = manifest
-        self.version += 1
-        return []
 
 
 def _messages(findings: Iterable[Finding]) -> list[str]:

@@ -15,6 +15,7 @@ from math import inf
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
+from bridged.drivers.mavlink.transport.signing import reason_of
 
 if TYPE_CHECKING:
     from bridged.drivers.mavlink.transport.link import Link
@@ -100,7 +101,7 @@ def in_words(error: OSError) -> str:
     """Return the reason of an error for people, without its number."""
     if isinstance(error, socket.gaierror):
         return "the host name is not known"
-    return (os.strerror(error.errno) if error.errno else str(error)).lower()
+    return reason_of(error)
 
 
 def _backoff() -> Iterator[float]:

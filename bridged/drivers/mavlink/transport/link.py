@@ -144,7 +144,15 @@ class Link:
 
     async def open(self) -> None:
         """For `open_link` and for links that do more: begin to carry bytes. Raises LinkError."""
-        self._endpoint = await _open_endpoint(self)
+        match self.address.kind:
+            case "udpin" | "udpout":
+                self._endpoint = Supervised(self, lambda: open_udp(self), opened=await open_udp(self))
+            case "tcpin":
+                self._endpoint = await TcpListener.open(self)
+            case "tcp":
+                self._endpoint = Supervised(self, lambda: call_tcp(self))
+            case "serial":  # a device that is missing now is an error; one that is lost later is waited for
+                self._endpoint = Supervised(self, lambda: open_serial(self), opened=await open_serial(self))
 
     async def close(self) -> None:
         """Close the link without waiting: packets not yet written are lost. May be called twice."""
@@ -245,16 +253,3 @@ async def open_link(
     link = Link(address, on_packet, Ids(system, component), on_state, signing, make_gate)
     await link.open()
     return link
-
-
-async def _open_endpoint(link: Link) -> Endpoint:
-    match link.address.kind:
-        case "udpin" | "udpout":
-            return Supervised(link, lambda: open_udp(link), opened=await open_udp(link))
-        case "tcpin":
-            return await TcpListener.open(link)
-        case "tcp":
-            return Supervised(link, lambda: call_tcp(link))
-        case "serial":
-            # A device that is missing now is an error now; one that is lost later is waited for.
-            return Supervised(link, lambda: open_serial(link), opened=await open_serial(link))

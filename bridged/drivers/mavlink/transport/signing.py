@@ -108,7 +108,12 @@ class SignedStreams:
             fresh.replace(self._file)
             self.problem = ""
         except OSError as error:
-            self.problem = f"{self._file}: {(os.strerror(error.errno) if error.errno else str(error)).lower()}"
+            self.problem = f"{self._file}: {reason_of(error)}"
+
+
+def reason_of(error: OSError) -> str:
+    """Return the reason of an error for people, without its number."""
+    return (os.strerror(error.errno) if error.errno else str(error)).lower()
 
 
 def _digest(text: str) -> str:
@@ -140,7 +145,7 @@ def read_key(path: Path) -> bytes:
             mode = os.fstat(file.fileno()).st_mode
             passphrase = file.readline(4096).rstrip(b"\r\n")
     except OSError as error:
-        raise SigningError(f"{path}: {(os.strerror(error.errno) if error.errno else str(error)).lower()}") from None
+        raise SigningError(f"{path}: {reason_of(error)}") from None
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise SigningError(f"{path}: others than its owner may use this file: do `chmod 600 {path}`")
     if not passphrase:
@@ -218,7 +223,7 @@ class Timestamps:
             self._write(bound)
             self.problem = ""
         except OSError as error:
-            self.problem = f"{self._file}: {(os.strerror(error.errno) if error.errno else str(error)).lower()}"
+            self.problem = f"{self._file}: {reason_of(error)}"
         self._reserved = bound
 
     def _write(self, bound: int) -> None:

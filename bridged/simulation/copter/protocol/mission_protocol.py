@@ -133,27 +133,9 @@ class MissionProtocol:
         if item is None:
             return [dialect.MAVLink_mission_ack_message(*peer, _BAD_SEQUENCE)]
         current = int(seq == copter.mission.current and seq > 0)
-        if as_int:
-            return [
-                dialect.MAVLink_mission_item_int_message(
-                    *peer,
-                    seq,
-                    item.frame,
-                    item.command,
-                    current,
-                    item.autocontinue,
-                    *item.params,
-                    item.x,
-                    item.y,
-                    item.z,
-                )
-            ]
-        x, y = item.x / 1e7, item.y / 1e7
-        return [
-            dialect.MAVLink_mission_item_message(
-                *peer, seq, item.frame, item.command, current, item.autocontinue, *item.params, x, y, item.z
-            )
-        ]
+        x, y = (item.x, item.y) if as_int else (item.x / 1e7, item.y / 1e7)
+        kind = dialect.MAVLink_mission_item_int_message if as_int else dialect.MAVLink_mission_item_message
+        return [kind(*peer, seq, item.frame, item.command, current, item.autocontinue, *item.params, x, y, item.z)]
 
     def _guide(self, message: dialect.MAVLink_message, peer: tuple[int, int]) -> dialect.MAVLink_message:
         item, copter = _item_of(message), self._copter
