@@ -53,7 +53,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Run the daemon until it is told to stop, or a program stops the team. Returns the exit code."""
+    """Run the daemon until a signal or a program stops it. Returns the exit code."""
     allow_deep_calls()
     return run_daemon("agentd", lambda stop: serve(load_mission(args.mission), args, stop))
 

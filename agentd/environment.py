@@ -149,7 +149,7 @@ class Environment:
         return self._board.seen_by(agent)
 
     def after(self, seconds: float, call: Callable[[], object]) -> None:
-        """Call something in `seconds` of the run's clock (in tests, that is virtual time)."""
+        """Call something in `seconds` of the run's clock, 0 or more (in tests, that is virtual time)."""
         self._running().after(seconds, call)
 
     @property

@@ -32,6 +32,7 @@ class Terminated(BaseException):
     """A signal has ended the process; no plan, plug-in or environment may catch this as an error of its own."""
 
     def __init__(self, number: int) -> None:
+        """`number` is that of the signal, such as 15 for SIGTERM."""
         super().__init__(signal.Signals(number).name)
         self.exit_code = 128 + number
 
@@ -115,7 +116,7 @@ def seconds(text: str) -> float:
 
 @contextmanager
 def loading_notice(files: Iterable[str], after: float = PATIENCE) -> Iterator[None]:
-    """Print once on stderr that files are still loading if the block takes `after` seconds of processor time."""
+    """Print once on stderr that files are still loading if the block takes `after` (more than 0) processor seconds."""
     names = list(files)
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     done, begun = threading.Event(), process_time()

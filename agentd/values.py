@@ -56,7 +56,7 @@ def literal(functor: str, *arguments: Any) -> Literal:
 
 @lru_cache(maxsize=4096)
 def plain_signature(functor: str, arity: int) -> Signature:
-    """Return the signature of a positive literal in the default namespace."""
+    """Return the signature of a positive literal with `arity` arguments, 0 or more, in the default namespace."""
     return signature(functor, arity)
 
 

@@ -8,7 +8,6 @@ from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from agentd.check.external_knowledge import Arities, Elsewhere, look_for_packages, standard_library
 from agentd.check.finding_kinds import Kind
@@ -174,7 +173,8 @@ def run(args: Namespace) -> int:
     with loading_notice(args.files):
         shown = _check(args.files, robot, paths)
     if args.json:
-        print(json.dumps([_fields(one) for one in shown], indent=2, ensure_ascii=False))
+        findings = [{name: getattr(one, name) for name in _FIELDS} for one in shown]
+        print(json.dumps(findings, indent=2, ensure_ascii=False))
     else:
         for text in shown.values():
             print(text, file=sys.stderr)
@@ -183,10 +183,8 @@ def run(args: Namespace) -> int:
     return EXIT_FOUND if any(one.severity == "error" for one in shown) else EXIT_DONE
 
 
-def _fields(one: Finding) -> dict[str, Any]:
-    """The JSON fields of a finding. These fields are stable; others may be added."""
-    names = ("file", "line", "column", "severity", "kind", "message")
-    return {name: getattr(one, name) for name in names}
+_FIELDS = ("file", "line", "column", "severity", "kind", "message")
+"""The fields of a finding with `--json`. They are stable; others may be added."""
 
 
 def _robot(name: str | None) -> Robot:

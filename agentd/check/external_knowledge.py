@@ -14,11 +14,12 @@ Arities: TypeAlias = Mapping[str, int | Collection[int]]
 
 
 def takes(arities: int | Collection[int], arity: int) -> bool:
+    """Return whether `arity`, 0 or more, is one of the numbers of arguments that something takes."""
     return arity == arities if isinstance(arities, int) else arity in arities
 
 
 def arguments(arities: int | Collection[int]) -> str:
-    """The number of arguments of something as text."""
+    """Return the numbers of arguments, each 0 or more, that something takes as text."""
     if isinstance(arities, range) and len(arities) > 9:
         return f"at least {arities.start} argument{'s' * (arities.start != 1)}" if arities.start else "any arguments"
     numbers = [arities] if isinstance(arities, int) else sorted(set(arities))

@@ -230,14 +230,14 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
     from agentd.jason_project.project_parser import parse_project  # most checks are of programs
 
     try:
-        told = read_project(file, paths, False).warnings
+        findings = read_project(file, paths, False).warnings
     except SyntaxErrors as errors:
-        told = [finding for finding in errors.findings if finding.file == file]
+        findings = [finding for finding in errors.findings if finding.file == file]
     except Findings as errors:
-        told = errors.findings
+        findings = errors.findings
     except OSError as error:
-        told = [Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)]
-    named = [one if one.kind else replace(one, kind=Kind.PROJECT.label) for one in told]
+        findings = [Finding(file, 0, 0, f"cannot be read: {error.strerror}", kind=Kind.FILE.label)]
+    named = [one if one.kind else replace(one, kind=Kind.PROJECT.label) for one in findings]
     shown = subjects.shown[file] = {one: str(one) for one in named}
     subjects.order.append(file)
     try:

@@ -80,6 +80,7 @@ class _ToWire:
         self._syntax = ToSyntax(MAX_DEPTH)
 
     def term(self, term: Any, depth: int) -> wire.Term:
+        """Convert a term that is `depth` levels deep in the message, 0 to `MAX_DEPTH`. Raises BadTerm."""
         if depth > MAX_DEPTH:
             raise BadTerm(f"nested deeper than {MAX_DEPTH}")
         term = deref(term)
@@ -174,7 +175,8 @@ class _FromWire:
             case wire.Number(text=text):
                 return float(text)
             case wire.Structure():
-                return self._structure(term)
+                sig = signature(term.functor, len(term.args), term.negated, term.namespace or DEFAULT)
+                return Literal(sig, tuple(map(self.term, term.args)), sorted_annots(map(self.term, term.annotations)))
             case wire.Variable():
                 return self._variable(term)
             case wire.OpenList(items=items, tail=tail):
@@ -187,10 +189,6 @@ class _FromWire:
                 return Collection("set", list(map(self.term, items)))
             case wire.Queue(items=items, priority=priority):
                 return Collection("priority" if priority else "queue", list(map(self.term, items)))
-
-    def _structure(self, term: wire.Structure) -> Literal:
-        sig = signature(term.functor, len(term.args), term.negated, term.namespace or DEFAULT)
-        return Literal(sig, tuple(map(self.term, term.args)), sorted_annots(map(self.term, term.annotations)))
 
     def _variable(self, term: wire.Variable) -> Any:
         variable = Var(term.name) if term.name.startswith("_") else self._values.setdefault(term.name, Var(term.name))

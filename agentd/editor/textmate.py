@@ -34,7 +34,8 @@ def grammar(tables: Tables | None = None) -> dict[str, Any]:
         "scopeName": f"source.{LANGUAGE}",
         "fileTypes": [LANGUAGE],
         "patterns": [
-            *_comments(),
+            {"match": r"//[^\n]*", "name": f"comment.line.double-slash.{LANGUAGE}"},
+            {"begin": r"/\*", "end": r"\*/", "name": f"comment.block.{LANGUAGE}"},
             _match(_one_line(tables.patterns["STRING"]), Class.STRING),
             *_in_context(tables.patterns["NAME"]),
             *_names(tables),
@@ -58,13 +59,6 @@ def _match(pattern: str, of: Class) -> dict[str, Any]:
 def _one_line(pattern: str) -> str:
     """A pattern with line feeds written as `\\n`, as the grammar has them."""
     return pattern.replace("\n", r"\n")
-
-
-def _comments() -> list[dict[str, Any]]:
-    return [
-        {"match": r"//[^\n]*", "name": f"comment.line.double-slash.{LANGUAGE}"},
-        {"begin": r"/\*", "end": r"\*/", "name": f"comment.block.{LANGUAGE}"},
-    ]
 
 
 def _in_context(name: str) -> list[dict[str, Any]]:

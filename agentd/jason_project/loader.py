@@ -218,13 +218,13 @@ def _without(spec: ClassSpec, what: str, instead: str) -> Finding:
 
 def _java_actions(program: CompiledProgram) -> Iterator[Finding]:
     """Internal actions such as ``my.lib.act(X)`` that nothing here provides: in Jason they are Java classes."""
-    told: set[tuple[str, int]] = set()
+    seen: set[tuple[str, int]] = set()
     own = {(name, arity) for name, arity, _ in program.functions}
     for call in _calls([*program.beliefs, *program.goals, *program.plans]):
         name, arity = call.name, len(call.args)
-        if name.startswith(".") or (name, arity) in told or (name, arity) in own or (name, arity) in FUNCTIONS:
+        if name.startswith(".") or (name, arity) in seen or (name, arity) in own or (name, arity) in FUNCTIONS:
             continue
-        told.add((name, arity))
+        seen.add((name, arity))
         if find_action(name, arity) is None:
             text = f"nothing provides the internal action {name}/{arity}: write its Java class in Python"
             yield _finding(call.position, text, warning=True)

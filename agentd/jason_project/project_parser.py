@@ -14,9 +14,7 @@ MAS name {
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree.errors import Problem, SyntaxErrors, problem_at
@@ -200,14 +198,29 @@ class _Parser:
 
     def _section(self, project: Project, seen: set[str]) -> Project:
         keyword = self.token
-        read = _SECTIONS.get(keyword.text)
-        if read is None or self.tokens[self.at + 1].text != ":":
+        if keyword.text not in _SECTIONS or self.tokens[self.at + 1].text != ":":
             raise self.wrong(self._no_section(keyword))
         if keyword.text in seen:
             raise self.wrong(f"there is already a section {keyword.text}")
         seen.add(keyword.text)
         self.at += 2
-        return replace(project, **read(self))
+        match keyword.text:
+            case "infrastructure":
+                return replace(project, infrastructure=self.class_spec("the infrastructure"))
+            case "environment":
+                environment = self.class_spec("the class of the environment")
+                return replace(project, environment=environment, environment_host=self._host())
+            case "executionControl":
+                control = self.class_spec("the class of the execution control")
+                self._host()
+                return replace(project, control=control)
+            case "agents":
+                return replace(project, agents=self._agents())
+            case "aslSourcePath":
+                return replace(project, source_paths=self._paths())
+            case "classpath":
+                return replace(project, class_paths=self._paths())
+        return replace(project, directives=self._directives())
 
     def _no_section(self, keyword: Token) -> str:
         if keyword.text in _SECTIONS:
@@ -218,18 +231,7 @@ class _Parser:
 
     # --- sections ---
 
-    def _infrastructure(self) -> dict[str, Any]:
-        return {"infrastructure": self.class_spec("the infrastructure")}
-
-    def _environment(self) -> dict[str, Any]:
-        return {"environment": self.class_spec("the class of the environment"), "environment_host": self._host()}
-
-    def _control(self) -> dict[str, Any]:
-        found = {"control": self.class_spec("the class of the execution control")}
-        self._host()
-        return found
-
-    def _agents(self) -> dict[str, Any]:
+    def _agents(self) -> tuple[AgentEntry, ...]:
         agents: list[AgentEntry] = []
         while not self.at_section_end():
             begun = self.at
@@ -240,7 +242,7 @@ class _Parser:
                 self._skip(begun)
         if not agents and not self.problems:
             raise self.wrong(f"an agent is missing after agents: found {self.token}")
-        return {"agents": tuple(agents)}
+        return tuple(agents)
 
     def _paths(self) -> tuple[Named, ...]:
         found: list[Named] = []
@@ -253,27 +255,22 @@ class _Parser:
             self.mark(";", "after each path")
         return tuple(found)
 
-    def _source_paths(self) -> dict[str, Any]:
-        return {"source_paths": self._paths()}
-
-    def _class_paths(self) -> dict[str, Any]:
-        return {"class_paths": self._paths()}
-
-    def _directives(self) -> dict[str, Any]:
+    def _directives(self) -> tuple[tuple[Named, ClassSpec], ...]:
         found: list[tuple[Named, ClassSpec]] = []
         while not self.at_section_end():
             name = self.word("the name of a directive")
             self.mark("=", "after the name of a directive")
             found.append((name, self.class_spec("the class of the directive")))
             self.mark(";", "after each directive")
-        return {"directives": tuple(found)}
+        return tuple(found)
 
     # --- an agent ---
 
     def _agent(self) -> AgentEntry:
         name = self.word("the name of an agent")
         if not name.text.isidentifier():
-            raise _Wrong(self._problem(name, f"'{name.text}' is not a name for an agent: use letters, digits and _"))
+            text = f"'{name.text}' is not a name for an agent: use letters, digits and _"
+            raise _Wrong(problem_at(self.source, self.tokens[self.at - 1].at, text))
         entry = AgentEntry(name.text, name.position)
         if self.token.kind == "string" or (self.token.kind == "word" and self.token.text not in _OF_AN_AGENT):
             entry = replace(entry, file=Named(self.token.text, self.position))
@@ -408,10 +405,6 @@ class _Parser:
         width = len(before.text) + (2 if before.kind == "string" else 0)
         return _Wrong(problem_at(self.source, min(before.at + width, len(self.source.text)), message))
 
-    def _problem(self, named: Named, message: str) -> Problem:
-        token = next(t for t in self.tokens if self.source.position(t.at) == named.position)
-        return problem_at(self.source, token.at, message)
-
     def _skip(self, begun: int) -> None:
         """Continue after the next semicolon, or at the next section."""
         self.at = max(self.at, begun + 1)
@@ -421,14 +414,13 @@ class _Parser:
                 return
 
 
-_SECTIONS: dict[str, Callable[[_Parser], dict[str, Any]]] = {
-    "infrastructure": _Parser._infrastructure,
-    "environment": _Parser._environment,
-    "executionControl": _Parser._control,
-    "agents": _Parser._agents,
-    "aslSourcePath": _Parser._source_paths,
-    "classpath": _Parser._class_paths,
-    "directives": _Parser._directives,
-}
-
+_SECTIONS = (
+    "infrastructure",
+    "environment",
+    "executionControl",
+    "agents",
+    "aslSourcePath",
+    "classpath",
+    "directives",
+)
 _OF_AN_AGENT = ("agentArchClass", "agentClass", "beliefBaseClass", "at")

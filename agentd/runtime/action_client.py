@@ -111,7 +111,7 @@ class ActionClient:
         return prepared
 
     def cancel(self, number: int) -> None:
-        """Cancel an action: the intention that waited for it is gone."""
+        """Cancel the action with this number in the mind (1 or more): the intention that waited for it is gone."""
         identity = self._identities.get(number)
         if identity == "":
             self._dropped.add(number)

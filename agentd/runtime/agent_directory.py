@@ -1,4 +1,4 @@
-"""The fleet's directory as the agents of a daemon use it: who can be sent to, who is online, who offers which service.
+"""The fleet's directory for the agents of a daemon: receivers of mail, agents that are online, providers of services.
 
 Each board's `commd` keeps a directory of all agents, also those of boards that are away. It publishes changes, and is
 queried at intervals, because a publication may be lost.
@@ -201,7 +201,7 @@ class PresenceBeliefs:
         self._look(agent)
 
     def subscribe(self, agent: str, feed: Feed) -> None:
-        """Feed an agent who is online now, and each change from now on."""
+        """Feed an agent the beliefs about agents that are online, now and at each change."""
         self._subscribers[agent] = feed
         for other, board in self.online.items():
             if other != agent:
@@ -293,7 +293,7 @@ class _Queue:
         self._heard = asyncio.get_running_loop().time()
 
     def until(self, since: float) -> float:
-        """Return the loop time at which a request made at `since` has failed."""
+        """Return the time of the event loop, in seconds, at which a request made at `since` has failed."""
         return max(since, self._heard) + PATIENCE
 
 

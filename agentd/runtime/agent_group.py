@@ -63,7 +63,10 @@ class AgentGroup:
         fresh: bool = False,
         unit: Member | None = None,
     ) -> None:
-        """`state` has a folder for each agent; `fresh`: the agents begin without what is saved there."""
+        """`state` has a folder for each agent; `fresh`: the agents begin without what is saved there.
+
+        `seed`, any integer, is where the agents' random numbers start (`Part.own_seed`).
+        """
         self._unit = unit or Unit({}).member("agentd")
         self.hosts: dict[str, AgentHost] = {}
         self.stopped: StopTeam | None = None
@@ -106,12 +109,12 @@ class AgentGroup:
         agent = self._mission.agents.get(name)
         if agent is None:
             return None
-        anew = agent.on_restart == "fresh"
-        if anew and not (self._state / name / FILE).exists():
+        fresh_start = agent.on_restart == "fresh"
+        if fresh_start and not (self._state / name / FILE).exists():
             return None
-        synchronous, fresh = self._mission.mail.synchronous, self._fresh or anew
+        synchronous, fresh = self._mission.mail.synchronous, self._fresh or fresh_start
         memory = await open_memory(self._state / name, name, self._writer, synchronous, fresh=fresh)
-        if anew:
+        if fresh_start:
             await asyncio.get_running_loop().run_in_executor(self._writer, memory.checkpoint.forget)
             return None
         return memory

@@ -35,7 +35,8 @@ the time mattered or after which many decisions are unpublished."""
 def reason(mind: Mind, clock: Clock, share: int = 1, ran: Ran | None = None) -> list[Effect]:
     """Run one slice. It ends with the first cycle that has an effect, or when there is nothing left to do.
 
-    `share` is the number of agents of this process that reason in turn; together they have the time of one slice.
+    `share` is the number of agents of this process that reason in turn, 1 or more; together they have the time of one
+    slice.
     """
     until, last, batch = clock.wall() + LONGEST_SLICE / max(1, share), mind.cycle + SLICE, 1
     timers, looks = mind.timers, mind.timers.looks
@@ -157,7 +158,7 @@ class WakeupTimer:
         self._set = False
 
     def within(self, seconds: float | None) -> None:
-        """Wake the task in `seconds` (wall clock) at the latest; None: only by `set`."""
+        """Wake the task in `seconds` (wall clock, 0 or more) at the latest; None: only by `set`."""
         if seconds is None:
             self._due = None
             return
@@ -169,7 +170,10 @@ class WakeupTimer:
         self._alarm = self._loop.call_at(due, self._ring)
 
     async def wait(self, seconds: float | None) -> None:
-        """Sleep until `set` is called, at most `seconds` (wall clock); return immediately if it was called already."""
+        """Sleep until `set` is called, at most `seconds` (wall clock, 0 or more; None: no limit).
+
+        Return immediately if it was called already.
+        """
         if self._set:
             return
         self.within(seconds)
@@ -212,7 +216,7 @@ class LagEstimator:
     def lag(self, cycle: int, waiting: int, now: float) -> float:
         """Return the seconds for which the inputs of the last look have waited; 0 if they are taken.
 
-        `cycle` is the last one, `waiting` the number of events and messages, `now` a time in seconds.
+        `cycle` is the number of the last one, `waiting` that of events and messages (0 or more), `now` in seconds.
         """
         if self._until is not None and cycle < self._until and waiting:
             return now - self._since

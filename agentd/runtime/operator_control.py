@@ -55,7 +55,7 @@ NOT_ALLOWED: Final = "the mission does not say `inject: true`: only then its min
 Step: TypeAlias = "asyncio.Future[str]"
 """A step that was ordered: the result says why it was not made; empty: it was."""
 MOST_STEPS: Final = 100
-"""Steps that wait at once."""
+"""Steps that may wait."""
 _BRACKETS: Final = re.compile(r"[][(){}]|\"(?:[^\"\\]|\\.)*\"")
 """Brackets, and strings, whose brackets do not count."""
 
@@ -76,7 +76,7 @@ class OperatorControl:
         self._clock, self._runner, self._mind, self._allowed = clock, runner, runner.mind, allowed
         self._changed = changed
         self._longest = LONGEST_PAUSE if robot is None else LONGEST_WITH_ROBOT
-        self._alone = "" if robot is None else f"; until then nobody reacts to what {robot} does and tells"
+        self._alone = "" if robot is None else f"; until then nobody reacts to percepts of {robot}"
         """Warning about the robot of a paused mind."""
         self._since = self._until = 0.0
         """Wall times of the beginning and the latest end of the pause, if there is one."""

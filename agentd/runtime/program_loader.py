@@ -61,7 +61,10 @@ class Part:
 
 
 def prepare(mission: Mission, agent: str, seed: int, decisions: int = DECISIONS) -> Part:
-    """Load an agent of a mission. Raises Findings with all mistakes of its program."""
+    """Load an agent of a mission. Raises Findings with all mistakes of its program.
+
+    `seed` is any integer, `decisions` the number of last decisions that the agent remembers, 0 or more.
+    """
     spec = mission.agents[agent]
     as_text, elsewhere = False, None
     if spec.robot is not None:

@@ -130,27 +130,24 @@ def _team(args: argparse.Namespace) -> Team | None:
     except (ProgramsRefused, ValueError) as refused:
         print(refused, file=sys.stderr)
         return None
+    paths = setup.paths
+    folders = [paths.project, *(Path(program.file).parent for _, program in setup.programs)]
+    folders += [*paths.folders, *paths.names.values(), *args.allow_folder]
     try:
         return Team(
             setup.programs,
             args.seed,
-            paths=setup.paths,
+            paths=paths,
             environment=make_environment(args.env),
             environment_arguments=args.env_arg or setup.environment_arguments,
             decisions=args.decisions,
             narrator=narrator_of(args),
             verbosity=setup.verbosity,
-            folders=_folders(args, setup),
+            folders=folders,
         )
     except UserCodeError as error:
         print(f"--env {args.env}: error: {error}", file=sys.stderr)
         return None
-
-
-def _folders(args: argparse.Namespace, setup: Setup) -> list[Path]:
-    """Return the folders of the files that programs may name at run time."""
-    programs = [Path(program.file).parent for _, program in setup.programs]
-    return [setup.paths.project, *programs, *setup.paths.folders, *setup.paths.names.values(), *args.allow_folder]
 
 
 class ProgramsRefused(Exception):

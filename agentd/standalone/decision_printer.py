@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 from schemas.humanize import escape_lines
-from schemas.wire.mind_records import CauseView, DecisionView, FailureView, PlanView, RejectedView
+from schemas.wire.mind_records import CauseView, DecisionView, FailureView, PlanView
 
 IN_FULL = 3
 """Decisions with the same reasons that are written; further ones are counted."""
@@ -98,14 +98,11 @@ def _functor(trigger: str) -> str:
 
 def decision_lines(view: DecisionView) -> list[str]:
     """Return a decision as text, a line for the event and one for each plan."""
-    return [_event_line(view), *_plan_lines(view)]
-
-
-def _event_line(view: DecisionView) -> str:
-    where = f" at {view.asked_at}" if view.asked_at else ""
+    origin = f", from {cause_words(view.cause)}" if view.cause else ""
     if view.goal:
-        return f"{view.event}, raised by the plan for {view.goal}{where}"
-    return f"{view.event}, from {cause_words(view.cause)}{where}" if view.cause else f"{view.event}{where}"
+        origin = f", raised by the plan for {view.goal}"
+    where = f" at {view.asked_at}" if view.asked_at else ""
+    return [f"{view.event}{origin}{where}", *_plan_lines(view)]
 
 
 def cause_words(cause: CauseView) -> str:
@@ -127,7 +124,10 @@ def cause_words(cause: CauseView) -> str:
 
 def _plan_lines(view: DecisionView) -> Iterable[str]:
     for rejected in view.rejected:
-        yield f"  not {_name(rejected.plan)}: {_why(rejected)}"
+        why = rejected.message
+        if rejected.why == "context":
+            why = f"{rejected.literal} does not hold{_with(rejected.plan.bindings)}"
+        yield f"  not {_name(rejected.plan)}: {why}"
     if view.chosen is not None:
         yield f"  chosen: {_name(view.chosen)}{_with(view.chosen.bindings)}"
         if view.untried:
@@ -141,12 +141,6 @@ def _plan_lines(view: DecisionView) -> Iterable[str]:
 def _name(plan: PlanView) -> str:
     label = f"@{plan.label} " if plan.label else ""
     return f"{label}{plan.trigger} ({plan.position})"
-
-
-def _why(rejected: RejectedView) -> str:
-    if rejected.why != "context":
-        return rejected.message
-    return f"{rejected.literal} does not hold{_with(rejected.plan.bindings)}"
 
 
 def _with(bindings: dict[str, str]) -> str:

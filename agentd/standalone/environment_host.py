@@ -147,7 +147,7 @@ class EnvironmentHost:
                 mind.feed(changed)
 
     def after(self, seconds: float, call: Callable[[], object]) -> None:
-        """Call something in the environment's thread in `seconds`; any thread may schedule that."""
+        """Call something in the environment's thread in `seconds` of the run's clock; negative ones count as 0."""
         with self._lock:
             heapq.heappush(self._calls, (self.now() + max(0.0, seconds), next(self._count), call))
             self._called = True
@@ -171,7 +171,7 @@ class EnvironmentHost:
         return bool(self._waiting)
 
     def sleep(self, seconds: float) -> None:
-        """Wait until another thread changes something, at most `seconds` of real time."""
+        """Wait until another thread changes something, at most `seconds` of real time (0 or more)."""
         self._asleep, self._board.on_change = True, self._stirred.set
         if not self.stirred:
             self._stirred.wait(seconds)

@@ -62,10 +62,11 @@ class WallClock:
         self._begun = time.monotonic()
 
     def now(self) -> float:
+        """Return the seconds since the beginning, 0 or more."""
         return time.monotonic() - self._begun
 
     def pass_time(self, seconds: float, sleep: Callable[[float], None] = time.sleep) -> None:
-        """Wait for up to `seconds`; ``sleep`` may end sooner."""
+        """Wait for `seconds`, at most `LONGEST_SLEEP`; negative ones count as 0, and ``sleep`` may end sooner."""
         sleep(min(max(0.0, seconds), LONGEST_SLEEP))
 
 
@@ -84,9 +85,10 @@ class VirtualClock(WallClock):
 
 
 class Team:
-    """The agents of one run. ``out`` writes their prints; ``seed`` is that of the first agent's random numbers.
+    """The agents of one run. ``out`` writes their prints, ``narrator`` their decisions when they are made.
 
-    ``decisions`` is the number of last decisions that each remembers, ``narrator`` prints them as they are made.
+    ``seed``, any integer, is that of the first agent's random numbers; ``decisions``, 0 or more, is the number of last
+    decisions that each agent remembers.
     """
 
     def __init__(
@@ -154,7 +156,10 @@ class Team:
         return mind
 
     def run(self, timeout: float | None, exit_when_idle: bool) -> int:
-        """Run until the team stops, is idle, or ``timeout`` seconds are over; return the exit code, 0 or 1."""
+        """Run until the team stops or is idle, if asked for, at most ``timeout`` seconds (more than 0; None: no limit).
+
+        Return the exit code: that of `.stopMAS`, 0 when idle, 1 after the timeout.
+        """
         gc.collect()
         gc.freeze()
         try:
@@ -241,20 +246,16 @@ class Team:
                         return True
                 if not mind.inputs or not self._lives(mind):
                     break
-        if self._kills:
-            self._kill_those_due()
+        for due, name in [kill for kill in self._kills if kill[0] <= self.clock.now()]:
+            self._kills.remove((due, name))
+            self._kill(name)
         return busy
 
     def _lives(self, mind: Mind) -> bool:
         return self.minds.get(mind.name) is mind
 
-    def _kill_those_due(self) -> None:
-        for due, name in [k for k in self._kills if k[0] <= self.clock.now()]:
-            self._kills.remove((due, name))
-            self._kill(name)
-
     def due(self, timeout: float | None) -> Iterator[float]:
-        """Return the times at which something is due, in seconds."""
+        """Return the times at which something is due, in seconds of the clock; ``timeout`` is one of them."""
         if timeout is not None:
             yield timeout
         if self._stop is not None:

@@ -167,7 +167,7 @@ def details_of(outcome: Outcome) -> Iterator[str]:
 
 
 def summary(outcomes: Sequence[Outcome], unread: Sequence[Unread], seconds: float) -> str:
-    """The counts, in one line."""
+    """Return the counts in one line; `seconds` is the real time that the tests took."""
     counts = {verdict: sum(o.verdict is verdict for o in outcomes) for verdict in Verdict}
     parts = [f"{counts[Verdict.PASSED]} passed"]
     for verdict, word in ((Verdict.FAILED, "failed"), (Verdict.ERROR, "in error"), (Verdict.TIMED_OUT, "timed out")):

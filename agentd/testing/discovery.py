@@ -112,7 +112,7 @@ def _of_file(file: str, paths: TestPaths, wanted: str | None, several: frozenset
         if standing != here and standing in several:
             continue  # it is run with its own file
         case = _case(file, plan, program)
-        if isinstance(case, Unread) or wanted is None or _fits(case, wanted):
+        if isinstance(case, Unread) or wanted is None or wanted in case.name or fnmatchcase(case.name, wanted):
             yield case
 
 
@@ -122,10 +122,6 @@ def is_test(plan: nodes.Plan) -> bool:
     if not isinstance(label, nodes.Structure) or label.annotations is None:
         return False
     return any(isinstance(a, nodes.Structure) and a.functor == "test" for a in label.annotations.items)
-
-
-def _fits(case: Case, wanted: str) -> bool:
-    return wanted in case.name or fnmatchcase(case.name, wanted)
 
 
 def _case(file: str, plan: nodes.Plan, program: CompiledProgram) -> Case | Unread:

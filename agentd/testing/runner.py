@@ -139,7 +139,7 @@ class _TestTeam(Team):
         self._mind = self.minds[name]
 
     def run_test(self, seconds: float) -> None:
-        """Run until the agent is idle, pursue the goal of the test, and judge the outcome."""
+        """Run until the agent is idle, pursue the goal of the test for at most `seconds` of its own time, and judge."""
         self._settle()
         self._mind.feed(GoalAdded(Literal(_RUN)))
         late = self.clock.now() + seconds

@@ -172,7 +172,7 @@ async def test_a_pause_of_an_agent_with_a_robot_is_short_and_says_what_it_means(
     connect: Connect, tmp_path: Path
 ) -> None:
     bob = await desk(connect, tmp_path, robot="uav1")
-    means = "; until then nobody reacts to what uav1 does and tells"
+    means = "; until then nobody reacts to percepts of uav1"
     assert await bob.order("pause") == Outcome(ok=True, reason=f"it goes on by itself in 60 s{means}")
     [note] = bob.agent.host.health().notes
     assert note.code == "mind_paused"
