@@ -47,6 +47,51 @@ def test_a_goal_suspended_before_it_had_a_plan_is_given_again_be_it_a_sub_goal_o
     assert own(life) == ["+!top[source(self)]", "+!g(2)[source(self)]", "+!g(1)[source(self)]"]
 
 
+PENDING: dict[str, tuple[str, list[Any], list[str], list[str]]] = {
+    "an untold belief whose plan has not ended": (
+        "-b(X)[source(S)] <- .wait(10000).",
+        [told("tell", "b(1)"), told("untell", "b(1)")],
+        ["-b(1)[source(ann)]"],
+        [],
+    ),
+    "a signal of another agent": ("+e(X) <- .wait(10000).", [told("signal", "e(1)")], ["+e(1)[source(ann)]"], []),
+    "a message to itself is its own matter": (
+        WAITS,
+        [told("achieve", "g(1)", sender="bob")],
+        [],
+        ["+!g(1)[source(self)]"],
+    ),
+    "own changes with a new focus, and signals": (
+        "+b(X) <- .wait(10000). -b(X) <- .wait(10000). +s <- .wait(10000). +!go <- ++b(1); --b(1); .signal({+s}).",
+        [GoalAdded(term("go")), BeliefAdded(term("b(2)")), SignalRaised.named("s")],
+        [],
+        ["+b(1)[source(self)]", "+b(2)[source(self)]", *["+s[source(self)]"] * 2, "-b(1)[source(self)]"],
+    ),
+    "no percepts: they come anew": (
+        "+at(X) <- .wait(10000). -at(X) <- .wait(10000).",
+        [PerceptAdded(term("at(1)"))],
+        [],
+        [],
+    ),
+    "no states of goals": ("^!g(X)[state(S)] <- .wait(10000). +!g(X).", [told("achieve", "g(1)")], [], []),
+    "a goal whose variables are free again": (
+        "+!find(X, f(Y, X)) <- X = 1; Y = 2; .wait(10000).",
+        [told("achieve", "find(A, f(B, A))")],
+        ["+!find(A,f(B,A))[source(ann)]"],
+        [],
+    ),
+}
+
+
+@pytest.mark.parametrize("what", PENDING)
+def test_what_is_given_again(what: str) -> None:
+    source, given, of_others, of_its_own = PENDING[what]
+    life = begun(source).feed(*given)
+    life.save()
+    assert others(life) == of_others
+    assert sorted(own(life)) == of_its_own
+
+
 def test_a_goal_that_has_ended_is_not_given_again() -> None:
     life = begun(WAITS).feed(told("achieve", "g(1)"))
     assert life.save().pending
@@ -133,49 +178,6 @@ def test_a_told_belief_whose_plan_has_not_ended_raises_its_event_again_but_is_be
     assert not changes.beliefs
 
 
-def test_an_untold_belief_whose_plan_has_not_ended_raises_its_event_again() -> None:
-    life = begun("-b(X)[source(S)] <- .wait(10000).").feed(told("tell", "b(1)"), told("untell", "b(1)"))
-    life.save()
-    assert others(life) == ["-b(1)[source(ann)]"]
-
-
-def test_a_signal_of_another_agent_is_given_again() -> None:
-    life = begun("+e(X) <- .wait(10000).").feed(told("signal", "e(1)"))
-    life.save()
-    assert others(life) == ["+e(1)[source(ann)]"]
-
-
-def test_a_message_to_itself_is_the_agent_s_own_matter() -> None:
-    life = begun(WAITS).feed(told("achieve", "g(1)", sender="bob"))
-    life.save()
-    assert own(life) == ["+!g(1)[source(self)]"]
-
-
-def test_own_belief_changes_with_a_new_focus_and_signals_are_its_own_matter() -> None:
-    source = "+b(X) <- .wait(10000). -b(X) <- .wait(10000). +s <- .wait(10000). +!go <- ++b(1); --b(1); .signal({+s})."
-    life = begun(source).feed(GoalAdded(term("go")), BeliefAdded(term("b(2)")), SignalRaised.named("s"))
-    life.save()
-    assert sorted(own(life)) == [
-        "+b(1)[source(self)]",
-        "+b(2)[source(self)]",
-        "+s[source(self)]",
-        "+s[source(self)]",
-        "-b(1)[source(self)]",
-    ]
-
-
-def test_percepts_raise_their_events_when_they_come_anew_not_before() -> None:
-    life = begun("+at(X) <- .wait(10000). -at(X) <- .wait(10000).").feed(PerceptAdded(term("at(1)")))
-    life.save()
-    assert own(life) == others(life) == []
-
-
-def test_states_of_goals_are_not_given_again() -> None:
-    life = begun("^!g(X)[state(S)] <- .wait(10000). +!g(X) <- true.").feed(told("achieve", "g(1)"))
-    life.save()
-    assert own(life) == []
-
-
 @pytest.mark.parametrize(
     ("waits", "source"),
     [
@@ -233,12 +235,6 @@ def test_a_mind_that_is_saved_while_it_runs_does_not_repeat_rounds_that_ran_thro
             assert found[0].startswith((f"+!g({rounds})", f"+!g({rounds - 1})"))
     assert rounds == 50
     assert others(life) == []
-
-
-def test_the_variables_of_a_goal_are_free_again_whatever_its_plan_has_bound_them_to() -> None:
-    life = begun("+!find(X, f(Y, X)) <- X = 1; Y = 2; .wait(10000).").feed(told("achieve", "find(A, f(B, A))"))
-    life.save()
-    assert others(life) == ["+!find(A,f(B,A))[source(ann)]"]
 
 
 def test_a_question_that_a_plan_answers_is_answered_in_the_next_life() -> None:

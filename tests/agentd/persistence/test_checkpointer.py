@@ -19,7 +19,7 @@ from commd.bus.bus import Bus, Query
 from schemas.wire import keys
 from schemas.wire.records import Action, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Structure
-from tests.agentd.hosts import host_on
+from tests.agentd.hosts import Hosted, host_on
 from tests.agentd.mail.test_mail_client import a_desk, numbered
 from tests.support.buses import FLEET, Connect, async_test, bus_test, served, until
 from tests.support.notes import identities
@@ -34,11 +34,17 @@ async def hand_over(backfill: Bus, *messages: Message) -> Receipt:
     raise AssertionError("nobody serves the inbox")
 
 
+async def a_life(connect: Connect, program: str, folder: Path, backfill: Bus, others: tuple[str, ...] = ()) -> Hosted:
+    """Begin a life of agent b, to which `backfill` can hand over mail."""
+    agent = await host_on(await connect("b"), "b", program, folder, others=others)
+    await served(backfill, keys.inbox(FLEET, "b"))
+    return agent
+
+
 @bus_test
 async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(connect: Connect, tmp_path: Path) -> None:
     backfill = await connect("board", "commd")
-    agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
-    await served(backfill, keys.inbox(FLEET, "b"))
+    agent = await a_life(connect, HEARS, tmp_path, backfill)
     await until(lambda: bool(agent.disk.savings), "the agent is kept once")
     agent.disk.open.clear()
     answer = asyncio.create_task(hand_over(backfill, numbered(1), numbered(2)))
@@ -48,8 +54,7 @@ async def test_a_message_is_acknowledged_when_what_came_of_it_is_on_disk(connect
     agent.disk.open.set()
     assert await answer == Receipt(taken=2)
     await agent.die()
-    again = await host_on(await connect("b"), "b", HEARS, tmp_path)
-    await served(backfill, keys.inbox(FLEET, "b"))
+    again = await a_life(connect, HEARS, tmp_path, backfill)
     assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
     assert await hand_over(backfill, numbered(3)) == Receipt(taken=1)
     assert again.prints == ["got(3)"]
@@ -64,16 +69,14 @@ async def test_what_is_told_while_an_atomic_plan_waits_is_acknowledged_and_its_e
     program = "!go. @busy[atomic] +!go <- .print(waits); .wait(60000). +n(N) <- .print(heard(N))."
 
     backfill = await connect("board", "commd")
-    agent = await host_on(await connect("b"), "b", program, tmp_path)
-    await served(backfill, keys.inbox(FLEET, "b"))
+    agent = await a_life(connect, program, tmp_path, backfill)
     await until(lambda: agent.prints == ["waits"], "the atomic plan waits")
     told = [numbered(seq, Structure("n", (seq,))) for seq in (1, 2)]
     assert await hand_over(backfill, *told) == Receipt(taken=2)
     assert {"n(1)[source(a)]", "n(2)[source(a)]"} <= set(agent.beliefs)
     assert agent.prints == ["waits"]
     await agent.die()
-    again = await host_on(await connect("b"), "b", program, tmp_path)
-    await served(backfill, keys.inbox(FLEET, "b"))
+    again = await a_life(connect, program, tmp_path, backfill)
     await until(lambda: again.prints == ["heard(1)", "heard(2)"], "the events come once, in their order")
     assert await hand_over(backfill, *told) == Receipt(taken=2)
     assert again.prints == ["heard(1)", "heard(2)"]
@@ -87,15 +90,13 @@ async def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
     monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.1)
 
     backfill = await connect("board", "commd")
-    agent = await host_on(await connect("b"), "b", HEARS, tmp_path)
-    await served(backfill, keys.inbox(FLEET, "b"))
+    agent = await a_life(connect, HEARS, tmp_path, backfill)
     assert await hand_over(backfill, numbered(1)) == Receipt(taken=1)
     agent.disk.full = "no space left"
     answer = asyncio.create_task(hand_over(backfill, numbered(2)))
     await until(lambda: agent.prints == ["got(1)", "got(2)"], "the mind has both")
     await agent.die()
-    again = await host_on(await connect("b"), "b", HEARS, tmp_path)
-    await served(backfill, keys.inbox(FLEET, "b"))
+    again = await a_life(connect, HEARS, tmp_path, backfill)
     assert await hand_over(backfill, numbered(1), numbered(2)) == Receipt(taken=2)
     assert again.prints == ["got(2)"]
     answer.cancel()
@@ -118,8 +119,7 @@ async def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_wh
         query.reply(Receipt(taken=len(query.record.messages)))
 
     desk_bus.serve(keys.outbox(FLEET, "b"), Mail, serve)
-    agent = await host_on(await connect("b"), "b", program, tmp_path, others=("c",))
-    await served(desk_bus, keys.inbox(FLEET, "b"))
+    agent = await a_life(connect, program, tmp_path, desk_bus, others=("c",))
     await until(lambda: bool(agent.disk.savings), "the agent is kept once")
     agent.disk.full = "database or disk is full"
     told = await hand_over(desk_bus, numbered(1))

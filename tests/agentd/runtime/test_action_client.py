@@ -84,6 +84,15 @@ async def a_life(connect: Connect, source: str, folder: Path) -> Hosted:
     return await host_on(bus, "a", source, folder, robot="uav1")
 
 
+async def died_acting(connect: Connect, source: str, folder: Path) -> Bridge:
+    """A bridge that performs the action of an agent which has died since."""
+    bridge = await a_bridge(connect)
+    agent = await a_life(connect, source, folder)
+    await until(lambda: len(bridge.begun) == 1, "the action begins")
+    await agent.die()
+    return bridge
+
+
 @pytest.fixture(autouse=True)
 def short_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.LAST_PATIENCE", 0.1)
@@ -140,10 +149,7 @@ async def test_a_disk_that_is_slow_or_full_does_not_keep_a_robot_from_acting(con
 async def test_an_action_that_still_runs_is_joined_by_the_plan_that_performs_it_again(
     connect: Connect, tmp_path: Path
 ) -> None:
-    bridge = await a_bridge(connect)
-    first = await a_life(connect, FLIES, tmp_path)
-    await until(lambda: len(bridge.begun) == 1, "the action begins")
-    await first.die()
+    bridge = await died_acting(connect, FLIES, tmp_path)
     second = await a_life(connect, FLIES, tmp_path)
     await until(lambda: any(attempt == 2 for _, attempt in bridge.asked), "it is asked for again by its id")
     await until(lambda: "goto" in str(second.host.view().intentions), "the plan performs it again")
@@ -160,10 +166,7 @@ async def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it
 ) -> None:
     program = FLIES + "+!drop <- .wait(100); .drop_intention(fly); .print(dropped).\n+restarted(_) <- !!fly; !!drop.\n"
 
-    bridge = await a_bridge(connect)
-    first = await a_life(connect, program, tmp_path)
-    await until(lambda: len(bridge.begun) == 1, "the action begins")
-    await first.die()
+    bridge = await died_acting(connect, program, tmp_path)
     second = await a_life(connect, program, tmp_path)
     await until(lambda: second.prints == ["dropped"], "the intention is dropped")
     await until(lambda: bridge.cancelled == [bridge.asked[0][0]], "the action is cancelled")
@@ -180,10 +183,7 @@ async def test_what_an_action_came_to_meanwhile_is_told_before_anything_else_goe
 ) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
 
-    bridge = await a_bridge(connect)
-    first = await a_life(connect, program, tmp_path)
-    await until(lambda: len(bridge.begun) == 1, "the action begins")
-    await first.die()
+    bridge = await died_acting(connect, program, tmp_path)
     await bridge.end(state, reason)
     second = await a_life(connect, program, tmp_path)
     await until(lambda: len(second.prints) == 2, "it is told")
@@ -199,10 +199,7 @@ async def test_what_an_action_came_to_meanwhile_is_told_before_anything_else_goe
 async def test_what_ends_later_and_nobody_has_joined_is_told_when_it_ends(connect: Connect, tmp_path: Path) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
 
-    bridge = await a_bridge(connect)
-    first = await a_life(connect, program, tmp_path)
-    await until(lambda: len(bridge.begun) == 1, "the action begins")
-    await first.die()
+    bridge = await died_acting(connect, program, tmp_path)
     second = await a_life(connect, program, tmp_path)
     await until(lambda: second.prints == ["back 1"], "it is back")
     await bridge.end("failed", "the wind")
@@ -247,10 +244,7 @@ async def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(
         await until(lambda: any(saving.ended for saving in agent.disk.savings) or "back 2" in told, "that is kept")
         await agent.die()
 
-    bridge = await a_bridge(connect)
-    agent = await a_life(connect, program, tmp_path)
-    await until(lambda: len(bridge.begun) == 1, "the action begins")
-    await agent.die()
+    bridge = await died_acting(connect, program, tmp_path)
     await bridge.end("succeeded")
     for life in (1, 2):
         await hears([f"back {life}", "drop(1) succeeded"], await a_life(connect, program, tmp_path))
@@ -260,10 +254,7 @@ async def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(
 async def test_an_agent_that_has_lost_its_robot_is_told_once_what_was_interrupted(
     connect: Connect, tmp_path: Path
 ) -> None:
-    bridge = await a_bridge(connect)
-    agent = await a_life(connect, FLIES, tmp_path)
-    await until(lambda: len(bridge.begun) == 1, "the action begins")
-    await agent.die()
+    await died_acting(connect, FLIES, tmp_path)
     agent = await host_on(await connect("a"), "a", FLIES, tmp_path)
     lost = "goto(1,2,3) failed the agent has no robot any more"
     await until(lambda: lost in agent.prints, "the agent hears of it")
