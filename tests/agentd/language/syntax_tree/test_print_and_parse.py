@@ -39,7 +39,7 @@ def test_what_is_printed_reads_back_as_itself(parse: Any, nodes: Any, data: st.D
     assert parse(source_text(node)) == node
 
 
-@SOME
+@settings(SOME, max_examples=some_of(20))
 @given(programs)
 def test_a_printed_program_reads_back_as_itself(program: Program) -> None:
     assert parse_program(source_text(program), "a.asl").items == program.items

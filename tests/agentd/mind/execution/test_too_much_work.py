@@ -6,9 +6,8 @@ import pytest
 
 from agentd.mind import mind
 from agentd.mind.beliefs import work_limit
-from agentd.mind.data.inputs import Mail
 from agentd.mind.execution import event_selection, execution, waiting
-from tests.agentd.minds import World, mind_of, run, term
+from tests.agentd.minds import run
 
 MANY = " ".join(f"q({n})." for n in range(40))
 
@@ -44,11 +43,12 @@ def test_a_formula_without_end_fails_its_plan_with_too_much_work(formula: str) -
     assert sorted(world.prints) == ["t", "too_much_work"]
 
 
-def test_a_formula_has_two_million_steps() -> None:
-    program = "!s. +!s <- .count(.range(X,1,LAST), C); .print(C). -!s[error(E)] <- .print(E)."
+def test_a_formula_has_two_million_steps(request: pytest.FixtureRequest) -> None:
     assert work_limit.MOST_STEPS == 2_000_000
-    assert run(program.replace("LAST", "1990000")).prints == ["1990000"]
-    assert run(program.replace("LAST", "2010000")).prints == ["too_much_work"]
+    request.getfixturevalue("short_of_breath")
+    program = "!s. +!s <- .count(.range(X,1,LAST), C); .print(C). -!s[error(E)] <- .print(E)."
+    assert run(program.replace("LAST", "199000")).prints == ["199000"]
+    assert run(program.replace("LAST", "201000")).prints == ["too_much_work"]
 
 
 @pytest.mark.usefixtures("short_of_breath")
@@ -56,13 +56,6 @@ def test_a_context_without_end_leaves_the_event_to_the_next_plan_and_is_told() -
     world = run("r(X) :- .range(X,1,1e11). !s. +!s : r(X) & X < 0 <- .print(no). +!s <- .print(second).")
     assert world.prints == ["second"]
     assert "steps" in world.logs[0]
-
-
-@pytest.mark.usefixtures("short_of_breath")
-def test_a_question_that_asks_rules_without_end_is_refused_and_told() -> None:
-    mind = mind_of("r(X) :- .range(Y,1,1e11) & Y < 0 & X = Y.")
-    world = World(mind).feed(Mail("alice", "askAll", term("r(X)"), "mid1"))
-    assert any("the question of alice is refused" in line for line in world.logs)
 
 
 @pytest.mark.usefixtures("short_of_breath")
