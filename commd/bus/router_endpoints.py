@@ -11,7 +11,6 @@ import logging
 import re
 import socket
 from collections.abc import Sequence
-from contextlib import closing
 from typing import Literal
 
 from commd.bus.errors import BusClosed
@@ -59,8 +58,6 @@ async def missing_addresses(endpoint: str, listen: Sequence[str]) -> list[str]:
         own = await asyncio.to_thread(_not_here, [endpoint]) if missing else []
     except TimeoutError:
         missing = list(listen)
-    except OSError as error:
-        raise BusClosed(f"{error.strerror}: is another router running there?") from None
     if own:
         raise BusClosed(f"cannot listen at {endpoint}: no address of this machine")
     for one in missing:
@@ -69,25 +66,38 @@ async def missing_addresses(endpoint: str, listen: Sequence[str]) -> list[str]:
 
 
 def _not_here(endpoints: Sequence[str]) -> list[str]:
-    return [endpoint for endpoint in endpoints if not _is_here(endpoint)]
+    missing = []
+    for endpoint in filter(_TCP.fullmatch, endpoints):
+        if (probe := listen_at(endpoint, 1)) is None:
+            missing.append(endpoint)
+        else:
+            probe.close()
+    return missing
 
 
-def _is_here(endpoint: str) -> bool:
-    """Whether this machine has the address of an endpoint; True if it is not TCP. Raises OSError if the port is
-    taken."""
+def listen_at(endpoint: str, backlog: int) -> socket.socket | None:
+    """Return a socket that listens at a TCP or TLS endpoint; None if this machine does not have the address, or not
+    yet.
+
+    `backlog` is the number of connections that the kernel keeps until they are accepted. Raises BusClosed if another
+    program listens there.
+    """
     found = _TCP.fullmatch(endpoint)
-    if found is None:
-        return True
+    assert found is not None
+    made: socket.socket | None = None
     try:
         family, kind, _, _, address = socket.getaddrinfo(found[1], int(found[2]), type=socket.SOCK_STREAM)[0]
-        with closing(socket.socket(family, kind)) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(address)
-            probe.listen(1)
+        made = socket.socket(family, kind)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(address)
+        made.listen(backlog)
+        made.setblocking(False)
     except socket.gaierror:
-        return False
+        return None
     except OSError as error:
+        if made is not None:
+            made.close()
         if error.errno == errno.EADDRNOTAVAIL:
-            return False
-        raise OSError(error.errno, f"cannot listen at {endpoint}: {error.strerror}") from None
-    return True
+            return None
+        raise BusClosed(f"cannot listen at {endpoint}: {error.strerror}: is another router running there?") from None
+    return made

@@ -152,7 +152,8 @@ class Directory:
             log.error("directory_unreadable why=%s: it starts empty", bad)
             known = {}
         self._now_is(replace(services, others=known))
-        self._mail_service.directory, self._mail_service.ask_around = self, self.ask_around
+        self._mail_service.know_everybody(self)
+        self._mail_service.ask_around = self.ask_around
         for name in self.services.own.joined:
             self._mail_service.host(name)
             self._absent[name] = self._clock.wall()

@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from sqlite3 import Connection
 
 import msgspec
@@ -24,7 +25,8 @@ from schemas.wire.records import BoardServices, MailSeen, Note
 
 SAVE_EVERY = 10.0
 """Seconds between two saves of the clock while mail waits that expires."""
-_SINCE_BOOT = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+SINCE_BOOT = partial(time.clock_gettime, getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+"""Returns the seconds since the kernel started, time in suspend included."""
 
 
 class _Shown(msgspec.Struct, frozen=True):
@@ -35,15 +37,10 @@ class _Shown(msgspec.Struct, frozen=True):
     boot: str
 
 
-def since_boot() -> float:
-    """Return the seconds since the kernel started, time in suspend included."""
-    return time.clock_gettime(_SINCE_BOOT)
-
-
 class MailClock:
     """Seconds that never go back."""
 
-    def __init__(self, since_boot: Callable[[], float] = since_boot, boot: str | None = None) -> None:
+    def __init__(self, since_boot: Callable[[], float] = SINCE_BOOT, boot: str | None = None) -> None:
         self._since_boot, self._boot = since_boot, machine_life() if boot is None else boot
         self._zero = since_boot()
         """Reading of the kernel's clock at 0 of this one."""

@@ -29,22 +29,22 @@ LONGEST_NUMBERING = 64
 """Characters."""
 
 
-class StoredMessage(msgspec.Struct, kw_only=True, gc=False):
+class StoredMessage(msgspec.Struct, gc=False):
     """A message as a row of the mail file."""
 
-    place: int = 0
-    """0: it gets the next place."""
     line: str
     """Where it waits (`commd.mail.schema`)."""
     sender: str
     receiver: str
+    message: bytes
+    """MessagePack."""
     numbering: str = ""
     number: int = 0
     """0: it gets the next number of this board's own numbering."""
     expires: float | None = None
     """By the mail clock."""
-    message: bytes
-    """MessagePack."""
+    place: int = 0
+    """0: it gets the next place."""
 
     def read(self, now: float) -> Message:
         """Return the message with its content, for a receiver in this process; `now` by the mail clock."""

@@ -5,6 +5,7 @@ Times are in seconds of the mail clock.
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections import Counter
@@ -159,28 +160,17 @@ def front(db: Connection, line: str, after: int, most: int = BATCH) -> tuple[lis
     found: list[StoredMessage] = []
     size = 0
     rows = db.execute(
-        """SELECT place, sender, receiver, numbering, number, expires, message FROM mail
+        """SELECT line, sender, receiver, message, numbering, number, expires, place FROM mail
            WHERE line = ? AND place > ? ORDER BY place LIMIT ?""",
         (line, after, most + 1),
     )
     more = False
-    for place, sender, receiver, numbering, number, expires, message in rows:
-        size += len(message)
+    for one in itertools.starmap(StoredMessage, rows):
+        size += len(one.message)
         if len(found) == most or (found and size > most_bytes):
             more = True
             break
-        found.append(
-            StoredMessage(
-                place=place,
-                line=line,
-                sender=sender,
-                receiver=receiver,
-                numbering=numbering,
-                number=number,
-                expires=expires,
-                message=message,
-            )
-        )
+        found.append(one)
     rows.close()
     return found, more
 

@@ -64,19 +64,14 @@ class MailService:
         self._hosted: dict[str, tuple[Callable[[], None], ...]] = {}
         self._moving: asyncio.Task[bool] | None = None
 
-    @property
-    def directory(self) -> Directory:
-        """The receivers of mail and their boards."""
-        return self._peers.directory
-
-    @directory.setter
-    def directory(self, directory: Directory) -> None:
+    def know_everybody(self, directory: Directory) -> None:
+        """Take the receivers of mail from `directory` from now on: it has read who joined before."""
         self._peers.directory, self.everybody_known = directory, True
 
     @property
     def names(self) -> Collection[str]:
         """All receivers, present or away."""
-        return self.directory.names()
+        return self._peers.directory.names()
 
     @property
     def waiting(self) -> int:
@@ -146,7 +141,7 @@ class MailService:
 
     def _line(self, sender: str, receiver: str) -> str | None:
         """Return the line in which a message waits; None if its receiver is unknown."""
-        board = self.directory.board_of(receiver)
+        board = self._peers.directory.board_of(receiver)
         if receiver in self._hosted or board == self._bus.name:
             return receiver
         return None if board is None else f"{sender}>{receiver}"
@@ -173,11 +168,12 @@ class MailService:
             return
         self.counters["posted"] += len(query.record.messages)
         sender, now = keys.parse(query.key)[1], self.clock.now()  # type: ignore[index]
-        if not self.everybody_known and any(self._line("", one.receiver) is None for one in query.record.messages):
-            query.reply_error(f"board {self._bus.name} is still reading who joined it")
-            return
-        if self.ask_around is not None and any(self._line("", one.receiver) is None for one in query.record.messages):
-            await self.ask_around()
+        if any(self._line("", one.receiver) is None for one in query.record.messages):
+            if not self.everybody_known:
+                query.reply_error(f"board {self._bus.name} is still reading who joined it")
+                return
+            if self.ask_around is not None:
+                await self.ask_around()
         rows = [
             self._row(one, self._line(sender, one.receiver), now, self._rules.ttl)
             if one.sender == sender

@@ -7,19 +7,15 @@ A connection is passed on, unread, when its TLS ClientHello is complete.
 from __future__ import annotations
 
 import asyncio
-import errno
 import logging
 import os
-import re
 import socket
 import time
 from dataclasses import dataclass
 from ipaddress import IPv6Address, IPv6Network
 from typing import TYPE_CHECKING
 
-from commd.bus.errors import BusClosed
-from commd.bus.router_endpoints import LOOK_UP_PATIENCE
-from schemas.files.units import host_and_port
+from commd.bus.router_endpoints import LOOK_UP_PATIENCE, listen_at
 
 if TYPE_CHECKING:
     from commd.router.admission import Admission, Allowance
@@ -30,7 +26,6 @@ BACKLOG = 4096
 """Connections that the kernel keeps until they are accepted; its own bound is `net.core.somaxconn`."""
 _RECORD, _HANDSHAKE, _CLIENT_HELLO, _LONGEST = 5, 22, 1, 16_384
 """TLS (RFC 8446, 5.1): bytes of a record's header, its type, the message in it, and the most bytes of a record."""
-_TLS = re.compile(r"tls/(.+)")
 log = logging.getLogger("admission")
 
 
@@ -200,35 +195,9 @@ def free_listener() -> Listener:
 
 
 async def bound_socket(endpoint: str) -> socket.socket | None:
-    """Return `_bound` of an endpoint; None, too, if the name service does not answer."""
+    """Return a socket that listens at an endpoint; None if this machine does not have the address (yet), or the name
+    service does not answer. Raises BusClosed if another program listens there."""
     try:
-        return await asyncio.wait_for(asyncio.to_thread(_bound, endpoint), LOOK_UP_PATIENCE)
+        return await asyncio.wait_for(asyncio.to_thread(listen_at, endpoint, BACKLOG), LOOK_UP_PATIENCE)
     except TimeoutError:
         return None
-
-
-def _bound(endpoint: str) -> socket.socket | None:
-    """Return a socket bound to an endpoint; None if this machine does not have the address, or not yet.
-
-    Raises BusClosed if another program listens there.
-    """
-    found = _TLS.fullmatch(endpoint)
-    assert found is not None
-    host, port = host_and_port(found[1])
-    made: socket.socket | None = None
-    try:
-        family, kind, _, _, address = socket.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_STREAM)[0]
-        made = socket.socket(family, kind)
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind(address)
-        made.listen(BACKLOG)
-        made.setblocking(False)
-    except socket.gaierror:
-        return None
-    except OSError as error:
-        if made is not None:
-            made.close()
-        if error.errno == errno.EADDRNOTAVAIL:
-            return None
-        raise BusClosed(f"cannot listen at {endpoint}: {error.strerror}: is another router running there?") from None
-    return made

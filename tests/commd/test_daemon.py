@@ -151,23 +151,31 @@ def test_a_session_that_zenoh_does_not_close_is_left_behind_and_the_log_says_so(
     assert "the router hangs: this session ends without notice to it" in caplog.text
 
 
-def test_a_bad_mission_ends_commd_with_its_findings(tmp_path: Path, endpoint: str) -> None:
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "mission: x\nagents:\n  uav: {progam: a.asl}\n",
+            [
+                "PATH:3:3: error: agents.uav: needs the field `program`",
+                "PATH:3:9: error: unknown field `progam`, did you mean `program`?",
+            ],
+        ),
+        (
+            "mission: m\nboards: {one: {}, two: {}}\nagents: {a: {program: a.asl, board: one}}\n",
+            ["PATH: error: which board is this? Name it by --board: the mission has one, two"],
+        ),
+    ],
+    ids=["a bad mission", "which of several boards it is"],
+)
+def test_what_commd_cannot_serve_ends_it_with_findings(
+    tmp_path: Path, endpoint: str, text: str, said: list[str]
+) -> None:
     path = tmp_path / "m.yaml"
-    path.write_text("mission: x\nagents:\n  uav: {progam: a.asl}\n")
+    path.write_text(text)
     with running("commd", "serve", str(path), "--router", endpoint) as commd:
         assert commd.ends() == 2
-        assert commd.lines == [
-            f"{path}:3:3: error: agents.uav: needs the field `program`",
-            f"{path}:3:9: error: unknown field `progam`, did you mean `program`?",
-        ]
-
-
-def test_of_several_boards_the_one_that_it_is_has_to_be_said(tmp_path: Path, endpoint: str) -> None:
-    mission = tmp_path / "m.yaml"
-    mission.write_text("mission: m\nboards: {one: {}, two: {}}\nagents: {a: {program: a.asl, board: one}}\n")
-    with running("commd", "serve", str(mission), "--router", endpoint) as commd:
-        assert commd.ends() == 2
-        assert "which board is this? Name it by --board: the mission has one, two" in commd.text
+        assert commd.lines == [line.replace("PATH", str(path)) for line in said]
 
 
 def test_only_the_board_of_the_gateway_listens_to_its_nodes(

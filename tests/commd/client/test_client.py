@@ -26,7 +26,6 @@ from commd.client import (
     receive_mail,
     write,
 )
-from commd.client.receive_once import OUT_OF_ORDER
 from schemas.mission.model import read_mission
 from schemas.wire import keys
 from schemas.wire.records import BoardServices, Header, Message, Receipt, Refusal
@@ -268,21 +267,6 @@ async def test_what_expires_while_it_waits_is_not_handed_out(
         assert await commd.offer(replace(late, ttl=0.0), mail(2)) == Receipt(
             taken=1, refused={0: Refusal(code="expired")}
         )
-
-
-@planner_test
-async def test_what_comes_behind_a_message_that_is_too_late_waits_until_that_is_known(
-    me: Client, commd: ScriptedCommd, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(receive_mail, "ANSWER_WITHIN", 0.1)
-    for _ in range(2):  # the first answer is lost
-        told = await commd.offer(mail(1, ttl=0.0), mail(2))
-        assert told == Receipt(refused={0: Refusal(code="expired")}, later={1: OUT_OF_ORDER})
-    offered = asyncio.create_task(commd.offer(mail(2)))
-    message = await anext(me.messages())
-    assert message.content == 2
-    me.done(message)
-    assert await offered in (Receipt(taken=1), Receipt(later={0: NOT_DONE}))
 
 
 @planner_test

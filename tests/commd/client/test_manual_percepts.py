@@ -218,21 +218,3 @@ def test_what_holds_by_hand_is_told_until_it_is_taken_away() -> None:
     for name in ("battery", *(f"c{number}" for number in range(10))):
         by_hand.take(f"argosy/f/uav/percept/{name}", Perception(update="remove"))
     assert by_hand.notes() == ()
-
-
-def test_an_agent_without_a_robot_ignores_them_in_words_without_inject(
-    endpoint: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.WARNING, "percepts")
-
-    async def body(connect: Connect) -> None:
-        heard: list[Perception] = []
-        by_hand = hear_by_hand(await connect("uav"), "uav", False, heard.append)
-        person = await connect("operator")
-        await put(person, "victim", parameters=[1])
-        await put(person, "victim", parameters=[2])
-        await until(lambda: by_hand.counters == {"by_hand_ignored": 2}, "both are counted")
-        assert heard == []
-
-    on_a_bus(endpoint, body)
-    assert caplog.text.count("a percept `victim` put by hand is ignored") == 1

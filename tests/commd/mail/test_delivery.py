@@ -158,23 +158,6 @@ async def test_lines_that_wait_for_a_courier_of_their_process_all_go_in_the_end(
 
 
 @async_test
-async def test_what_a_peer_will_never_read_is_refused_alone_and_the_others_arrive(tmp_path: Path) -> None:
-    taken: list[int] = []
-
-    async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
-        numbers = [one.number for one in batch]
-        if 2 in numbers:
-            return NotTaken("Mail: nested too deeply", certain=False, unreadable=True)
-        taken.extend(numbers)
-        return Receipt(taken=len(batch))
-
-    async with lanes_of(tmp_path, ["b"], carry, each=4) as (_, tally, refused):
-        await until(lambda: not tally.lines, "the line is empty")
-        assert taken == [1, 3, 4]
-        assert refused == {2: Refusal(code="unreadable", text="Mail: nested too deeply")}
-
-
-@async_test
 async def test_a_refusal_of_any_length_is_kept_cut(tmp_path: Path) -> None:
     async def carry(line: str, batch: Sequence[StoredMessage]) -> Receipt | NotTaken:
         return Receipt(taken=0, refused={0: Refusal(code="c" * 1000, text="t" * 1_000_000)})

@@ -292,7 +292,7 @@ async def test_who_joins_is_served_from_then_on_and_what_waits_when_they_leave_i
     async with board(connect, "pi1", tmp_path, homes=ONE_BOARD) as mail_service:
         sender = await connect("a")
         told = Receiver(sender, "a")
-        mail_service.directory = directory = Open()
+        mail_service.know_everybody(directory := Open())
         assert await post(sender, message(1, receiver="guest")) == Receipt(
             refused={0: Refusal(code="receiver_not_found")}
         )

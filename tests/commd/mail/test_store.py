@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import shutil
 import sqlite3
 import subprocess
 import sys
@@ -131,18 +130,6 @@ async def test_more_transactions_than_may_wait_are_turned_away_at_once(store: St
     await asyncio.gather(first, *waiting)
 
 
-def test_a_disk_that_hangs_keeps_nobody_waiting_for_ever(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.mail.store.PATIENCE", 0.1)
-
-    async def body(store: Store) -> None:
-        slow = threading.Event()
-        with pytest.raises(StoreFailed, match="has not answered"):
-            await store.write(lambda db: slow.wait(20))
-        slow.set()
-
-    in_store(path, body)
-
-
 @store_test
 async def test_a_full_disk_keeps_nothing_says_so_once_and_goes_on_when_there_is_room(
     store: Store, path: Path, caplog: pytest.LogCaptureFixture
@@ -173,20 +160,6 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip(f"a small file system needs root: {mounted.stderr.decode().strip()}")
     yield folder
     subprocess.run(["umount", str(folder)], check=True)
-
-
-def test_a_file_system_that_is_full_keeps_nothing_until_there_is_room(small_disk: Path) -> None:
-    async def body(store: Store) -> None:
-        await store.write(keep("before"))
-        room = shutil.disk_usage(small_disk).free
-        (small_disk / "filler").write_bytes(bytes(room))
-        with pytest.raises(StoreFailed, match=r"full|disk I/O error"):
-            await store.write(keep("big", bytes(100_000)))
-        (small_disk / "filler").unlink()
-        await store.write(keep("big", bytes(100_000)))
-        assert list(await store.read(kept)) == ["before", "big"]
-
-    in_store(small_disk / "pi1.mail", body)
 
 
 def fill_up(folder: Path, name: str) -> None:
