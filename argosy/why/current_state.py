@@ -36,7 +36,7 @@ def standing(memory: Memory) -> Paragraph:
     program = f" It runs {view.program}." if view.program else ""
     match view.state:
         case "paused":
-            until = f" and goes on by itself in {span(view.paused_for)}" if view.paused_for is not None else ""
+            until = f" and resumes by itself in {span(view.paused_for)}" if view.paused_for is not None else ""
             state = f"is paused by an operator{until}"
         case "reasoning":
             state = "is reasoning"
@@ -44,17 +44,17 @@ def standing(memory: Memory) -> Paragraph:
             state = "waits for something to happen"
     lines = [Line(f"{view.agent} {state} (mission second {memory.now:.1f}, cycle {view.cycle}).{program}")]
     if view.state == "paused":
-        lines.append(Line("What has come since (percepts, messages, goals) waits, unseen by it, until it goes on."))
+        lines.append(Line("Percepts, messages and goals that arrive meanwhile wait until it resumes."))
     if not view.intentions:
-        nothing = "It has nothing in mind: no plan of it has something left to do."
-        lines.append(Line("No plan of it had anything left to do then." if view.state == "paused" else nothing))
+        nothing = "It has no intentions."
+        lines.append(Line("It had no intentions then." if view.state == "paused" else nothing))
     if view.events:
         told = [raiser_words(event.text) for event in view.events[:4]]
         left = len(view.events) + view.events_left_out - len(told)
         more = f" and {count(left, 'other event')}" if left else ""
-        lines.append(Line(f"Waiting to be given a plan: {', '.join(told)}{more}."))
+        lines.append(Line(f"Events that wait for a plan: {', '.join(told)}{more}."))
     if view.mailbox:
-        lines.append(Line(f"{count(view.mailbox, 'message')} it has not read yet."))
+        lines.append(Line(f"{count(view.mailbox, 'unread message')}."))
     return Paragraph("now", tuple(lines))
 
 
@@ -123,7 +123,7 @@ def dropped(memory: Memory, drops: tuple[DropView, ...]) -> Iterator[Paragraph]:
         if drop.reason:
             lines.append(Line(f"Why: {shown(drop.reason)}.", 1))
         if drop.what == "events":
-            lines.append(Line("No plan was looked for: the agent raises events faster than it can deal with them.", 1))
+            lines.append(Line("No plan was selected for them: the agent raises events faster than it handles them.", 1))
             lines += sites(memory, drop.name)
         yield Paragraph("dropped", tuple(lines), drop.last, drop.count)
 
@@ -135,7 +135,7 @@ def sites(memory: Memory, event: str) -> Iterator[Line]:
     for plan in memory.view.plans:
         for use, place in plan.uses.items():
             if use in uses:
-                yield Line(f"{use} stands at {place}, in the plan {plan_words(plan)}.", 1, place)
+                yield Line(f"{use} is at {place}, in the plan {plan_words(plan)}.", 1, place)
 
 
 def _was(count: int) -> str:
@@ -148,7 +148,9 @@ def only_counted(view: MindView) -> Iterator[Paragraph]:
         named = sum(drop.count for drop in view.drops if drop.what == what)
         if number > named:
             more = " more" if named else ""
-            yield Paragraph("dropped", (Line(f"{number - named}{more} {what} were dropped because too much waited."),))
+            yield Paragraph(
+                "dropped", (Line(f"{number - named}{more} {what} were dropped because their queue was full."),)
+            )
 
 
 def failure_paragraph(memory: Memory, failure: FailureView) -> Paragraph:

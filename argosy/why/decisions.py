@@ -76,7 +76,7 @@ def _head(made: DecisionView) -> str:
     if made.chosen is not None:
         return f"for {event} the plan {plan_words(made.chosen)} was chosen{with_values(made.chosen.bindings)}."
     if made.rejected:
-        return f"no plan could be chosen for {event}."
+        return f"no plan was applicable for {event}."
     return f"there is no plan for {event}."
 
 
@@ -84,7 +84,7 @@ def _rejected_lines(rejected: tuple[RejectedView, ...], chosen: bool) -> Iterato
     for one in rejected[:MOST_PLANS]:
         yield Line(f"Not {plan_words(one.plan)}: {rejected_words(one)}.", 1, one.plan.position)
     if len(rejected) > MOST_PLANS:
-        yield Line(f"Nor {count(len(rejected) - MOST_PLANS, 'other plan')}.", 1)
+        yield Line(f"And {count(len(rejected) - MOST_PLANS, 'other plan')}.", 1)
 
 
 def _untried(made: DecisionView) -> Iterator[Line]:
@@ -92,7 +92,7 @@ def _untried(made: DecisionView) -> Iterator[Line]:
         names = [plan_words(plan) for plan in made.untried[:2]]
         if len(made.untried) > 2:
             names.append(count(len(made.untried) - 2, "other plan"))
-        yield Line(f"Not needed after it: {', '.join(names)}.", 1, made.untried[0].position)
+        yield Line(f"Not tried: {', '.join(names)}.", 1, made.untried[0].position)
 
 
 def _became(memory: Memory, made: DecisionView) -> Iterator[Line]:
@@ -100,7 +100,7 @@ def _became(memory: Memory, made: DecisionView) -> Iterator[Line]:
         case "running":
             yield _running(memory, made)
         case "ended":
-            yield Line("The plan has come to its end.", 1)
+            yield Line("The plan has ended.", 1)
         case "dropped":
             where = f" ({made.dropped_at})" if made.dropped_at else ""
             by = f" by {shown(made.dropped_by)}{where}" if made.dropped_by else ": the plan did not come to its end"
@@ -146,14 +146,14 @@ def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
         yield Line(f"So {given_up}, and {answer}.", 1)
         return
     if not failure.handled_by:
-        yield Line(f"So {given_up}, and the intention ended: no plan handles such a failure.", 1)
+        yield Line(f"So {given_up}, and the intention ended: no plan handles this failure.", 1)
         return
     handler = memory.led_to(failure)
     if handler is None or handler.chosen is None:
-        yield Line(f"So {given_up}; {failure.handled_by} was to go on from there.", 1)
+        yield Line(f"So {given_up}; the failure plan {failure.handled_by} was to handle it.", 1)
         return
     plan = plan_words(handler.chosen)
-    yield Line(f"So {given_up}, and the failure plan {plan} went on from there.", 1, handler.chosen.position)
+    yield Line(f"So {given_up}, and the failure plan {plan} handled it.", 1, handler.chosen.position)
 
 
 def _unchosen(memory: Memory, made: DecisionView) -> Iterator[Line]:
@@ -185,7 +185,7 @@ def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", inde
     if further:
         lines.append(Line(f"... and {count(further, 'step')} more back.", indent))
     if rounds:
-        lines.append(Line(f"So it went round {count(rounds, 'time')} before, as far as is remembered.", indent))
+        lines.append(Line(f"This loop ran {count(rounds, 'time')} before, as far as is remembered.", indent))
     if last is not None and last[1].by is None and last[1].failure is None:
         first = last[0]
         subject = first_up(event_words(first.event) if lines else called)
@@ -198,11 +198,11 @@ def _link(made: DecisionView, cause: Cause, subject: str, indent: int) -> Iterat
     if cause.failure is not None:
         failure, place = cause.failure, cause.failure.position
         at = f" at {place}" if place else ""
-        yield Line(f"{first_up(subject)} comes from this{at}: {failure_words(failure)}.", indent, place)
+        yield Line(f"{first_up(subject)} follows this failure{at}: {failure_words(failure)}.", indent, place)
     elif cause.by is not None:
         at = f" at {made.asked_at}" if made.asked_at else ""
         focus = ", as an intention of its own" if cause.own_focus and made.kind == "+!" else ""
-        text = f"{first_up(subject)} comes from {raiser_words(cause.by.event)}, whose plan {_verb(made)} it{at}{focus}."
+        text = f"The plan for {raiser_words(cause.by.event)} {_verb(made)} {subject}{at}{focus}."
         yield Line(text, indent, made.asked_at)
 
 
@@ -213,7 +213,7 @@ def _verb(made: DecisionView) -> str:
         case "+?":
             return "asked"
         case "-":
-            return "took away"
+            return "removed"
         case "+":
             return "added"
     return "raised"
@@ -226,13 +226,13 @@ def origin_words(memory: Memory, made: DecisionView) -> str:
     cause, at = made.cause, f" at {made.asked_at}" if made.asked_at else ""
     match None if cause is None else cause.kind:
         case "program" if made.kind == "+" and made.name in OF_A_RESTART:
-            return "comes from its restart: agentd tells it to an agent that was started again"
+            return "is raised by agentd in a restarted agent"
         case "program":
-            return "stands in the program, which begins with it"
+            return "is an initial belief or goal of the program"
         case "outside":
             return "was given from outside: by an operator, the mission or a restart"
         case "percept":
-            return "comes from what the agent perceives"
+            return "comes from a percept"
     if cause is not None and cause.kind == "message":
         identity = f" {cause.message}" if cause.message else ""
         return f"comes from a message of {cause.sender} ({cause.performative}{identity})"
@@ -240,9 +240,9 @@ def origin_words(memory: Memory, made: DecisionView) -> str:
         return f"was told by {cause.sender}"
     if made.goal:
         raiser = raiser_words(made.goal)
-        return f"comes from {raiser}, whose plan {_verb(made)} it{at}; what was before is not remembered any more"
+        return f"comes from {raiser}, whose plan {_verb(made)} it{at}; earlier causes are not remembered"
     if cause is not None:
         plan = memory.plan_at(made.asked_at)
         which = "a plan" if plan is None else f"the plan {plan_words(plan)}"
-        return f"was raised{at} by {which}; why that ran is not remembered any more"
+        return f"was raised{at} by {which}; why that plan ran is not remembered"
     return "comes from the agent itself"

@@ -92,12 +92,12 @@ def _performed(memory: Memory, subject: Subject, failed: set[str]) -> Iterator[P
         places = [
             (place, plan) for plan in memory.view.plans for use, place in plan.uses.items() if _raises(subject, use)
         ]
-        sites = [Line(f"It stands at {at}, in the plan {plan_words(plan)}.", 1, at) for at, plan in places[:MOST_SITES]]
+        sites = [Line(f"It is at {at}, in the plan {plan_words(plan)}.", 1, at) for at, plan in places[:MOST_SITES]]
         yield Paragraph("action", (Line(_action(memory, action, end)), *sites), action.time)
 
 
 def _action(memory: Memory, action: ActivityEvent, end: ActivityEvent | None) -> str:
-    begun = f"{ago(memory.now, action.time)}: the action {shown(action.text)} was begun"
+    begun = f"{ago(memory.now, action.time)}: the action {shown(action.text)} started"
     if end is None:
         return f"{begun}; it has not ended."
     why = f": {shown(end.reason)}" if end.reason else ""
@@ -163,14 +163,14 @@ def _program(memory: Memory, subject: Subject, happened: bool) -> Iterator[Parag
         lines.append(Line("It is not believed now.", 0))
     if sites:
         for plan, use, place in sites[:MOST_SITES]:
-            verb = "stands" if sign_of(use)[0] else "is performed"
+            verb = "is" if sign_of(use)[0] else "is performed"
             lines.append(
                 Line(f"{use} {verb} at {place}, in the plan {plan_words(plan)}, {_chosen(memory, plan)}", 1, place)
             )
     elif plans and not all(plan.trigger.startswith(("+!", "-!", "+?")) for plan in plans):
-        lines.append(Line("No plan of the agent raises it: it has to be perceived, or told by others.", 1))
+        lines.append(Line("No plan of the agent raises it: it must come as a percept or in a message.", 1))
     elif plans:
-        lines.append(Line("No plan of the agent raises it: others have to ask for it.", 1))
+        lines.append(Line("No plan of the agent raises it: others must ask for it.", 1))
     yield Paragraph("plan", tuple(lines))
 
 
@@ -182,7 +182,7 @@ def _chosen(memory: Memory, plan: PlanView) -> str:
         for one in made.rejected:
             if one.plan.position == plan.position:
                 return f"which was not chosen {ago(memory.now, made.time)}: {shown(one.message)}."
-    return "which has not been chosen: nothing has asked for it lately."
+    return "which was not chosen lately: nothing triggered it."
 
 
 def _fits(subject: Subject, plan: PlanView, sign: str = "") -> bool:
@@ -214,4 +214,4 @@ def _unknown(view: MindView, subject: Subject) -> str:
     hint = f"; known are {', '.join(names[:MOST_NAMES])}{more}." if names else ": no goal, belief or action."
     if (near := nearest(subject.name, names)) is not None:
         hint = f", did you mean `{near}`?"
-    return f"Nothing of {view.agent}'s is called `{subject.name}`{hint}"
+    return f"{view.agent} has nothing called `{subject.name}`{hint}"

@@ -35,14 +35,14 @@ def question_paragraph(memory: Memory, question: QuestionView, facts: MailFacts)
     """Explain an open question, and where it or its answer is now."""
     at = f" at {question.position}" if question.position else ""
     what = f"{question.performative} {shown(question.content)}"
-    head = f"{ago(memory.now, question.asked)}: asked {question.receiver}{at}: {what}. No answer has come."
+    head = f"{ago(memory.now, question.asked)}: asked {question.receiver}{at}: {what}. No answer yet."
     lines = [Line(head, 0, question.position)]
     goal = next((i.stack[0] for i in memory.view.intentions if i.id == question.intention and i.stack), "")
     who = raiser_words(goal) if goal else "The plan"
     if question.until is None:
-        lines.append(Line(f"{who} waits for it without a limit.", 1))
+        lines.append(Line(f"{who} waits for the answer without a time limit.", 1))
     else:
-        left = f"{span(max(0.0, question.until - memory.now))} more, then it goes on with `timeout` as the answer"
+        left = f"{span(max(0.0, question.until - memory.now))} more, then continues with the answer `timeout`"
         lines.append(Line(f"{who} waits for it {left}.", 1))
     if facts.asked:
         lines += [Line(text, 1, place) for text, place in _whereabouts(memory.view.agent, question, facts)]
@@ -52,7 +52,7 @@ def question_paragraph(memory: Memory, question: QuestionView, facts: MailFacts)
 def _whereabouts(agent: str, question: QuestionView, facts: MailFacts) -> Iterator[tuple[str, str]]:
     receiver = question.receiver
     if reason := _given_up(question.id, facts.boards):
-        yield f"The message was given up as a dead letter: {shown(reason)}.", ""
+        yield f"The message is a dead letter: {shown(reason)}.", ""
         return
     waiting = list(_queues(agent, receiver, facts.boards))
     if waiting:
@@ -69,7 +69,7 @@ def _whereabouts(agent: str, question: QuestionView, facts: MailFacts) -> Iterat
         elif home is not None and home in facts.silent:
             yield f"{receiver} lives on {home}, which does not answer: {facts.silent[home]}.", ""
         else:
-            yield f"No board has the message any more, and {receiver} does not answer when asked what it thinks.", ""
+            yield f"No board holds the message, and {receiver} does not answer queries.", ""
         return
     yield from _with_receiver(agent, question, mind, facts)
 
@@ -100,7 +100,7 @@ def _with_receiver(agent: str, question: QuestionView, mind: MindView, facts: Ma
     if mind.state == "paused":
         yield f"{receiver} is paused by an operator.", ""
     if mind.mailbox:
-        yield f"{receiver} has it, and has not read it yet: {mind.mailbox} messages wait to be read.", ""
+        yield f"{receiver} has received it and not read it yet: {mind.mailbox} messages are unread.", ""
         return
     _, name, args = parts_of(question.content)
     made = _decision(agent, name, len(args), mind)
@@ -112,8 +112,8 @@ def _with_receiver(agent: str, question: QuestionView, mind: MindView, facts: Ma
         yield f"{receiver} has answered. {back[0]}", ""
         return
     if mind.plans and not any(plan.trigger.startswith(f"+?{name}") for plan in mind.plans):
-        yield f"{receiver} has no plan for +?{name}: it answers at once, from what it believes.", ""
-    yield f"{receiver} has nothing left of it: the answer is on its way, or was lost with a restart.", ""
+        yield f"{receiver} has no plan for +?{name}: it answers from its beliefs.", ""
+    yield f"{receiver} has no trace of it: the answer is on its way, or was lost in a restart.", ""
 
 
 def _decision(agent: str, name: str, arity: int, mind: MindView) -> DecisionView | None:
@@ -125,7 +125,7 @@ def _decision(agent: str, name: str, arity: int, mind: MindView) -> DecisionView
 
 def _decided(receiver: str, made: DecisionView, mind: MindView) -> Iterator[tuple[str, str]]:
     if made.chosen is None:
-        yield f"{receiver} got it, and no plan of it could be chosen for {event_words(made.event)}:", ""
+        yield f"{receiver} received it, and none of its plans was applicable for {event_words(made.event)}:", ""
         for one in made.rejected[:4]:
             yield f"  not {plan_words(one.plan)}: {rejected_words(one)}.", one.plan.position
         return
@@ -136,15 +136,18 @@ def _decided(receiver: str, made: DecisionView, mind: MindView) -> Iterator[tupl
         doing = ""
         if intention is not None:
             doing = f": it is at {intention.at}{awaited(intention.waits_for, ', and waits for ')}"
-        yield f"{receiver} got it and chose the plan {plan}, which still runs{doing}.", place
+        yield f"{receiver} received it and chose the plan {plan}, which still runs{doing}.", place
     elif made.outcome == "failed" and made.failure is not None:
         at = made.failure.position
-        yield f"{receiver} got it and chose the plan {plan}, which failed at {at}: {failure_words(made.failure)}.", at
-        yield "Such a failure gives no answer.", ""
+        yield (
+            f"{receiver} received it and chose the plan {plan}, which failed at {at}: {failure_words(made.failure)}.",
+            at,
+        )
+        yield "This failure sends no answer.", ""
     elif made.outcome == "dropped":
-        yield f"{receiver} got it and chose the plan {plan}, which was dropped: so no answer comes.", place
+        yield f"{receiver} received it and chose the plan {plan}, which was dropped: no answer will come.", place
     else:
-        yield f"{receiver} has answered by the plan {plan}: the answer is on its way.", place
+        yield f"{receiver} has answered with the plan {plan}: the answer is on its way.", place
 
 
 def dead_letters(agent: str, facts: MailFacts, now_ns: int) -> Iterator[Paragraph]:

@@ -159,13 +159,13 @@ def failure_words(failure: FailureView) -> str:
         case "constraint_failed":
             return f"{what} did not hold"
         case "test_goal_failed":
-            return f"{what} found nothing that is believed"
+            return f"{what} matches no belief"
         case "no_relevant":
             return f"there is no plan for {event_words(failure.formula)}"
         case "no_applicable":
-            return f"no plan could be chosen for {event_words(failure.formula)}"
+            return f"no plan was applicable for {event_words(failure.formula)}"
         case "wait_timeout":
-            return f"{what} waited in vain"
+            return f"{what} timed out"
         case "action_failed" if not what.startswith("."):
             return f"the action {what} failed{why}"
         case "ia_failed":

@@ -481,5 +481,5 @@ def test_a_mind_that_was_killed_and_came_back_is_proved_but_for_the_end_of_its_f
     assert main(["why", "counter", "restarted", "--recording", str(tmp_path / "count.mcap")]) == 0
     said = capfd.readouterr().out
     assert "restarted(1) " in said
-    assert "comes from its restart: agentd tells it to an agent that was started again." in said
+    assert "is raised by agentd in a restarted agent." in said
     assert "stands in the program" not in said

@@ -31,16 +31,16 @@ def test_names_of_every_kind_are_explained(tmp_path: Path, endpoint: str) -> Non
         assert text == (
             "uav waits for something to happen (mission second T, cycle C). It runs uav.asl.\n\n"
             "!serve has waited for S s for 60 s to pass (.wait) at uav.asl:4.\n"
-            "  !serve stands in the program, which begins with it.\n"
+            "  !serve is an initial belief or goal of the program.\n"
         )
         assert told(endpoint, "uav", "!step(0)") == (
             "S s ago (mission second T): for the goal !step(0) the plan +!step(0) (uav.asl:5) was chosen.\n"
-            "  Not needed after it: +!step(N) (uav.asl:6).\n"
-            "  It comes from !step(1), whose plan set it at uav.asl:6.\n"
-            "  The goal !step(3) comes from !serve, whose plan set it at uav.asl:4.\n"
-            "  So it went round 2 times before, as far as is remembered.\n"
-            "  The goal !serve stands in the program, which begins with it.\n"
-            "  The plan has come to its end.\n"
+            "  Not tried: +!step(N) (uav.asl:6).\n"
+            "  The plan for !step(1) set it at uav.asl:6.\n"
+            "  The plan for !serve set the goal !step(3) at uav.asl:4.\n"
+            "  This loop ran 2 times before, as far as is remembered.\n"
+            "  The goal !serve is an initial belief or goal of the program.\n"
+            "  The plan has ended.\n"
         )
         believed = told(endpoint, "uav", "found")
         assert believed.startswith("found(3,boat)[source(self)] is believed now: the agent's own")
@@ -48,22 +48,22 @@ def test_names_of_every_kind_are_explained(tmp_path: Path, endpoint: str) -> Non
         assert told(endpoint, "uav", "dive") == (
             "1 plan for it: +!dive(Depth) (uav.asl:7).\n"
             "None of the last 5 decisions was about !dive.\n"
-            "  !dive/1 stands at uav.asl:9, in the plan +victim(V) (uav.asl:9), which has not been chosen: nothing has "
-            "asked for it lately.\n"
+            "  !dive/1 is at uav.asl:9, in the plan +victim(V) (uav.asl:9), which was not chosen lately: nothing "
+            "triggered it.\n"
         )
         assert told(endpoint, "uav", "go_down/1") == (
             "None of the last 5 decisions was about go_down.\n"
-            "  go_down/1 is performed at uav.asl:7, in the plan +!dive(Depth) (uav.asl:7), which has not been chosen: "
-            "nothing has asked for it lately.\n"
+            "  go_down/1 is performed at uav.asl:7, in the plan +!dive(Depth) (uav.asl:7), which was not chosen "
+            "lately: nothing triggered it.\n"
         )
         assert told(endpoint, "uav", "!lost") == (
             "1 plan for it: +!lost (uav.asl:8).\n"
             "None of the last 5 decisions was about !lost.\n"
-            "  No plan of the agent raises it: others have to ask for it.\n"
+            "  No plan of the agent raises it: others must ask for it.\n"
         )
         for meant in ("victim", "battery"):
             miss = meant[:2] + meant[3:]
-            text = f"Nothing of uav's is called `{miss}`, did you mean `{meant}`?\n"
+            text = f"uav has nothing called `{miss}`, did you mean `{meant}`?\n"
             assert why(endpoint, "uav", miss) == (1, text, "")
         with Path("/dev/full").open("w") as full:
             command = [sys.executable, "-m", "argosy", "why", "uav", "--router", endpoint]

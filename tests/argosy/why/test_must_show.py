@@ -81,8 +81,8 @@ def test_the_page_tells_why_an_action_failed(tmp_path: Path, endpoint: str, free
             mode = told(endpoint, "uav", "set_mode")
     assert text == said
     assert mode == (
-        'S s ago (mission second T): the action set_mode("GUIDED") was begun, and S s later it succeeded.\n'
-        "  It stands at uav.asl:2, in the plan +!fly(H) (uav.asl:2).\n"
+        'S s ago (mission second T): the action set_mode("GUIDED") started, and S s later it succeeded.\n'
+        "  It is at uav.asl:2, in the plan +!fly(H) (uav.asl:2).\n"
     )
 
 

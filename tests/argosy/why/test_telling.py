@@ -38,9 +38,9 @@ def where(facts: MailFacts) -> list[str]:
     facts.asked = True
     (paragraph,) = [one for one in tell(ASKING, facts=facts).paragraphs if one.kind == "question"]
     assert paragraph.lines[0].text == (
-        "12 s ago (mission second 8.0): asked base at u.asl:3: askOne depth(_). No answer has come."
+        "12 s ago (mission second 8.0): asked base at u.asl:3: askOne depth(_). No answer yet."
     )
-    assert paragraph.lines[1].text == "The plan waits for it without a limit."
+    assert paragraph.lines[1].text == "The plan waits for the answer without a time limit."
     return [line.text for line in paragraph.lines[2:]]
 
 
@@ -80,7 +80,7 @@ FAILED = FailureView(
             MailFacts(
                 boards=[board("pi1", dead=(DeadLetter(message=LETTER, reason=Refusal(code="expired"), stamp=1),))]
             ),
-            ["The message was given up as a dead letter: expired."],
+            ["The message is a dead letter: expired."],
         ),
         (
             MailFacts(boards=[board("pi2", queue("inbox", "uav", "base", 3))]),
@@ -96,13 +96,13 @@ FAILED = FailureView(
         ),
         (
             MailFacts(homes={"base": "pi2"}),
-            ["No board has the message any more, and base does not answer when asked what it thinks."],
+            ["No board holds the message, and base does not answer queries."],
         ),
         (
             MailFacts(minds={"base": MindView(agent="base", state="paused", mailbox=2)}),
             [
                 "base is paused by an operator.",
-                "base has it, and has not read it yet: 2 messages wait to be read.",
+                "base has received it and not read it yet: 2 messages are unread.",
             ],
         ),
         (
@@ -115,32 +115,32 @@ FAILED = FailureView(
         (
             MailFacts(minds={"base": MindView(agent="base", plans=(PlanView(trigger="+!go"),))}),
             [
-                "base has no plan for +?depth: it answers at once, from what it believes.",
-                "base has nothing left of it: the answer is on its way, or was lost with a restart.",
+                "base has no plan for +?depth: it answers from its beliefs.",
+                "base has no trace of it: the answer is on its way, or was lost in a restart.",
             ],
         ),
         (
             MailFacts(minds={"base": decided("running")}),
             [
-                "base got it and chose the plan +?depth(D) (base.asl:2), which still runs: it is at base.asl:3, and "
-                "waits for the action dive.",
+                "base received it and chose the plan +?depth(D) (base.asl:2), which still runs: it is at base.asl:3, "
+                "and waits for the action dive.",
             ],
         ),
         (
             MailFacts(minds={"base": decided("failed", failure=FAILED)}),
             [
-                "base got it and chose the plan +?depth(D) (base.asl:2), which failed at base.asl:3: the action "
+                "base received it and chose the plan +?depth(D) (base.asl:2), which failed at base.asl:3: the action "
                 "dive(3) failed: too cold.",
-                "Such a failure gives no answer.",
+                "This failure sends no answer.",
             ],
         ),
         (
             MailFacts(minds={"base": decided("dropped")}),
-            ["base got it and chose the plan +?depth(D) (base.asl:2), which was dropped: so no answer comes."],
+            ["base received it and chose the plan +?depth(D) (base.asl:2), which was dropped: no answer will come."],
         ),
         (
             MailFacts(minds={"base": decided("ended")}),
-            ["base has answered by the plan +?depth(D) (base.asl:2): the answer is on its way."],
+            ["base has answered with the plan +?depth(D) (base.asl:2): the answer is on its way."],
         ),
     ],
 )
@@ -199,7 +199,7 @@ def test_what_is_dropped_of_messages_and_questions_is_told() -> None:
     )
     told = tell(MindView(agent="uav", time=5.0, drops=drops, dropped={"messages": 2, "questions": 1, "events": 7}))
     assert [line.text for one in told.paragraphs if one.kind == "dropped" for line in one.lines] == [
-        "7 events were dropped because too much waited.",
+        "7 events were dropped because their queue was full.",
         "3.0 s ago (mission second 2.0): 2 messages of bob were dropped unread, the first 4.0 s ago (mission second "
         "1.0).",
         "Why: more than 3 messages wait.",
@@ -263,13 +263,13 @@ def test_the_folder_of_a_program_is_cut_out_of_places_and_of_nothing_else() -> N
     assert "go/uav.asl" not in text
     positions = {line.position for one in explanation.paragraphs for line in one.lines}
     assert positions == {"", "go/uav.asl:4", "go/uav.asl:5", "go/uav.asl:7", "go/uav.asl:9"}, "data has them whole"
-    assert "!go/1 stands at uav.asl:5, in the plan" in plain(tell(replace(AT_HOME, decisions=(), failures=()), "!go/1"))
+    assert "!go/1 is at uav.asl:5, in the plan" in plain(tell(replace(AT_HOME, decisions=(), failures=()), "!go/1"))
 
 
 def test_of_a_paused_mind_it_is_said_that_more_may_wait() -> None:
     text = plain(tell(MindView(agent="a", state="paused", paused_for=12.0)))
-    assert "What has come since (percepts, messages, goals) waits, unseen by it, until it goes on." in text
-    assert "It has nothing in mind" not in text
+    assert "Percepts, messages and goals that arrive meanwhile wait until it resumes." in text
+    assert "It has no intentions" not in text
 
 
 def test_of_many_names_ten_are_told() -> None:
@@ -277,6 +277,6 @@ def test_of_many_names_ten_are_told() -> None:
     told = tell(MindView(agent="a", beliefs=beliefs), "zzzz")
     assert not told.known
     assert told.paragraphs[0].lines[0].text == (
-        "Nothing of a's is called `zzzz`; known are b0, b1, b10, b11, b12, b13, b14, b15, b16, b17 and 20 more."
+        "a has nothing called `zzzz`; known are b0, b1, b10, b11, b12, b13, b14, b15, b16, b17 and 20 more."
     )
     assert tell(MindView(agent="a", beliefs=beliefs), "b3").known
