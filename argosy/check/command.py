@@ -33,6 +33,7 @@ from schemas.files.findings import Finding, Findings, nearest
 from schemas.files.shipped_files import mission_file
 from schemas.files.text_files import read_bounded
 from schemas.files.yaml_positions import Positions, Steps, read_yaml
+from schemas.humanize import count
 from schemas.manifest.loader import Manifest
 from schemas.manifest.rules import BRIDGE_ACTION_ARITIES, BRIDGE_PERCEPTS
 from schemas.mission.model import Ending, Mission, load_mission
@@ -80,13 +81,9 @@ def _only_real(mission: Mission) -> list[Finding]:
 def _result(mission: Mission | None, found: list[Finding]) -> str:
     errors = sum(finding.severity == "error" for finding in found)
     if mission is None or errors:
-        return f"{errors} error{'s' if errors != 1 else ''}"
-    return f"ok: {_contents(mission)}"
-
-
-def _contents(mission: Mission) -> str:
-    counted = (("agent", mission.agents), ("robot", mission.robots), ("done formula", mission.done))
-    return ", ".join(f"{len(things)} {name}{'s' if len(things) != 1 else ''}" for name, things in counted)
+        return count(errors, "error")
+    contents = (("agent", mission.agents), ("robot", mission.robots), ("done formula", mission.done))
+    return "ok: " + ", ".join(count(len(things), name) for name, things in contents)
 
 
 def at_start(findings: Iterable[Finding]) -> list[Finding]:

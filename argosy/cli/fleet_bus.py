@@ -89,7 +89,7 @@ class FleetBus(Bus):
     boards: Boards
 
     async def tokens(self, key: str, timeout: float = 2.0) -> list[str]:
-        """Like `Bus.tokens`, of all reached boards; `boards.unreached` names the others."""
+        """Like `Bus.tokens`, of all reached boards; `timeout`: wall seconds. `boards.unreached` names the others."""
 
         async def at(board: str) -> list[str]:
             bus = await self.boards.bus(board)
@@ -140,7 +140,10 @@ class FleetBus(Bus):
         limit: int = BACKLOG,
         ready: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Reply[R], None]:
-        """Like `Bus.query`; for an unreached board the reply says why. `ready` is awaited once per board."""
+        """Like `Bus.query`; for an unreached board the reply says why. `ready` is awaited once per board.
+
+        `timeout`: wall seconds; `limit`: queued replies of one board.
+        """
         if why := self.boards.why_unseen(self.name, key):
             yield Reply(key, None, why)
             return
@@ -184,7 +187,7 @@ class FleetBus(Bus):
 
 @asynccontextmanager
 async def open_fleet_bus(mission: Mission, tls: Tls, patience: float, **options: Any) -> AsyncIterator[FleetBus]:
-    """Open sessions with all boards, and yield the first one as soon as it is open.
+    """Open sessions with all boards, each within `patience` wall seconds; yield the first one as soon as it is open.
 
     Raises Findings for a mission without addresses, and BusClosed with a line for each board if none is reached.
     """

@@ -7,6 +7,7 @@ import re
 import socket
 from argparse import ArgumentTypeError
 from contextlib import suppress
+from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
 from schemas.files.units import check_endpoint
@@ -23,6 +24,14 @@ def endpoint(text: str) -> str:
         return check_endpoint(text)
     except ValueError as error:
         raise ArgumentTypeError(str(error)) from None
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches a host, which may be in brackets."""
+    try:
+        return ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def in_use(endpoint: str) -> str:

@@ -103,7 +103,9 @@ async def gather(bus: Bus, mission: Mission) -> Facts:
     for robot in mission.robots:
         if robot in there and mission.agents_of(robot):
             now, robots[robot] = bus.stamp(), await _robot(bus, mission, robot)
-    boxes = await _mailboxes(bus)
+    boxes: dict[str, Mailboxes] = {}
+    key = keys.mailboxes(bus.fleet, "*")
+    await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda _, told: boxes.update({told.board: told}))
     await asyncio.sleep(max(0.0, began + WATCHED - loop.time()))
     links_by_board = {link.board: link for link in from_here}
     return Facts(mission, fleet_status.rows(), earlier, boards, links_by_board, robots, boxes, now)
@@ -140,13 +142,6 @@ def _of_the_file(mission: Mission, robot: str) -> dict[str, Any] | None:
     except Findings:
         return None
     return {name: {"source": entry.source, "ttl": entry.ttl} for name, entry in manifest.percepts.items()}
-
-
-async def _mailboxes(bus: Bus) -> dict[str, Mailboxes]:
-    found: dict[str, Mailboxes] = {}
-    key = keys.mailboxes(bus.fleet, "*")
-    await bus.ask_all(key, Mailboxes, ANSWER_TIMEOUT, lambda _, told: found.update({told.board: told}))
-    return found
 
 
 def show(said: Sequence[Said], *, as_json: bool) -> None:

@@ -285,7 +285,7 @@ def certificates(mission: Mission, folder: Path | None) -> list[Said]:
 
 
 def shown_at(tls: Tls, host: str, port: int) -> Identity:
-    """Connect to a board and return its certificate's identity, valid or expired. Raises OSError."""
+    """Connect to the TCP `port` of a board; return its certificate's identity, valid or expired. Raises OSError."""
     with (
         socket.create_connection((host.strip("[]"), port), CALL_PATIENCE) as plain,
         shown_by(plain, tls) as (theirs, _),

@@ -133,7 +133,7 @@ class ActionsSeen:
 
 
 def why_unknown(action: ActionSeen, roster: Roster, lives: Lives, now: float) -> str:
-    """Return why the outcome of an action will not be reported; empty while it still may be."""
+    """Return why the outcome of an action will not be reported; empty while it still may be. `now`: model seconds."""
     silent = action.silent(now)
     if silent is None:
         return ""

@@ -32,7 +32,7 @@ class Lives:
         """When a daemon came while none was there; None = that did not happen, or has been judged."""
 
     def token(self, life: Life, alive: bool, now: float) -> bool:
-        """Take a token. Returns whether the daemon was restarted: it had another life before."""
+        """Take a token at `now`, in seconds. Returns whether the daemon was restarted: it had another life before."""
         name, daemon, boot = life
         if daemon in DAEMONS:
             self._of_run(life, alive, now)

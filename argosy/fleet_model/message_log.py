@@ -46,7 +46,7 @@ class MessageLog:
     """Keeps the last messages by id, sender and receiver, in the order of their last changes."""
 
     def __init__(self, most: int = MOST, longest: int = LONGEST) -> None:
-        """`longest`: characters of a message's content that are kept."""
+        """`most`: messages that are kept; `longest`: characters of a message's content that are kept."""
         self.number = 0
         """Of the last change."""
         self.forgotten = 0

@@ -68,7 +68,7 @@ class MissionClock:
         self._take(agent, seconds, heard)
 
     def look_at_run(self, seconds: float, speed: float, heard: float) -> None:
-        """Take the mission time of `argosy run`, in seconds, and its speed."""
+        """Take the mission time of `argosy run` in `seconds`, heard at `heard`, and its speed."""
         told = self._told.get(RUN)
         if told is None or seconds < told[-1][1] - BACK:
             self.begin()

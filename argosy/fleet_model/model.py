@@ -85,6 +85,8 @@ class FleetModel:
     ) -> None:
         """`now` is a clock that never jumps, in seconds; `rate`: its seconds per wall second. `letters` keeps messages.
 
+        `track_points` are kept of each robot's track.
+
         `sees_runs`: one run may follow another, and what is of the run before is forgotten.
         """
         self.now, self.mission, self._sees_runs = now, mission, sees_runs

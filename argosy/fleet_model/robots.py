@@ -50,19 +50,19 @@ class Track:
     """Points that are kept of this track."""
 
     def moved(self, at: float, latitude: float, longitude: float) -> None:
-        """Add a position."""
+        """Add a position, in degrees, at `at` seconds."""
         self.points.append(Point(at, latitude, longitude))
         if len(self.points) > self.most:
             del self.points[1::2]
 
     def climbed(self, at: float, altitude: float) -> None:
-        """Add an altitude."""
+        """Add an altitude, in metres above home, at `at` seconds."""
         self.heights.append((at, altitude))
         if len(self.heights) > self.most:
             del self.heights[1::2]
 
     def changed_mode(self, at: float, mode: str) -> None:
-        """Add a change of mode."""
+        """Add a change of mode at `at` seconds."""
         if len(self.modes) < self.most:
             self.modes.append((at, mode))
 
@@ -76,7 +76,7 @@ class Track:
         return max((altitude for _, altitude in self.heights), default=None)
 
     def armed(self, at: float) -> bool:
-        """Whether the vehicle was armed at a time."""
+        """Whether the vehicle was armed at `at` seconds."""
         state = False
         for when, armed in self.armed_at:
             if when > at:
@@ -155,7 +155,7 @@ class RobotSeen:
         return ", ".join(told) + place
 
     def percept(self, percept: Perception, now: float, tell: Tell) -> None:
-        """Take a percept of an agent of the robot; `tell` takes each change."""
+        """Take a percept of an agent of the robot at `now` seconds; `tell` takes each change."""
         if percept.update == "remove":
             self.told.pop(percept.name, None)
             match percept.name:

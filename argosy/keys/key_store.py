@@ -93,7 +93,7 @@ class KeyStore:
 
 
 def create(path: Path, fleet: str, days: int, password: bytes | None) -> KeyStore:
-    """Create the fleet's secret in a folder that is locked by `alone`.
+    """Create the fleet's secret in a folder that is locked by `alone`; its certificates hold for `days` days.
 
     Raises Findings if there is one: it is never overwritten. The record is written first, so a record without a secret
     comes from an interrupted command, and no certificate exists.

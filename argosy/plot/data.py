@@ -210,7 +210,7 @@ def _absurd(percept: Perception) -> bool:
 
 
 def part_of(scene: Scene, robots: list[str], begin: float | None, end: float | None) -> Scene:
-    """Return the part of a scene with some robots (none named: all) between two mission times.
+    """Return the part of a scene with some robots (none named: all) from `begin` to `end`, in mission seconds.
 
     Raises ValueError that names the robots there are, or says why nothing lies between the times.
     """

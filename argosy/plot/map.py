@@ -41,17 +41,13 @@ def plan(axes: Any, scene: Scene, ratio: float) -> list[Any]:
         if path:
             axes.plot([x for x, _ in path], [y for _, y in path], color=colour, linestyle=line, linewidth=0.9, zorder=2)
             axes.plot(*path[-1], marker="o", color=colour, markersize=3.2, markeredgewidth=0, zorder=3)
-    _limits(axes, scene, ratio)
-    axes.set_xlabel("m east of home", labelpad=1.5)
-    axes.set_ylabel("m north of home")
-    return [*robot_handles(scene), *_homes(axes, scene, origin), *_places(axes, scene, origin)]
-
-
-def _limits(axes: Any, scene: Scene, ratio: float) -> None:
     (west, east), (south, north) = ((min(values), max(values)) for values in zip(*_extent(scene), strict=True))
     half = max(east - west, LEAST, (north - south) / ratio) * MARGIN
     axes.set_xlim((west + east) / 2 - half, (west + east) / 2 + half)
     axes.set_ylim((south + north) / 2 - half * ratio, (south + north) / 2 + half * ratio)
+    axes.set_xlabel("m east of home", labelpad=1.5)
+    axes.set_ylabel("m north of home")
+    return [*robot_handles(scene), *_homes(axes, scene, origin), *_places(axes, scene, origin)]
 
 
 def _homes(axes: Any, scene: Scene, origin: tuple[float, float]) -> list[Any]:

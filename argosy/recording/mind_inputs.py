@@ -124,7 +124,7 @@ class Minds:
         self._lives: dict[Whose, _Progress] = {}
 
     def heard(self, whose: Whose, number: int, *, final: bool = False) -> bool:
-        """Note a batch. Returns whether it is new."""
+        """Note the batch of this `number`, which counts from 0. Returns whether it is new."""
         life = self._lives.get(whose)
         if life is None:
             if len(self._lives) >= MOST_LIVES:

@@ -265,7 +265,11 @@ def figures(result: Result, inputs: int, wall: float) -> str:
 def difference_lines(
     difference: Difference, recorded: Named, other: Named, *, edited: bool, shown: int = SHOWN
 ) -> Iterator[str]:
-    """Tell where two lives part; `edited`: the other program was changed on purpose."""
+    """Yield lines about where two lives differ.
+
+    `edited`: the other program was changed on purpose; `shown`: inputs before the difference, and decisions and
+    effects of each life after it, that are shown.
+    """
     where = f"at {difference.time:.3f} s of mission time, in cycle {difference.cycle}"
     if not difference.exact:
         where = f"not known where exactly, up to {difference.time:.3f} s of mission time and cycle {difference.cycle}"
@@ -304,7 +308,7 @@ def _alike(one: Act | None, other: Act | None) -> bool:
 
 
 def told_decision(at: float, decision: DecisionView, name: Named) -> Iterator[str]:
-    """Tell a decision with its mission time."""
+    """Yield a decision as lines, the first one with its mission time `at` in seconds."""
     for index, line in enumerate(decision_words(decision, name)):
         yield f"{f'{at:.3f} s' if index == 0 else '':>11}  {line}"
 

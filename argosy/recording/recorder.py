@@ -186,7 +186,13 @@ class Recorder:
 
     def _run(self) -> None:
         try:
-            self._record()
+            while not self._stop.is_set():
+                self.write_queue.woken.wait(PERIOD)
+                self.write_queue.woken.clear()
+                if not self._drain() or self._late():
+                    break
+            else:
+                self._drain()  # what is still queued
             self._close(self._why)
             self.problem = self._ended_early
         except OSError as error:
@@ -197,15 +203,6 @@ class Recorder:
             self.writer.abandon()
         finally:
             self._on_end()
-
-    def _record(self) -> None:
-        """Write until it is stopped, then what is still queued; or until a limit is reached."""
-        while not self._stop.is_set():
-            self.write_queue.woken.wait(PERIOD)
-            self.write_queue.woken.clear()
-            if not self._drain() or self._late():
-                return
-        self._drain()
 
     def _late(self) -> bool:
         """Whether the time limit of the file is reached and no other file follows."""

@@ -54,7 +54,7 @@ def what_became_of_it(lines: Iterable[LogLine], how: str) -> str:
 
 
 def record_command(recording: RunRecording, mission: str, router: str, speed: float) -> list[str]:
-    """Return the recorder's module and its arguments."""
+    """Return the recorder's module and its arguments; `speed` is in mission seconds per wall second."""
     to = ["--output", str(recording.path)]
     if not recording.asked_for:  # a report overwrites the files of an earlier one
         to.append("--force")

@@ -41,6 +41,7 @@ class WriteQueue:
     """Filled by any thread, emptied by one."""
 
     def __init__(self, most: int = MOST, most_bytes: int = MOST_BYTES) -> None:
+        """`most` and `most_bytes`: capacity in messages and in bytes."""
         self.dropped = self.too_large = 0
         """Messages that did not fit; and messages larger than any record."""
         self.now = steady_clock()

@@ -99,7 +99,11 @@ class Screen:
         now = status.now()
         left = Text.assemble(" ", (mission.name, "bold"), "   ", _phase(status))
         right = Text(f"{now:.0f} s of mission, {now / speed:.0f} s here, x{speed:g}{_timeout(status)} ", style="dim")
-        return [_row(left, right), Rule(style="dim", characters="─")]
+        row = Table.grid(expand=True)
+        row.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+        row.add_column(no_wrap=True, justify="right")
+        row.add_row(left, right)
+        return [row, Rule(style="dim", characters="─")]
 
     def _vehicles(self, width: int) -> list[Table | Text]:
         status = self.status
@@ -276,11 +280,3 @@ def _line(entry: Entry) -> Text:
 
 def _title(text: str) -> Text:
     return Text(f" {text.upper()}", style="dim bold")
-
-
-def _row(left: Text, right: Text) -> Table:
-    table = Table.grid(expand=True)
-    table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
-    table.add_column(no_wrap=True, justify="right")
-    table.add_row(left, right)
-    return table

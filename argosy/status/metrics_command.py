@@ -8,7 +8,6 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from ipaddress import ip_address
 
 from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.core import Metric
@@ -16,6 +15,7 @@ from prometheus_client.registry import Collector
 
 from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import ANY, Where, on_the_bus
+from argosy.cli.port_check import is_loopback
 from argosy.fleet_model.fleet_status import Row
 from argosy.status.command import add_roll_arguments, call_the_roll
 from commd.bus.bus import Bus
@@ -69,7 +69,7 @@ def run(args: Namespace) -> int:
         except OSError as error:
             raise CommandError(f"cannot listen at {args.listen}: {error.strerror or error}") from None
         print(f"serving http://{args.listen}/metrics", flush=True)
-        if not _is_loopback(host):
+        if not is_loopback(host):
             print(
                 f"warning: everyone who reaches {args.listen} can read the metrics: no password, no TLS",
                 file=sys.stderr,
@@ -126,13 +126,6 @@ def _address(text: str) -> str:
     except ValueError as error:
         raise ArgumentTypeError(str(error)) from None
     return text
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,7 @@ class BusTap:
             self._listen("", bus)
 
     async def samples(self, until: float | None = None) -> AsyncIterator[Heard]:
-        """Yield samples, for ever or `until` a time of the event loop."""
+        """Yield samples, for ever or `until` a time of the event loop's clock, in seconds."""
         taken = 0
         while until is None or self._loop.time() < until:
             with self._lock:

@@ -123,7 +123,7 @@ async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[
 
 
 def lines_of(fleet: str, name: str, found: Name, seconds: float, types: bool) -> Iterator[str]:
-    """Yield the lines of one name: its kind, the queries it serves, the keys it puts."""
+    """Yield the lines of one name, heard for `seconds`: its kind, the queries it serves, the keys it puts."""
     nouns = [noun for daemon, noun in NOUNS.items() if daemon in found.daemons]
     at = f"{ROOT}/{fleet}/{name}"
     yield f"{at}  {', '.join(nouns) or ', '.join(sorted(found.daemons)) or 'no token'}"

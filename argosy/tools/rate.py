@@ -77,7 +77,7 @@ class Rates:
 def figures(times: list[float], size: int, span: float) -> tuple[str, ...]:
     """Return rate in Hz, shortest and longest interval and their standard deviation in ms, bytes/s, and the count.
 
-    Rate and bytes/s are over the whole `span`, in seconds.
+    `times`: arrivals in seconds; `size`: bytes of all of them. Rate and bytes/s are over the whole `span`, in seconds.
     """
     gaps = [later - earlier for earlier, later in pairwise(times)]
     rate, many = f"{len(times) / span:.2f}", (f"{size / span:.0f}", str(len(times)))

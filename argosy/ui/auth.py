@@ -17,6 +17,8 @@ from ipaddress import ip_address
 
 from aiohttp import web
 
+from argosy.cli.port_check import is_loopback
+
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 POLICY = (
@@ -137,11 +139,3 @@ class AuthGuard:
             return await handler(request)
         except web.HTTPException as refusal:  # 404, 405, 413 of aiohttp itself: an answer like any other
             return web.Response(status=refusal.status, text=f"{refusal.reason}\n")
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches a host."""
-    try:
-        return ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return host == "localhost"

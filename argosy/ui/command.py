@@ -21,7 +21,8 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import add_fleet_arguments, where
-from argosy.ui.auth import AuthGuard, is_loopback
+from argosy.cli.port_check import is_loopback
+from argosy.ui.auth import AuthGuard
 from argosy.ui.fleet_session import FleetSession
 from argosy.ui.server import application
 from commd.bus.tls import identity_of

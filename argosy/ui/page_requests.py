@@ -159,7 +159,7 @@ def _state(view: OrderedView) -> Literal["looking", "waiting", "confirmed", "NOT
 
 
 def late(at: float) -> str:
-    """Return why an order of that time is refused; empty if it is fresh.
+    """Return why an order given `at` that time, in Unix seconds, is refused; empty if it is fresh.
 
     An order may be delayed while this process, its machine or the connection hangs, and arrive unexpectedly.
     """

@@ -168,7 +168,7 @@ def _old(agent: FleetAgent, now: float) -> list[Row]:
 
 
 def beliefs(agent: FleetAgent, now: float) -> list[Row]:
-    """Return the beliefs by source, each with its age in mission seconds."""
+    """Return the beliefs by source, each with its age in mission seconds; `now` is in seconds of the model's clock."""
     view = agent.detail
     if view is None:
         word = "its mind has not been seen yet" if agent.mind is None else "not asked for yet"
@@ -188,7 +188,7 @@ def beliefs(agent: FleetAgent, now: float) -> list[Row]:
 
 
 def decisions(agent: FleetAgent, opened: set[str], now: float) -> list[Row]:
-    """Return the last decisions, the newest first; those in `opened` with their reasons."""
+    """Return the last decisions at `now`, in seconds, the newest first; those in `opened` with their reasons."""
     view = agent.detail
     if view is None:
         return [Row(Text("not asked for yet", WARN))]

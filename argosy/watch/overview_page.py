@@ -99,7 +99,7 @@ def _action(action: ActionSeen, now: float, speed: float, glyphs: Glyphs) -> Tex
 
 
 def unheard(action: ActionSeen, now: float) -> tuple[str, str]:
-    """Return the age of an action's last status, if that is old, and its style."""
+    """Return the age of an action's last status at `now`, in seconds, if that is old, and its style."""
     silent = action.silent(now)
     return ("" if silent is None else f"not heard for {span(silent)}", BAD)
 

@@ -71,7 +71,9 @@ def joined(*parts: Text | str | tuple[str, str], gap: str = "  ") -> Text:
 def table(
     rows: Sequence[Sequence[Text]], width: int, *, flex: int, right: Sequence[int] = (), gap: int = 2
 ) -> list[Text]:
-    """Return rows as lines with aligned columns; the column `flex` gets the remaining width.
+    """Return rows as lines of `width` columns, cells aligned and `gap` apart; cell `flex` gets the remaining width.
+
+    `right`: cells that are aligned at their right end.
 
     Columns at the right end go first where there is no room, and an empty column takes none.
     """

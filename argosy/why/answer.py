@@ -46,7 +46,7 @@ class Explanation(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def plain(explanation: Explanation, columns: int | None = None) -> str:
-    """The text for a terminal: a paragraph after the other, with a blank line between them; long lines are broken."""
+    """Return the text for a terminal, paragraphs divided by blank lines; lines are broken at `columns`, None = not."""
     return "\n\n".join(
         "\n".join(part for line in paragraph.lines for part in _parts(line, columns))
         for paragraph in explanation.paragraphs

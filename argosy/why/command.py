@@ -44,7 +44,12 @@ def run(args: Namespace) -> int:
     if args.about:
         subject_of(args.about)
     if args.recording is not None:
-        return _of_recording(args)
+        from argosy.why.from_recording import recorded_view  # a running fleet needs no mcap
+
+        view, notes = recorded_view(args.recording, args.agent, args.at)
+        for text in notes:
+            note(text)
+        return _show(tell(view, args.about, last=args.last), args.json)
     if args.at is not None:
         raise BadInput("argosy why: --at needs --recording FILE")
 
@@ -52,15 +57,6 @@ def run(args: Namespace) -> int:
         return _show(await explain(bus, where.fleet, args.agent, args.about, args.last), args.json)
 
     return on_the_bus(args, ask)
-
-
-def _of_recording(args: Namespace) -> int:
-    from argosy.why.from_recording import recorded_view  # a running fleet needs no mcap
-
-    view, notes = recorded_view(args.recording, args.agent, args.at)
-    for text in notes:
-        note(text)
-    return _show(tell(view, args.about, last=args.last), args.json)
 
 
 def _show(told: Explanation, as_json: bool) -> int:

@@ -23,7 +23,7 @@ from argosy.why.wording import (
     without_annotations,
 )
 from schemas.humanize import count
-from schemas.wire.mind_records import DecisionView, FailureView, RejectedView
+from schemas.wire.mind_records import DecisionView, FailureView
 
 MOST_PLANS = 6
 """Rejected plans that are explained; further ones are counted."""
@@ -57,9 +57,17 @@ def decision_paragraph(memory: Memory, group: list[DecisionView]) -> Paragraph:
     """Explain the newest decision of a group; the others are counted."""
     made = group[-1]
     lines = [Line(f"{ago(memory.now, made.time)}: {_head(made)}", 0, made.chosen.position if made.chosen else "")]
-    if made.rejected:
-        lines += _rejected_lines(made.rejected, chosen=made.chosen is not None)
-    lines += _untried(made)
+    lines += [
+        Line(f"Not {plan_words(one.plan)}: {rejected_words(one)}.", 1, one.plan.position)
+        for one in made.rejected[:MOST_PLANS]
+    ]
+    if len(made.rejected) > MOST_PLANS:
+        lines.append(Line(f"And {count(len(made.rejected) - MOST_PLANS, 'other plan')}.", 1))
+    if made.untried:
+        names = [plan_words(plan) for plan in made.untried[:2]]
+        if len(made.untried) > 2:
+            names.append(count(len(made.untried) - 2, "other plan"))
+        lines.append(Line(f"Not tried: {', '.join(names)}.", 1, made.untried[0].position))
     lines += cause_lines(memory, made)
     lines += _became(memory, made)
     if len(group) > 1:
@@ -80,21 +88,6 @@ def _head(made: DecisionView) -> str:
     return f"there is no plan for {event}."
 
 
-def _rejected_lines(rejected: tuple[RejectedView, ...], chosen: bool) -> Iterator[Line]:
-    for one in rejected[:MOST_PLANS]:
-        yield Line(f"Not {plan_words(one.plan)}: {rejected_words(one)}.", 1, one.plan.position)
-    if len(rejected) > MOST_PLANS:
-        yield Line(f"And {count(len(rejected) - MOST_PLANS, 'other plan')}.", 1)
-
-
-def _untried(made: DecisionView) -> Iterator[Line]:
-    if made.untried:
-        names = [plan_words(plan) for plan in made.untried[:2]]
-        if len(made.untried) > 2:
-            names.append(count(len(made.untried) - 2, "other plan"))
-        yield Line(f"Not tried: {', '.join(names)}.", 1, made.untried[0].position)
-
-
 def _became(memory: Memory, made: DecisionView) -> Iterator[Line]:
     match made.outcome:
         case "running":
@@ -108,7 +101,9 @@ def _became(memory: Memory, made: DecisionView) -> Iterator[Line]:
         case "failed" if made.failure is not None:
             yield from failure_lines(memory, made.failure)
         case "none" if "!" in made.kind or "?" in made.kind:
-            yield from _unchosen(memory, made)
+            same = (one for one in memory.failures if one.cycle == made.cycle and one.error in WITHOUT_PLAN)
+            failure = next(same, None)
+            yield from [Line("So it failed.", 1)] if failure is None else aftermath(memory, failure)
         case "none":
             yield Line("So nothing was done about it.", 1)
 
@@ -156,16 +151,8 @@ def aftermath(memory: Memory, failure: FailureView) -> Iterator[Line]:
     yield Line(f"So {given_up}, and the failure plan {plan} handled it.", 1, handler.chosen.position)
 
 
-def _unchosen(memory: Memory, made: DecisionView) -> Iterator[Line]:
-    for failure in memory.failures:
-        if failure.cycle == made.cycle and failure.error in WITHOUT_PLAN:
-            yield from aftermath(memory, failure)
-            return
-    yield Line("So it failed.", 1)
-
-
 def cause_lines(memory: Memory, decision: DecisionView, called: str = "it", indent: int = 1) -> list[Line]:
-    """Explain the cause of an event, a line for each step back; the first line names it `called`."""
+    """Explain the cause of an event, a line of this `indent` for each step back; the first one names it `called`."""
     lines: list[Line] = []
     known: dict[tuple[str, ...], int] = {}
     rounds = further = 0

@@ -49,6 +49,7 @@ _PLACES = ("position", "at", "asked_at", "dropped_at", "program")
 async def explain(bus: Bus, fleet: str, agent: str, about: str = "", last: int = LAST) -> Explanation:
     """Ask an agent, the boards, and the receivers of its open questions, and explain what it does.
 
+    The `last` events are explained, 1 or more.
     Raises Unanswered if there is no such agent or it does not answer, and Findings for what nothing can be called.
     """
     if about:

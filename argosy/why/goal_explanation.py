@@ -22,7 +22,7 @@ MOST_NAMES = 10
 
 
 def about(memory: Memory, subject: Subject, last: int, facts: MailFacts) -> list[Paragraph]:
-    """Return the paragraphs about a subject: events in order, then the present state and the program."""
+    """Return the paragraphs about a subject: its `last` events in order, then the present state and the program."""
     view = memory.view
     made = [one for one in memory.decisions if subject.is_of(one.event)]
     happened = [decision_paragraph(memory, group) for group in groups(made)]
@@ -101,14 +101,8 @@ def _action(memory: Memory, action: ActivityEvent, end: ActivityEvent | None) ->
     if end is None:
         return f"{begun}; it has not ended."
     why = f": {shown(end.reason)}" if end.reason else ""
-    return f"{begun}, and {end.time - action.time:.1f} s later it {_state(end.state)}{why}."
-
-
-def _state(state: str) -> str:
-    match state:
-        case "succeeded" | "failed" | "timed_out":
-            return state.replace("_", " ")
-    return f"was {state}"
+    how = end.state.replace("_", " ") if end.state in ("succeeded", "failed", "timed_out") else f"was {end.state}"
+    return f"{begun}, and {end.time - action.time:.1f} s later it {how}{why}."
 
 
 def _intended(memory: Memory, subject: Subject) -> Iterator[Paragraph]:

@@ -151,7 +151,7 @@ def _decided(receiver: str, made: DecisionView, mind: MindView) -> Iterator[tupl
 
 
 def dead_letters(agent: str, facts: MailFacts, now_ns: int) -> Iterator[Paragraph]:
-    """Report messages of the agent that were given up, and for which no plan waits."""
+    """Report dead letters of the agent, for which no plan waits; `now_ns` is in Unix nanoseconds."""
     for board in facts.boards:
         for letter in board.dead:
             message = letter.message

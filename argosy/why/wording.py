@@ -19,7 +19,7 @@ def shown(text: str) -> str:
 
 
 def ago(now: float, then: float) -> str:
-    """Return `12 s ago (mission second 431.2)`; for a future time `in 12 s (...)`."""
+    """Return `12 s ago (mission second 431.2)`; for a future time `in 12 s (...)`. Both are in mission seconds."""
     seconds = now - then
     where = f"mission second {then:.1f}"
     if seconds < -0.05:

@@ -13,9 +13,10 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from argosy.__main__ import main
+from argosy.cli.port_check import is_loopback
 from argosy.fleet_model.fleet_status import Row
 from argosy.status import metrics_command
-from argosy.status.metrics_command import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page, _is_loopback
+from argosy.status.metrics_command import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page
 from schemas.wire.records import Health, Note
 from tests.support.buses import until
 from tests.support.ports import free_port
@@ -183,4 +184,4 @@ def test_an_address_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) 
     ],
 )
 def test_it_is_known_what_other_machines_cannot_reach(host: str, loopback: bool) -> None:
-    assert _is_loopback(host) is loopback
+    assert is_loopback(host) is loopback
