@@ -75,7 +75,7 @@ def add_mind_arguments(parser: ArgumentParser) -> None:
 def run_mind(args: Namespace) -> int:
     """Live an agent again. Returns 0 if all of it agrees, 1 if it does not or not all is there. Raises BadInput."""
     if ignored := _given(args, NOT_FOR_A_MIND):
-        raise BadInput(f"{ignored}: has no meaning with --mind: nothing is said on a bus")
+        raise BadInput(f"{ignored}: has no meaning with --mind, which publishes nothing")
     try:
         edited = {path: _text(path) for path in args.program}
     except SyntaxErrors as errors:

@@ -205,7 +205,7 @@ class MissionRunner:
             if there():
                 return
             await asyncio.sleep(POLL)
-        raise StartupFailed(f"waited {STARTUP_PATIENCE:g} s in vain for {what}")
+        raise StartupFailed(f"timed out after {STARTUP_PATIENCE:g} s: waited for {what}")
 
     async def _watch(self, startup: asyncio.Task[None]) -> Ending:
         """Wait until the run ends."""

@@ -205,10 +205,10 @@ async def tell_who_is_there(bus: Bus, where: Where, text: str | None, seconds: f
     """Print on stderr that nothing was received for `seconds`, and which names are on the bus."""
     there = await names_there(bus, where.fleet)
     of = "" if text is None else f" by or to `{text}`" if _NAME.fullmatch(text) else f" on {text}"
-    quiet = f"nothing was said{of} within {seconds:g} s"
+    quiet = f"nothing was published{of} within {seconds:g} s"
     if not there:
         of = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
-        who = f"nobody of {of} is on the bus at {where.router}"
+        who = f"no daemon of {of} is on the bus at {where.router}"
     else:
         fleets: dict[str, list[str]] = {}
         for fleet, name in sorted(there):

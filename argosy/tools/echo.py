@@ -58,7 +58,7 @@ def run(args: Namespace) -> int:
             if asking is not None:
                 asking.cancel()
             if ears.dropped:
-                note(f"{ears.dropped} records were left out: more was said than could be shown")
+                note(f"{ears.dropped} records were left out: more was published than could be shown")
         return EXIT_DONE
 
     return on_the_bus(args, echo)

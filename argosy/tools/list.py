@@ -75,10 +75,10 @@ def run(args: Namespace) -> int:
                     return EXIT_DONE
         await tell_unreached(bus)
         if left_out:
-            note(f"{left_out} records were left out: more is said than is listed")
+            note(f"{left_out} records were left out: more is published than is listed")
         if not names:
             of = f"fleet `{where.fleet}`" if where.fleet != ANY else "any fleet"
-            complain(f"error: nobody of {of} is on the bus at {where.router}")
+            complain(f"error: no daemon of {of} is on the bus at {where.router}")
         return EXIT_DONE if names else EXIT_FAILED
 
     return on_the_bus(args, look)

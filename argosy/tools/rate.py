@@ -128,9 +128,11 @@ def run(args: Namespace) -> int:
                 await tell_who_is_there(bus, where, args.key, round(loop.time() - began, 1))
             lines = table(rows) if rows else []
             if rows and rates.silent(loop.time()):
-                lines.append(f"nothing was said in the last {args.window:g} s")
+                lines.append(f"nothing was published in the last {args.window:g} s")
             if ears.dropped or rates.left_out:
-                lines.append(f"{ears.dropped + rates.left_out} records were left out: more is said than is counted")
+                lines.append(
+                    f"{ears.dropped + rates.left_out} records were left out: more is published than is counted"
+                )
             if lines and redraw and missing.done():
                 lines += missing.result()
             if lines and not put_out(

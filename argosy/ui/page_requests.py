@@ -98,7 +98,7 @@ class ControlRequests:
                     telling.add(asyncio.create_task(self._told(bus, fleet, more, wish.order)))
                     view = self._now(replace(view, outcomes=view.outcomes | {more: WAITING}))
             if not telling:
-                view = self._now(replace(view, problem="no robot is there"))
+                view = self._now(replace(view, problem="no robot is on the bus"))
                 return view
             there = {robot for _, robot in await looking}
             for told in asyncio.as_completed(telling):

@@ -38,7 +38,7 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
     life = _life(recording, agent, at)
     batches = [batch for _, batch in takewhile(lambda pair: pair[0] == pair[1].number, enumerate(life.batches))]
     if not batches or batches[0].birth is None:
-        raise NotRecorded(f"{file}: the beginning of {agent}'s life is not in it: record from before it begins")
+        raise NotRecorded(f"{file}: it lacks the beginning of {agent}'s life: start to record before the agent starts")
     notes = [recording.missing] if recording.missing else []
     if life.missing:
         notes.append(f"batches {in_words(life.missing)} of its inputs are missing: it is told up to there")

@@ -396,7 +396,7 @@ def test_it_is_said_which_file_an_edited_one_of_another_name_takes_the_place_of(
 def test_options_that_have_no_meaning_for_a_mind_are_refused(option: str, replayed: Replay) -> None:
     code, out, err = replayed("buyer", *option.split())
     assert (code, out) == (2, "")
-    assert err == f"error: {option.split()[0]}: has no meaning with --mind: nothing is said on a bus\n"
+    assert err == f"error: {option.split()[0]}: has no meaning with --mind, which publishes nothing\n"
 
 
 @pytest.mark.parametrize("option", ["--program buyer.asl", "--life 1", "--until 2", "--why offer", "--show 1"])

@@ -357,7 +357,7 @@ def test_a_startup_that_hangs_is_bounded_and_says_what_it_waits_for(
     monkeypatch.setenv("STARTUP_PATIENCE", "5")
     code, _, err = ended(start(single_uav, "--speed", "10", fault="agent-mute"))
     assert code == 1
-    assert "error: failed at the start: waited 5 s in vain for agentd uav" in err
+    assert "error: failed at the start: timed out after 5 s: waited for agentd uav" in err
 
 
 def test_ctrl_c_while_it_starts_leaves_nothing_behind(start: Start, single_uav: Path) -> None:

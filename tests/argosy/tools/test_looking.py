@@ -119,7 +119,7 @@ def test_a_reader_that_goes_ends_it_and_so_does_ctrl_c(endpoint: str) -> None:
 def test_when_nothing_is_heard_it_is_said_who_is_there(endpoint: str) -> None:
     with talking(endpoint, tell), running("argosy", "echo", "nobody", "--router", endpoint) as echo:
         echo.says(
-            "note: nothing was said by or to `nobody` within 3 s; fleet sar has uav1",
+            "note: nothing was published by or to `nobody` within 3 s; fleet sar has uav1",
         )
         assert echo.process.poll() is None, "it goes on listening"
 
@@ -182,7 +182,7 @@ def test_hz_measures_each_key(endpoint: str) -> None:
         assert int(size) > 100
         code, lines, said = typed("hz", "nobody", "--router", endpoint, "--once", "--window", "500ms")
         assert (code, lines) == (1, [])
-        assert "nothing was said by or to `nobody` within 0.5 s; fleet sar has uav1" in said
+        assert "nothing was published by or to `nobody` within 0.5 s; fleet sar has uav1" in said
 
 
 def test_figures_are_those_of_the_intervals_in_the_window() -> None:
@@ -232,7 +232,7 @@ def test_hz_on_a_terminal_draws_the_silence(endpoint: str) -> None:
         try:
             shown(terminal, r"percept/altitude +[1-9]")
             quiet.set()
-            shown(terminal, r"percept/altitude +0\.00 +- [^\x1b]*nothing was said in the last 0\.5 s")
+            shown(terminal, r"percept/altitude +0\.00 +- [^\x1b]*nothing was published in the last 0\.5 s")
         finally:
             process.kill()
             process.wait(10)
@@ -336,7 +336,7 @@ def test_list_of_nobody_fails(endpoint: str) -> None:
     async def body(connect: Connect) -> None:
         code, lines, said = await asyncio.to_thread(typed, "list", "--router", endpoint, "--wait", "300ms")
         assert (code, lines) == (1, [])
-        assert said == f"error: nobody of any fleet is on the bus at {endpoint}"
+        assert said == f"error: no daemon of any fleet is on the bus at {endpoint}"
 
     on_a_bus(endpoint, body)
 

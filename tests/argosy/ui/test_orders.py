@@ -122,7 +122,7 @@ def test_when_no_robot_is_there_an_order_to_all_says_so(endpoint: str) -> None:
     async def body() -> None:
         async with router(endpoint), served(Where("sar", endpoint)) as browser:
             await linked(browser)
-            assert (await posted(browser, "/stop", {"order": "land"}))["problem"] == "no robot is there"
+            assert (await posted(browser, "/stop", {"order": "land"}))["problem"] == "no robot is on the bus"
 
     asyncio.run(body())
 

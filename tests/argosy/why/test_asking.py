@@ -120,4 +120,4 @@ def test_nobody_is_there(tmp_path: Path, endpoint: str) -> None:
         board.says("router board=")
         code, _, error = why(endpoint, "uav")
     assert code == 1
-    assert error == "error: no agent is there: does its agentd run, and is this its router?\n"
+    assert error == "error: no agent is on the bus: is agentd running, and is this its router?\n"
