@@ -360,7 +360,7 @@ def test_a_database_of_something_else_is_set_aside(path: Path) -> None:
     other.execute("CREATE TABLE belief (x)")
     other.commit()
     other.close()
-    assert "a database of something else" in Checkpoint.open(path, "scout").notes[0].text
+    assert [note.identity for note in Checkpoint.open(path, "scout").notes] == [("state_damaged", "file")]
 
 
 def test_a_file_of_a_newer_version_is_refused_and_left_alone(path: Path) -> None:
