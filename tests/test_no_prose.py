@@ -66,6 +66,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
         "agentd/testing/runner.py: ended.error == FAILED",
         "argosy/why/decisions.py: failure.error in WITHOUT_PLAN",
         "argosy/why/decisions.py: failure.error == 'test_goal_failed'",
+        "argosy/why/decisions.py: one.error in WITHOUT_PLAN",
         "argosy/why/explain.py: failure.error in WITHOUT_PLAN",
         "argosy/why/explain.py: made.failure.error in WITHOUT_PLAN",
         "argosy/why/goal_explanation.py: one.error not in WITHOUT_PLAN",
