@@ -279,7 +279,7 @@ def decisions_of(mind: Mind, look: Look = EVERYTHING) -> tuple[tuple[DecisionVie
         record = known[id(entry)][1] if id(entry) in known else None
         if record is None or (isinstance(record, DecisionView) and record.outcome == "running"):
             if views is None:
-                views = Views.among(mind, list(map(record_of, entries)))
+                views = Views(mind, list(map(record_of, entries)))
             record = _record(views, record_of(entry), record)
             known[id(entry)] = (entry, record)
         made.append(record)

@@ -103,14 +103,6 @@ def _changes_read(pairs: list[Any]) -> dict[Any, Literal | None]:
     return {(one.sig, one.args): one if holds else None for one, holds in literals}
 
 
-def _several_written(literals: tuple[Literal, ...]) -> list[Term]:
-    return [to_wire(one) for one in literals]
-
-
-def _several_read(terms: list[Any]) -> tuple[Literal, ...]:
-    return tuple(map(_literal, terms))
-
-
 class _Field(NamedTuple):
     """One field of an input."""
 
@@ -151,7 +143,9 @@ _FIELDS: Final[dict[type[Any], tuple[_Field, ...]]] = {
     MailRefused: (_IDENTITY, *_plain("error", "message")),
     CameBack: (
         _Field("life", "life", read=int),
-        _Field("interrupted", "interrupted", _several_written, _several_read),
+        _Field(
+            "interrupted", "interrupted", lambda some: list(map(to_wire, some)), lambda some: tuple(map(_literal, some))
+        ),
     ),
     Interrupted: (_LITERAL,),
 }

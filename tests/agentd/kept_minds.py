@@ -13,7 +13,7 @@ from agentd.language.terms.terms import Literal
 from agentd.mind import Mind
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.persistence.change_tracking import Keeper
-from agentd.mind.persistence.rows import MindChanges, StoredMind
+from agentd.mind.persistence.rows import MindChanges, Row, StoredMind
 from tests.agentd.minds import World
 
 
@@ -32,7 +32,7 @@ class Life(World):
         clean = not self.keeper.dirty
         changes = self.keeper.changes()
         assert not (clean and changes), changes
-        self.stored = self.stored.changed(changes)
+        self.stored = _changed(self.stored, changes)
         return changes
 
     def next(self, own: bool = True, source: str | None = None) -> Life:
@@ -40,6 +40,25 @@ class Life(World):
         life = Life(source or self.source, self.stored)
         life.keeper.resume(own)
         return life
+
+
+def _changed(stored: StoredMind, changes: MindChanges) -> StoredMind:
+    """The mind after changes, as a database applies them."""
+    pending = {key: (key, origin, data) for key, origin, data in stored.pending}
+    for gone in changes.pending_gone:
+        pending.pop(gone, None)
+    pending.update({row[0]: row for row in changes.pending})
+    return StoredMind(
+        _merged(stored.beliefs, changes.beliefs, changes.beliefs_gone),
+        _merged(stored.predicates, changes.predicates, []),
+        _merged(stored.plans, changes.plans, changes.plans_gone),
+        [pending[key] for key in sorted(pending)],
+        {**stored.values, **changes.values},
+    )
+
+
+def _merged(rows: list[Row], new: list[Row], gone: list[int]) -> list[Row]:
+    return sorted({**{rank: data for rank, data in rows if rank not in gone}, **dict(new)}.items())
 
 
 def begun(source: str, **arguments: Any) -> Life:

@@ -15,7 +15,7 @@ from agentd.language.compiler.formulas import QUERIES, FormulaCompiler, is_query
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.syntax_tree.signatures import signature
-from agentd.language.syntax_tree.traversal import HIDDEN, is_plain_variable, variables
+from agentd.language.syntax_tree.traversal import HIDDEN, variables
 from agentd.language.terms.terms import Term
 
 Bound = dict[str, bool]
@@ -215,7 +215,7 @@ def _external(writer: StepWriter, term: nodes.Structure) -> None:
 
 def _internal(writer: StepWriter, term: nodes.InternalAction) -> None:
     name, arity = term.name, len(term.args)
-    if name == ".wait" and arity <= 3 and arity and _is_condition(term.args[0]):
+    if name == ".wait" and 1 <= arity <= 3 and isinstance(term.args[0], _CONDITIONS):
         _wait(writer, term)
         return
     scope = writer.use(term)
@@ -316,11 +316,8 @@ def _wait(writer: StepWriter, term: nodes.InternalAction) -> None:
     writer.became(dict.fromkeys(variables(formula), ""), certain=False)
 
 
-def _is_condition(node: nodes.Term) -> bool:
-    """Whether the first argument of ``.wait`` is a formula (not a time, an event or a variable)."""
-    return isinstance(
-        node, nodes.Structure | nodes.Relation | nodes.And | nodes.Or | nodes.Not | nodes.InternalAction
-    ) and not is_plain_variable(node)
+_CONDITIONS = (nodes.Structure, nodes.Relation, nodes.And, nodes.Or, nodes.Not, nodes.InternalAction)
+"""The formulas that the first argument of ``.wait`` may be; a time, an event or a variable is none."""
 
 
 class ComputedOnce:

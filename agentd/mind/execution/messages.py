@@ -392,14 +392,6 @@ def _ask_how(mind: MindState, mail: Mail) -> None:
         send(mind, mail.sender, "tellHow", make_list(found), mail.msg_id)
 
 
-def _tell_how(mind: MindState, mail: Mail) -> None:
-    add_plans(mind, mail.content, atom(mail.sender), first=False)
-
-
-def _untell_how(mind: MindState, mail: Mail) -> None:
-    remove_plans(mind, mail.content, atom(mail.sender))
-
-
 _HANDLERS: Final[dict[str, Callable[[MindState, Mail], None]]] = {
     "tell": _tell,
     "untell": _untell,
@@ -410,6 +402,6 @@ _HANDLERS: Final[dict[str, Callable[[MindState, Mail], None]]] = {
     "askIf": _ask_one,
     "askAll": _ask_all,
     "askHow": _ask_how,
-    "tellHow": _tell_how,
-    "untellHow": _untell_how,
+    "tellHow": lambda mind, mail: add_plans(mind, mail.content, atom(mail.sender), first=False),
+    "untellHow": lambda mind, mail: remove_plans(mind, mail.content, atom(mail.sender)),
 }

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 from agentd.language.syntax_tree import nodes
@@ -191,32 +192,27 @@ class Option:
         return next((a for a in self.plan.label.annots if type(a) is Literal and a.sig.functor == name), None)
 
 
-def by_rule(mind: MindState, trail: Trail, event: Event) -> Frame | None:
-    """Choose the plan for an event by the program's rule `RULE`."""
-    return _chosen(mind, event, lambda rejected: _by_rule(mind, trail, event, rejected))
-
-
 def by_function(selector: Selector) -> Select:
     """Let a function of the embedder's choose the plan for an event."""
+    return _choosing(partial(_by_function, selector))
+
+
+def _choosing(choice: Callable[[MindState, Trail, Event, list[tuple[Any, Any]]], Frame | None]) -> Select:
+    """The function that finds the option that is chosen, with its bindings on the trail; None if none is."""
 
     def select(mind: MindState, trail: Trail, event: Event) -> Frame | None:
-        return _chosen(mind, event, lambda rejected: _by_function(selector, mind, trail, event, rejected))
+        rejected: list[tuple[Any, Any]] = []
+        shown = held_all(event[1])
+        mind.plans.taken = event
+        try:
+            frame = choice(mind, trail, event, rejected)
+        finally:
+            mind.plans.taken = None
+        if mind.recorder is not None:
+            mind.recorder.decided(event, shown, rejected or None, frame, bound=True)
+        return frame
 
     return select
-
-
-def _chosen(mind: MindState, event: Event, choice: Callable[[list[tuple[Any, Any]]], Frame | None]) -> Frame | None:
-    """The frame of the option that is chosen, with its bindings on the trail; None if none is."""
-    rejected: list[tuple[Any, Any]] = []
-    shown = held_all(event[1])
-    mind.plans.taken = event
-    try:
-        frame = choice(rejected)
-    finally:
-        mind.plans.taken = None
-    if mind.recorder is not None:
-        mind.recorder.decided(event, shown, rejected or None, frame, bound=True)
-    return frame
 
 
 def _by_function(
@@ -289,6 +285,10 @@ def _by_rule(mind: MindState, trail: Trail, event: Event, rejected: list[tuple[A
         if not rejected or rejected[-1] != (plan, PASSED_OVER):
             rejected.append((plan, PASSED_OVER))
     return None
+
+
+by_rule: Final = _choosing(_by_rule)
+"""Chooses the plan for an event by the program's rule `RULE`."""
 
 
 def _holds(mind: MindState, trail: Trail, asked: tuple[Term, ...]) -> bool:

@@ -95,12 +95,12 @@ def forget(mind: MindState, wait: Wait) -> None:
 
 
 def timed_out(mind: MindState, wait: Wait) -> None:
-    forget(mind, wait)
-    intention = wait.intention
+    """End a wait that has lasted as long as it may: it fails unless the program has asked for the elapsed time."""
     if wait.elapsed is not None:
         ended(mind, wait)
-        return
-    fail_waiting(mind, intention, Failed("wait_timeout", "timeout in .wait"))
+    else:
+        forget(mind, wait)
+        fail_waiting(mind, wait.intention, Failed("wait_timeout", "timeout in .wait"))
 
 
 def ended(mind: MindState, wait: Wait) -> None:

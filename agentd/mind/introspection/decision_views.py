@@ -31,7 +31,7 @@ def views_of(
     mind: MindState, records: Sequence[Decision | Failure], last: int | None, about: str = ""
 ) -> list[DecisionView | FailureView]:
     """Views of the last records, at most ``last`` (None: all), of those ``about`` a functor if one is given."""
-    views = Views.among(mind, records)
+    views = Views(mind, records)
     if about:
         records = [record for record in records if is_about(record, about)]
     return [views.of(record) for record in (records if last is None else records[max(0, len(records) - last) :])]
@@ -48,24 +48,20 @@ def is_about(record: Decision | Failure, functor: str) -> bool:
 def view_of(mind: MindState, record: Decision | Failure) -> DecisionView | FailureView:
     """The view of a record that has just been made."""
     alive = {id(record.frame)} if isinstance(record, Decision) else set()
-    return Views(mind, {}, {}, alive).of(record)
+    return Views(mind, (), alive).of(record)
 
 
 class Views:
-    """Makes views of records, with the outcomes of plans."""
+    """Makes views of records, with the outcomes of plans, given all the records that are remembered."""
 
-    @classmethod
-    def among(cls, mind: MindState, records: Sequence[Decision | Failure]) -> Views:
-        """A maker of views, given all the records that are remembered."""
-        failures = {id(frame): record for record in records if type(record) is Failure for frame in record.frames}
-        args = {id(r.frame): r.shown_args for r in records if isinstance(r, Decision) and r.frame is not None}
-        alive = {id(frame) for intention in mind.all_intentions() for frame in intention.stack}
-        return cls(mind, failures, args, alive)
-
-    def __init__(
-        self, mind: MindState, failures: dict[int, Failure], args: dict[int, tuple[Term, ...]], alive: set[int]
-    ) -> None:
-        self._mind, self._failures, self._args, self._alive = mind, failures, args, alive
+    def __init__(self, mind: MindState, records: Sequence[Decision | Failure], alive: set[int] | None = None) -> None:
+        """``alive`` are the identities of the frames of plans that run; None: they are looked for."""
+        self._mind = mind
+        self._failures = {id(frame): r for r in records if isinstance(r, Failure) for frame in r.frames}
+        self._args = {id(r.frame): r.shown_args for r in records if isinstance(r, Decision) and r.frame is not None}
+        if alive is None:
+            alive = {id(frame) for intention in mind.all_intentions() for frame in intention.stack}
+        self._alive = alive
 
     def outcome(self, made: Decision) -> Outcome:
         """The outcome of the chosen plan so far."""

@@ -47,25 +47,3 @@ class StoredMind:
     plans: list[Row] = field(default_factory=list)
     pending: list[PendingRow] = field(default_factory=list)
     values: dict[str, bytes] = field(default_factory=dict)
-
-    def changed(self, changes: MindChanges) -> StoredMind:
-        """Return the mind after changes, as a database applies them."""
-        pending = {key: (key, origin, data) for key, origin, data in self.pending}
-        for gone in changes.pending_gone:
-            pending.pop(gone, None)
-        pending.update({row[0]: row for row in changes.pending})
-        return StoredMind(
-            _merged(self.beliefs, changes.beliefs, changes.beliefs_gone),
-            _merged(self.predicates, changes.predicates, []),
-            _merged(self.plans, changes.plans, changes.plans_gone),
-            [pending[key] for key in sorted(pending)],
-            {**self.values, **changes.values},
-        )
-
-
-def _merged(rows: list[Row], new: list[Row], gone: list[int]) -> list[Row]:
-    found = dict(rows)
-    for rank in gone:
-        found.pop(rank, None)
-    found.update(new)
-    return sorted(found.items())
