@@ -95,7 +95,7 @@ class TermBuilder:
 
     def binary(self, at: int, left: nodes.Term, operator: str, right: nodes.Term) -> nodes.Arithmetic:
         self._operand(at, left, operator)
-        if id(left) not in self.bad_signs:  # else `+a +b`, two changes of beliefs, of which is told once
+        if id(left) not in self.bad_signs:  # else `+a +b`, two changes of beliefs, reported once
             self._operand(at, right, operator)
         position = self.position(at)
         if len(operator) == 2 and operator != "**":  # `5--2` is 5 - (-2)

@@ -211,7 +211,7 @@ def _splicer(children: list[int], spliced: list[int]) -> Callable[[list[Any]], S
 
 
 def _extender(children: list[int], spliced: list[int]) -> Callable[[list[Any]], Sequence[Any]]:
-    """Left-recursive lists grow in place: nobody else holds them, and a program of n items costs n steps."""
+    """Left-recursive lists grow in place: nothing else holds them, and a program of n items costs n steps."""
     first, rest = children[0], children[1:]
 
     def extend(values: list[Any]) -> Sequence[Any]:

@@ -48,7 +48,7 @@ class Literal(Shown):
     args: tuple[Any, ...]
     annots: tuple[Any, ...]
     ground: bool
-    """True once somebody has looked and found no variable inside; False means only that nobody has."""
+    """True once a search has found no variable inside; False means only that there was no search."""
 
     def __init__(self, sig: Signature, args: tuple[Any, ...] = (), annots: tuple[Any, ...] = ()) -> None:
         self.sig, self.args, self.annots = sig, args, annots
@@ -85,7 +85,7 @@ class List(Shown):
     """A non-empty list, or `EMPTY`: the elements ``items[at:]`` followed by ``tail``.
 
     ``tail`` is `EMPTY`, another list, a `Var`, or (deviation D3) any other term. Taking the tail of a list shares its
-    items, so a list made at once costs one object however long it is.
+    items, so a list made in one step costs one object however long it is.
     """
 
     __slots__ = ("at", "ground", "items", "tail")
