@@ -72,7 +72,7 @@ def assertz(mind: MindState, trail: Trail, term: Term) -> bool:
     return _assert(mind, term, last=True)
 
 
-@internal_action(".belief", 1, backtracks=True)
+@internal_action(".belief", 1, backtracks=True, pure=True)
 def belief(mind: MindState, trail: Trail, pattern: Term) -> Iterator[None]:
     """``.belief(B)``: each fact that unifies; rules are not asked.
 
@@ -93,7 +93,7 @@ def belief(mind: MindState, trail: Trail, pattern: Term) -> Iterator[None]:
         undo(trail, mark)
 
 
-@internal_action(".relevant_rules", 2)
+@internal_action(".relevant_rules", 2, pure=True)
 def relevant_rules(mind: MindState, trail: Trail, pattern: Term, result: Term) -> bool:
     """``.relevant_rules(H, L)``: the rules whose head unifies, as terms."""
     head = argument(Literal, pattern, ".relevant_rules takes the head of a rule")

@@ -59,7 +59,7 @@ def _for_all_kinds(name: str, kinds: tuple[str, ...]) -> None:
     if kinds is _MAP:
         return
 
-    @internal_action(f".{name}.to_list", 2)
+    @internal_action(f".{name}.to_list", 2, pure=True)
     def to_list(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
         """``.set.to_list(C, L)``, ``.queue.to_list(C, L)``: its members in order.
 
@@ -89,7 +89,7 @@ def map_put(mind: MindState, trail: Trail, term: Term, key: Term, value: Term) -
     return True
 
 
-@internal_action(".map.get", (3, 4))
+@internal_action(".map.get", (3, 4), pure=True)
 def map_get(mind: MindState, trail: Trail, term: Term, key: Term, value: Term, default: Term | None = None) -> bool:
     """``.map.get(M, Key, V[, Default])``: the value under Key; fails if it is missing and no default is given.
 
@@ -107,7 +107,7 @@ def map_remove(mind: MindState, trail: Trail, term: Term, key: Term, value: Term
     return found is not None and unify(value, found, trail)
 
 
-@internal_action(".map.key", 2, backtracks=True)
+@internal_action(".map.key", 2, backtracks=True, pure=True)
 def map_key(mind: MindState, trail: Trail, term: Term, key: Term) -> Iterator[None]:
     """``.map.key(M, Key)``: each key.
 
@@ -116,7 +116,7 @@ def map_key(mind: MindState, trail: Trail, term: Term, key: Term) -> Iterator[No
     yield from alternatives(key, list(_held(term, _MAP, trail).content), trail)
 
 
-@internal_action(".map.value", 2, backtracks=True)
+@internal_action(".map.value", 2, backtracks=True, pure=True)
 def map_value(mind: MindState, trail: Trail, term: Term, value: Term) -> Iterator[None]:
     """``.map.value(M, V)``: the value of each key."""
     yield from alternatives(value, list(_held(term, _MAP, trail).content.values()), trail)

@@ -43,13 +43,13 @@ def _each(found: Iterator[Any], number: Term, trail: Trail) -> Iterator[None]:
         undo(trail, mark)
 
 
-@internal_action(".desire", (1, 2), backtracks=True)
+@internal_action(".desire", (1, 2), backtracks=True, pure=True)
 def desire(mind: MindState, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
     """``.desire(G[, Id])``: G is pursued, or its event still waits; each time, with the number of its intention."""
     yield from _each(dropping.desired(mind, _any_goal(goal), trail), number, trail)
 
 
-@internal_action(".intend", (1, 2), backtracks=True)
+@internal_action(".intend", (1, 2), backtracks=True, pure=True)
 def intend(mind: MindState, trail: Trail, goal: Any, number: Any = None) -> Iterator[None]:
     """``.intend(G[, Id])``: some intention has a plan for G; each of them, with its number."""
     yield from _each(dropping.intended(mind, _any_goal(goal), trail), number, trail)
@@ -160,7 +160,7 @@ def current_intention(mind: MindState, trail: Trail, first: Term, stack: Term | 
     return unify(first, number, trail) and unify(stack, means, trail)
 
 
-@internal_action(".intention", (2, 4), backtracks=True)
+@internal_action(".intention", (2, 4), backtracks=True, pure=True)
 def intention(
     mind: MindState, trail: Trail, number: Term, state: Term, stack: Term | None = None, own: Term | None = None
 ) -> Iterator[None]:
@@ -245,7 +245,7 @@ def _release(mind: MindState, intention: Intention) -> None:
         resume_waiting(mind, intention)
 
 
-@internal_action(".suspended", 2, backtracks=True)
+@internal_action(".suspended", 2, backtracks=True, pure=True)
 def suspended(mind: MindState, trail: Trail, goal: Term, reason: Term) -> Iterator[None]:
     """``.suspended(G, R)``: the intentions with G that do not run, and why.
 

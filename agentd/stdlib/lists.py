@@ -38,7 +38,7 @@ def members_of(term: Term, what: str) -> list[Term]:
     return found
 
 
-@internal_action(".member", 2, backtracks=True, counts=True)
+@internal_action(".member", 2, backtracks=True, counts=True, pure=True)
 def member(mind: MindState, trail: Trail, item: Term, collection: Term) -> Iterator[None]:
     """``.member(X, C)``: each member of a list, set or queue that unifies.
 
@@ -62,7 +62,7 @@ def member(mind: MindState, trail: Trail, item: Term, collection: Term) -> Itera
                 undo(trail, mark)
 
 
-@internal_action(".nth", 3, backtracks=True)
+@internal_action(".nth", 3, backtracks=True, pure=True)
 def nth(mind: MindState, trail: Trail, position: Term, collection: Term, item: Term) -> Iterator[None]:
     """``.nth(I, ListOrString, X)``: from 0; with I free, each position whose element unifies.
 
@@ -86,7 +86,7 @@ def nth(mind: MindState, trail: Trail, position: Term, collection: Term, item: T
     undo(trail, mark)
 
 
-@internal_action(".delete", (3, 4))
+@internal_action(".delete", (3, 4), pure=True)
 def delete(mind: MindState, trail: Trail, *args: Any) -> bool:
     """``.delete(What, ListOrString, R)``: by position (from 0), range, pattern, or the elements that unify.
 
@@ -133,7 +133,7 @@ def _deletable(collection: Term) -> list[Term]:
     return members
 
 
-@internal_action(".sort", 2)
+@internal_action(".sort", 2, pure=True)
 def sort(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     """``.sort(L, R)``: in standard order, duplicates kept.
 
@@ -142,7 +142,7 @@ def sort(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     return unify(result, make_list(ordered(members_of(items, ".sort"))), trail)
 
 
-@internal_action(".min", 2)
+@internal_action(".min", 2, pure=True)
 def minimum(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     """``.min(L, X)``: the least member; fails for an empty list.
 
@@ -152,7 +152,7 @@ def minimum(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     return bool(members) and unify(result, members[0], trail)
 
 
-@internal_action(".max", 2)
+@internal_action(".max", 2, pure=True)
 def maximum(mind: MindState, trail: Trail, items: Term, result: Term) -> bool:
     """``.max(L, X)``: the greatest member; fails for an empty list.
 
@@ -168,7 +168,7 @@ def _sets(what: str, left: Term, right: Term, result: Term) -> tuple[list[Term],
     return distinct(members_of(left, what)), distinct(members_of(right, what))
 
 
-@internal_action(".union", 3)
+@internal_action(".union", 3, pure=True)
 def union(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
     """``.union(A, B, R)``: the members of both, each once, in order.
 
@@ -178,7 +178,7 @@ def union(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) 
     return unify(result, make_list(distinct(a + b)), trail)
 
 
-@internal_action(".intersection", 3)
+@internal_action(".intersection", 3, pure=True)
 def intersection(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
     """``.intersection(A, B, R)``: the members that both have.
 
@@ -188,7 +188,7 @@ def intersection(mind: MindState, trail: Trail, left: Term, right: Term, result:
     return unify(result, make_list([x for x in a if is_in(b, x)]), trail)
 
 
-@internal_action(".difference", 3)
+@internal_action(".difference", 3, pure=True)
 def difference(mind: MindState, trail: Trail, left: Term, right: Term, result: Term) -> bool:
     """``.difference(A, B, R)``: the members of A that B has not.
 
@@ -213,7 +213,7 @@ def _parts(mind: MindState, what: str, pattern: Term, whole: Term, cuts: Any, tr
     yield from alternatives(pattern, parts(), trail)
 
 
-@internal_action(".prefix", 2, backtracks=True, counts=True)
+@internal_action(".prefix", 2, backtracks=True, counts=True, pure=True)
 def prefix(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
     """``.prefix(P, ListOrString)``: each beginning that unifies, the longest first.
 
@@ -222,7 +222,7 @@ def prefix(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterato
     yield from _parts(mind, ".prefix", pattern, whole, lambda n: ((0, end) for end in range(n, -1, -1)), trail)
 
 
-@internal_action(".suffix", 2, backtracks=True, counts=True)
+@internal_action(".suffix", 2, backtracks=True, counts=True, pure=True)
 def suffix(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
     """``.suffix(S, ListOrString)``: each end that unifies, the longest first.
 
@@ -231,7 +231,7 @@ def suffix(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterato
     yield from _parts(mind, ".suffix", pattern, whole, lambda n: ((start, n) for start in range(n + 1)), trail)
 
 
-@internal_action(".sublist", 2, backtracks=True, counts=True)
+@internal_action(".sublist", 2, backtracks=True, counts=True, pure=True)
 def sublist(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterator[None]:
     """``.sublist(S, ListOrString)``: each part that unifies.
 
@@ -247,7 +247,7 @@ def sublist(mind: MindState, trail: Trail, pattern: Term, whole: Term) -> Iterat
     yield from _parts(mind, ".sublist", pattern, whole, cuts, trail)
 
 
-@internal_action(".range", (3, 4), backtracks=True, counts=True)
+@internal_action(".range", (3, 4), backtracks=True, counts=True, pure=True)
 def number_range(
     mind: MindState, trail: Trail, item: Term, first: Term, last: Term, step: Term = 1.0
 ) -> Iterator[None]:

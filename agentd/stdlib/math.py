@@ -50,7 +50,7 @@ _OF_ONE: dict[str, tuple[Callable[[float], float], str]] = {
 
 
 def _register(name: str, compute: Callable[[float], float], what: str) -> None:
-    @function(name, 1)
+    @function(name, 1, pure=True)
     def of_one(mind: MindState, x: Term) -> Any:
         return compute(x) if type(x) is float else None
 
@@ -61,7 +61,7 @@ for _name, (_compute, _what) in _OF_ONE.items():
     _register(_name, _compute, _what)
 
 
-@function("math.pi", 0)
+@function("math.pi", 0, pure=True)
 def pi(mind: MindState) -> float:
     """``math.pi``: 3.14159...
 
@@ -70,7 +70,7 @@ def pi(mind: MindState) -> float:
     return math.pi
 
 
-@function("math.e", 0)
+@function("math.e", 0, pure=True)
 def e(mind: MindState) -> float:
     """``math.e``: 2.71828..."""
     return math.e
@@ -88,7 +88,7 @@ def _numbers(term: Term) -> list[float] | None:
     return None if members is None else [m for m in map(deref, members) if type(m) is float]
 
 
-@function("math.max", 1, 2)
+@function("math.max", 1, 2, pure=True)
 def maximum(mind: MindState, first: Term, second: Term | None = None) -> Any:
     """``math.max(A, B)``, ``math.max(L)``: the greater of two numbers, the greatest of a list.
 
@@ -103,7 +103,7 @@ def maximum(mind: MindState, first: Term, second: Term | None = None) -> Any:
     return None if numbers is None else max(numbers, default=5e-324)
 
 
-@function("math.min", 1, 2)
+@function("math.min", 1, 2, pure=True)
 def minimum(mind: MindState, first: Term, second: Term | None = None) -> Any:
     """``math.min(A, B)``, ``math.min(L)``: the smaller of two numbers, the smallest of a list.
 
@@ -115,7 +115,7 @@ def minimum(mind: MindState, first: Term, second: Term | None = None) -> Any:
     return None if numbers is None else min(numbers, default=1.7976931348623157e308)
 
 
-@function("math.sum", 1)
+@function("math.sum", 1, pure=True)
 def total(mind: MindState, items: Term) -> Any:
     """``math.sum(L)``: the sum of the numbers of a list.
 
@@ -125,8 +125,8 @@ def total(mind: MindState, items: Term) -> Any:
     return None if numbers is None else float(sum(numbers))
 
 
-@function("math.average", 1)
-@function("math.mean", 1)
+@function("math.average", 1, pure=True)
+@function("math.mean", 1, pure=True)
 def average(mind: MindState, items: Term) -> Any:
     """``math.average(L)``, ``math.mean(L)``: the mean of the numbers of a list; of none, NaN.
 
@@ -138,7 +138,7 @@ def average(mind: MindState, items: Term) -> Any:
     return sum(numbers) / len(numbers) if numbers else _NAN
 
 
-@function("math.median", 1)
+@function("math.median", 1, pure=True)
 def median(mind: MindState, items: Term) -> Any:
     """``math.median(L)``: the middle of a list of numbers.
 
@@ -153,7 +153,7 @@ def median(mind: MindState, items: Term) -> Any:
     return ranked[middle] if len(ranked) % 2 else (ranked[middle - 1] + ranked[middle]) / 2
 
 
-@function("math.std_dev", 1)
+@function("math.std_dev", 1, pure=True)
 def standard_deviation(mind: MindState, items: Term) -> Any:
     """``math.std_dev(L)``: the sample's standard deviation (n-1) of the numbers of a list.
 

@@ -111,7 +111,7 @@ def broadcast(mind: MindState, trail: Trail, performative: Term, content: Term) 
     return True
 
 
-@internal_action(".all_names", 1)
+@internal_action(".all_names", 1, pure=True)
 def all_names(mind: MindState, trail: Trail, result: Term) -> bool:
     """``.all_names(L)``: the names of all possible receivers, including the agent itself."""
     names = [mind.name] if mind.agents is None else list(mind.agents())

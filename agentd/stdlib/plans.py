@@ -50,7 +50,7 @@ def remove_plan(mind: MindState, trail: Trail, plans: Term, source: Term = _MYSE
     return True
 
 
-@internal_action(".relevant_plans", (2, 3))
+@internal_action(".relevant_plans", (2, 3), pure=True)
 def relevant(mind: MindState, trail: Trail, trigger: Term, plans: Term, labels: Term | None = None) -> bool:
     """``.relevant_plans({trigger}, Plans[, Labels])``: the plans for an event, as a list, and their labels."""
     if not unify(plans, make_list(relevant_plans(mind, trigger)), trail):
@@ -60,7 +60,7 @@ def relevant(mind: MindState, trail: Trail, trigger: Term, plans: Term, labels: 
     return unify(labels, make_list([label_of(p) for p in plans_for(mind, read_trigger(trigger))]), trail)
 
 
-@internal_action(".relevant_plan", 2, backtracks=True)
+@internal_action(".relevant_plan", 2, backtracks=True, pure=True)
 def relevant_plan(mind: MindState, trail: Trail, trigger: Term, plan: Term) -> Iterator[None]:
     """``.relevant_plan({trigger}, P)``: each plan for an event; of a given plan, its trigger."""
     given = deref(plan)
@@ -70,7 +70,7 @@ def relevant_plan(mind: MindState, trail: Trail, trigger: Term, plan: Term) -> I
         yield from alternatives(plan, relevant_plans(mind, trigger), trail)
 
 
-@internal_action(".plan_label", 2, backtracks=True)
+@internal_action(".plan_label", 2, backtracks=True, pure=True)
 def plan_label(mind: MindState, trail: Trail, plan: Any, label: Any) -> Iterator[None]:
     """``.plan_label(P, Label)``: each plan with its label; the label of a given plan."""
     mark = len(trail)

@@ -29,7 +29,7 @@ def _solutions(mind: MindState, template: Term, query: Term, trail: Trail) -> li
     return found
 
 
-@internal_action(".findall", 3)
+@internal_action(".findall", 3, pure=True)
 def findall(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
     """``.findall(T, Query, L)``: T for each solution, in order, duplicates kept; ``[]`` without solutions.
 
@@ -38,7 +38,7 @@ def findall(mind: MindState, trail: Trail, template: Term, query: Term, result: 
     return unify(result, make_list(_solutions(mind, template, query, trail)), trail)
 
 
-@internal_action(".setof", 3)
+@internal_action(".setof", 3, pure=True)
 def setof(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
     """``.setof(T, Query, L)``: T for each solution, in standard order, each once.
 
@@ -47,7 +47,7 @@ def setof(mind: MindState, trail: Trail, template: Term, query: Term, result: Te
     return unify(result, make_list(distinct(_solutions(mind, template, query, trail))), trail)
 
 
-@internal_action(".min", 3)
+@internal_action(".min", 3, pure=True)
 def minimum_of(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
     """``.min(T, Query, X)``: the least T of all solutions; fails without solutions.
 
@@ -57,14 +57,14 @@ def minimum_of(mind: MindState, trail: Trail, template: Term, query: Term, resul
     return bool(found) and unify(result, found[0], trail)
 
 
-@internal_action(".max", 3)
+@internal_action(".max", 3, pure=True)
 def maximum_of(mind: MindState, trail: Trail, template: Term, query: Term, result: Term) -> bool:
     """``.max(T, Query, X)``: the greatest T of all solutions; fails without solutions."""
     found = ordered(_solutions(mind, template, query, trail))
     return bool(found) and unify(result, found[-1], trail)
 
 
-@internal_action(".count", 2)
+@internal_action(".count", 2, pure=True)
 def count(mind: MindState, trail: Trail, query: Term, result: Term) -> bool:
     """``.count(Query, N)``: how many solutions there are.
 
@@ -73,7 +73,7 @@ def count(mind: MindState, trail: Trail, query: Term, result: Term) -> bool:
     return unify(result, float(len(_solutions(mind, EMPTY, query, trail))), trail)
 
 
-@internal_action(".eval", 2)
+@internal_action(".eval", 2, pure=True)
 def evaluate(mind: MindState, trail: Trail, result: Term, query: Term) -> bool:
     """``.eval(R, Formula)``: R is ``true`` or ``false``, as the formula holds.
 

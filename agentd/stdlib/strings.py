@@ -52,7 +52,7 @@ def _bounded(size: int, most: int, what: str) -> None:
         raise Failed("too_large", f".concat makes {size} {what}, expected at most {most}")
 
 
-@internal_action(".concat", (2, None))
+@internal_action(".concat", (2, None), pure=True)
 def concat(mind: MindState, trail: Trail, *args: Any) -> bool:
     """``.concat(T, ..., R)``: joins lists, or the texts of all terms.
 
@@ -95,7 +95,7 @@ def length_of(term: Term) -> float | None:
     return float(len(term.content)) if type(term) is Collection else None
 
 
-@internal_action(".length", 2)
+@internal_action(".length", 2, pure=True)
 def length(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.length(ListOrString, N)``: how many members, or characters.
 
@@ -105,7 +105,7 @@ def length(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     return number is not None and unify(result, number, trail)
 
 
-@function(".length", 1)
+@function(".length", 1, pure=True)
 def length_function(mind: MindState, term: Term) -> Any:
     """``.length(ListOrString)`` as a value: how many members, or characters.
 
@@ -114,7 +114,7 @@ def length_function(mind: MindState, term: Term) -> Any:
     return length_of(term)
 
 
-@internal_action(".substring", (2, 4), backtracks=True)
+@internal_action(".substring", (2, 4), backtracks=True, pure=True)
 def substring(mind: MindState, trail: Trail, *args: Any) -> Iterator[None]:
     """``.substring(S, T)``, ``.substring(S, T, From[, To])``: S occurs in T; each place where it does.
 
@@ -154,7 +154,7 @@ def _position(term: Term) -> int:
     return java_int(argument(float, term, "a position in a string is a number", "unknown"))
 
 
-@internal_action(".replace", 4)
+@internal_action(".replace", 4, pure=True)
 def replace(mind: MindState, trail: Trail, term: Term, pattern: Term, new: Term, result: Term) -> bool:
     """``.replace(T, Regex, New, R)``: all matches; ``$1`` in New is a group.
 
@@ -165,7 +165,7 @@ def replace(mind: MindState, trail: Trail, term: Term, pattern: Term, new: Term,
     return unify(result, replace_all(expression, inserted, plain_text(term)), trail)
 
 
-@internal_action(".lower_case", 2)
+@internal_action(".lower_case", 2, pure=True)
 def lower_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.lower_case(S, R)``: in small letters.
 
@@ -174,7 +174,7 @@ def lower_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     return unify(result, plain_text(term).lower(), trail)
 
 
-@internal_action(".upper_case", 2)
+@internal_action(".upper_case", 2, pure=True)
 def upper_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.upper_case(S, R)``: in capitals.
 
@@ -183,7 +183,7 @@ def upper_case(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     return unify(result, plain_text(term).upper(), trail)
 
 
-@internal_action(".reverse", 2)
+@internal_action(".reverse", 2, pure=True)
 def reverse(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.reverse(ListOrString, R)``: from the last to the first.
 
@@ -217,7 +217,7 @@ def read_term(mind: MindState, written: str) -> Any:
     return instantiate(node, values)
 
 
-@internal_action(".term2string", 2)
+@internal_action(".term2string", 2, pure=True)
 def term2string(mind: MindState, trail: Trail, term: Term, string: Term) -> bool:
     """``.term2string(T, S)``, either way; with both bound it compares the texts.
 
@@ -236,7 +236,7 @@ def term2string(mind: MindState, trail: Trail, term: Term, string: Term) -> bool
     return text(resolve(term)) == string
 
 
-@internal_action(".empty", 1)
+@internal_action(".empty", 1, pure=True)
 def empty(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.empty(ListOrString)``: it has nothing in it.
 

@@ -12,7 +12,7 @@ from agentd.mind.data.registry import internal_action
 from agentd.mind.state import MindState
 
 
-@internal_action(".my_name", 1)
+@internal_action(".my_name", 1, pure=True)
 def my_name(mind: MindState, trail: Trail, name: Term) -> bool:
     """``.my_name(N)``: the agent's own name."""
     return unify(name, atom(mind.name), trail)
@@ -47,7 +47,7 @@ def perceive(mind: MindState, trail: Trail) -> bool:
     return True
 
 
-@internal_action(".version", 1)
+@internal_action(".version", 1, pure=True)
 def version(mind: MindState, trail: Trail, result: Term) -> bool:
     """``.version(V)``: the name of the interpreter, ``"argosy"``.
 

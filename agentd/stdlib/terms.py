@@ -39,7 +39,7 @@ def _is_structure(mind: MindState, term: Term) -> bool:
     return type(term) is List or type(term) is Code or _is_literal(mind, term)
 
 
-@internal_action(".atom", 1)
+@internal_action(".atom", 1, pure=True)
 def is_atom(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.atom(T)``: an atom such as ``home``.
 
@@ -63,7 +63,7 @@ def _is_literal(mind: MindState, term: Term) -> bool:
     return type(term) is Expression and term.operator not in ARITHMETIC
 
 
-@internal_action(".number", 1)
+@internal_action(".number", 1, pure=True)
 def is_number(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.number(T)``: a number.
 
@@ -72,7 +72,7 @@ def is_number(mind: MindState, trail: Trail, term: Term) -> bool:
     return _is_number(mind, value(term))
 
 
-@internal_action(".string", 1)
+@internal_action(".string", 1, pure=True)
 def is_string(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.string(T)``: a string.
 
@@ -81,7 +81,7 @@ def is_string(mind: MindState, trail: Trail, term: Term) -> bool:
     return type(value(term)) is str
 
 
-@internal_action(".list", 1)
+@internal_action(".list", 1, pure=True)
 def is_list(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.list(T)``: a list.
 
@@ -90,7 +90,7 @@ def is_list(mind: MindState, trail: Trail, term: Term) -> bool:
     return type(value(term)) is List
 
 
-@internal_action(".literal", 1)
+@internal_action(".literal", 1, pure=True)
 def is_literal(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.literal(T)``: an atom, a structure, or one negated by ``~``.
 
@@ -99,7 +99,7 @@ def is_literal(mind: MindState, trail: Trail, term: Term) -> bool:
     return _is_literal(mind, value(term))
 
 
-@internal_action(".structure", 1)
+@internal_action(".structure", 1, pure=True)
 def is_structure(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.structure(T)``: it has arguments or annotations, or is negated, a list, or code in braces.
 
@@ -109,7 +109,7 @@ def is_structure(mind: MindState, trail: Trail, term: Term) -> bool:
     return _is_structure(mind, value(term))
 
 
-@internal_action(".ground", 1)
+@internal_action(".ground", 1, pure=True)
 def ground(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.ground(T)``: no variable in it is free.
 
@@ -118,7 +118,7 @@ def ground(mind: MindState, trail: Trail, term: Term) -> bool:
     return is_ground(term)
 
 
-@internal_action(".internal_action", 1)
+@internal_action(".internal_action", 1, pure=True)
 def is_internal_action(mind: MindState, trail: Trail, term: Term) -> bool:
     """``.internal_action(T)``: T would be an internal action.
 
@@ -147,7 +147,7 @@ def _kinds(mind: MindState, term: Term) -> list[str]:
     return [kind for kind, holds in kinds.items() if holds]
 
 
-@internal_action(".type", 2, backtracks=True)
+@internal_action(".type", 2, backtracks=True, pure=True)
 def kind_of(mind: MindState, trail: Trail, term: Term, kind: Term) -> Iterator[None]:
     """``.type(T, K)``: each kind of the term.
 
@@ -156,15 +156,15 @@ def kind_of(mind: MindState, trail: Trail, term: Term, kind: Term) -> Iterator[N
     yield from alternatives(kind, map(atom, _kinds(mind, value(term))), trail)
 
 
-@internal_action(".copy_term", 2)
-@internal_action(".rename_apart", 2)
+@internal_action(".copy_term", 2, pure=True)
+@internal_action(".rename_apart", 2, pure=True)
 def copy_term(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.copy_term(T, R)``, ``.rename_apart(T, R)``: the same literal with variables of its own."""
     literal = argument(Literal, term, "only literals can be copied", "unknown")
     return unify(result, Copier(fresh=True).copy(literal), trail)
 
 
-@internal_action(".add_annot", 3)
+@internal_action(".add_annot", 3, pure=True)
 def add_annot(mind: MindState, trail: Trail, term: Term, annot: Any, result: Term) -> bool:
     """``.add_annot(T, A, R)``: with the annotation A too; of a list, each literal of it.
 
@@ -183,7 +183,7 @@ def _with_annots(term: Term, change: Callable[[tuple[Any, ...]], tuple[Any, ...]
     return term if members is None else make_list([_with_annots(m, change) for m in members])
 
 
-@internal_action(".add_nested_source", 3)
+@internal_action(".add_nested_source", 3, pure=True)
 def add_nested_source(mind: MindState, trail: Trail, term: Term, who: Term, result: Term) -> bool:
     """``.add_nested_source(T, S, R)``: S wraps the sources that were there.
 
@@ -198,7 +198,7 @@ def add_nested_source(mind: MindState, trail: Trail, term: Term, who: Term, resu
     return unify(result, _with_annots(term, nested), trail)
 
 
-@internal_action(".remove_source_annot", 2)
+@internal_action(".remove_source_annot", 2, pure=True)
 def remove_source_annot(mind: MindState, trail: Trail, term: Term, result: Term) -> bool:
     """``.remove_source_annot(T, R)``: without its sources.
 

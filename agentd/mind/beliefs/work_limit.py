@@ -16,95 +16,10 @@ from typing import Final, NoReturn, Protocol
 from agentd.language.terms.terms import EMPTY, List, Term, deref
 from agentd.mind.data.formula_failure import Failed
 
-WITHOUT_EFFECT: Final = frozenset(
-    (
-        ".all_names",
-        ".atom",
-        ".belief",
-        ".concat",
-        ".count",
-        ".delete",
-        ".desire",
-        ".difference",
-        ".empty",
-        ".eval",
-        ".findall",
-        ".ground",
-        ".intend",
-        ".intention",
-        ".internal_action",
-        ".intersection",
-        ".length",
-        ".list",
-        ".literal",
-        ".lower_case",
-        ".map.get",
-        ".map.key",
-        ".map.value",
-        ".max",
-        ".member",
-        ".min",
-        ".my_name",
-        ".nth",
-        ".number",
-        ".plan_label",
-        ".prefix",
-        ".relevant_plan",
-        ".relevant_plans",
-        ".relevant_rules",
-        ".replace",
-        ".reverse",
-        ".setof",
-        ".sort",
-        ".string",
-        ".structure",
-        ".sublist",
-        ".substring",
-        ".suffix",
-        ".suspended",
-        ".term2string",
-        ".type",
-        ".union",
-        ".upper_case",
-    )
-)
-"""Internal actions that only look: a context may be asked again with them. Any other may have an effect."""
-
-IN_QUESTIONS: Final = (
-    WITHOUT_EFFECT
-    | {".add_annot", ".add_nested_source", ".copy_term", ".date", ".nano_time", ".range", ".remove_source_annot"}
-    | {".rename_apart", ".set.to_list", ".queue.to_list", ".time", ".version"}
-) - {".replace"}
-"""Internal actions that a question of another agent may name: a regular expression can take for ever, hence not all."""
-
-FUNCTIONS_IN_QUESTIONS: Final = frozenset(
-    (
-        ".length",
-        "math.abs",
-        "math.acos",
-        "math.asin",
-        "math.atan",
-        "math.average",
-        "math.ceil",
-        "math.cos",
-        "math.e",
-        "math.floor",
-        "math.log",
-        "math.max",
-        "math.mean",
-        "math.median",
-        "math.min",
-        "math.pi",
-        "math.round",
-        "math.sin",
-        "math.sqrt",
-        "math.std_dev",
-        "math.sum",
-        "math.tan",
-        "system.time",
-    )
-)
-"""Functions that a question may name, besides those that the asked program registers itself."""
+PURE: Final[set[str]] = set()
+"""Names of the internal actions and functions that are registered as pure: they have no effect, they only look."""
+_CLOCKS: Final = frozenset((".date", ".nano_time", ".time", "system.time"))
+"""They have no effect either, but each reading of the clock is an input."""
 
 
 MOST_STEPS: Final = 2_000_000
@@ -164,14 +79,14 @@ class Asked:
 
     def action(self, name: str, args: tuple[Term, ...]) -> None:
         """Allow an internal action that has no effect. Raises QueryRefused for any other."""
-        if name not in IN_QUESTIONS:
+        if not _in_questions(name) or (name == ".delete" and args and type(deref(args[0])) is str):
             self._refuse(f"it names {name}, which is not known to be free of effects and quick")
         size = sum(map(_size, args))
         self.work(size * size if name in _SQUARE else size)
 
     def function(self, name: str, known: bool, own: bool) -> bool:
         """Whether a name is that of a function to compute. Raises QueryRefused for one that may have an effect."""
-        if known and not own and name not in FUNCTIONS_IN_QUESTIONS:
+        if known and not own and not _in_questions(name):
             self._refuse(f"it names the function {name}, which is not known to be free of effects")
         return known
 
@@ -183,6 +98,14 @@ class Asked:
     def _refuse(self, why: str) -> None:
         self._refused = self._refused or why
         self.check()
+
+
+def _in_questions(name: str) -> bool:
+    """Whether a question of another agent may name an internal action or function.
+
+    It must also be quick: a regular expression can take for ever (of ``.delete``, where a text is its first argument).
+    """
+    return name in _CLOCKS or (name in PURE and name != ".replace")
 
 
 def _size(term: Term) -> int:

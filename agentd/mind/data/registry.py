@@ -21,7 +21,7 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.terms.numbers import UndefinedNumber
 from agentd.language.terms.terms import Term
 from agentd.mind.beliefs.unification import Trail
-from agentd.mind.beliefs.work_limit import Computing, TooMuchWork, work
+from agentd.mind.beliefs.work_limit import PURE, Computing, TooMuchWork, work
 from agentd.mind.data.formula_failure import Failed
 
 
@@ -127,12 +127,16 @@ def internal_action(
     suspends: bool = False,
     names: int = 0,
     counts: bool = False,
+    pure: bool = False,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register an internal action: ``arities`` is one number, or the least and the greatest (None: any number).
 
     The first ``names`` arguments are names: one that the program writes as an atom comes as a str. With ``counts`` it
-    counts its work itself; of others that backtrack each solution is a step.
+    counts its work itself; of others that backtrack each solution is a step. With ``pure`` it has no effect and is
+    quick: questions of other agents may name it, and a context that failed is evaluated again with it for the report.
     """
+    if pure:
+        PURE.add(name)
     if isinstance(arities, int):
         allowed = range(arities, arities + 1)
     else:
@@ -157,8 +161,13 @@ def find_function(name: str, arity: int) -> Callable[..., Any] | None:
     return found
 
 
-def function(name: str, *arities: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Register a function."""
+def function(name: str, *arities: int, pure: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register a function of these numbers of arguments, from 0 on.
+
+    With ``pure`` it has no effect and is quick: questions of other agents may name it.
+    """
+    if pure:
+        PURE.add(name)
 
     def register(compute: Callable[..., Any]) -> Callable[..., Any]:
         for arity in arities:

@@ -17,7 +17,7 @@ from agentd.language.syntax_tree.traversal import parts
 from agentd.language.terms.terms import Literal, deref
 from agentd.mind.beliefs.belief_base import RuleClause
 from agentd.mind.beliefs.unification import undo
-from agentd.mind.beliefs.work_limit import WITHOUT_EFFECT
+from agentd.mind.beliefs.work_limit import PURE
 from agentd.mind.data.effects import Log
 from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.intention import PLAN, RELEVANT, Event, Frame
@@ -238,7 +238,7 @@ def harmless(mind: MindState, formula: nodes.Term | None, seen: frozenset[Any] =
         case nodes.Variable(namespace=None) | nodes.Number() | nodes.String() | None:
             return True
         case nodes.InternalAction(name, args):
-            known = name in WITHOUT_EFFECT or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
+            known = name in PURE or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
         case nodes.Structure():
             known = _harmless_rules(mind, formula, seen)
         case _:

@@ -62,6 +62,7 @@ WITH_EFFECTS = {
     "(p(X) & holds(.stopMAS))": ".stopMAS",
     "(p(X) & unknown_package.act(X))": "unknown_package.act",
     '(p(X) & .replace("aaaa", "(a+)+b", "", R))': ".replace",
+    '(p(X) & .delete("(a+)+b", "aaaa", R))': ".delete",
 }
 
 
@@ -131,6 +132,7 @@ def test_more_answers_than_ten_thousand_are_left_out_and_told(question: str) -> 
         ("askOne", "(.range(X, 1, 1000000000000) & X > 2)", "(.range(3,1,1000000000000) & (3 > 2))"),
         ("askOne", "(X = math.max(1, 2) & p(X))", None),
         ("askOne", "(.findall(X, p(X), L) & .length(L, 2))", None),
+        ("askOne", "(p(X) & .delete(a, [a,b], L))", None),
         ("askOne", "many(X)", "many(1)[source(bob)]"),
         ("askOne", "plan(X)", "plan(5)[source(bob)]"),
         ("askOne", "holds(p(2))", "holds(p(2))[source(bob)]"),
