@@ -164,8 +164,17 @@ class Checkpoint:
         return made
 
     def _open(self) -> None:
+        """Open the database at the present version, or make it.
+
+        Raises CheckpointError for a database of another agent or a newer version, and sqlite3.DatabaseError for a
+        corrupt one.
+        """
         self._sums.begin()
-        self._database = _open_database(self.path, self._agent, self._synchronous)
+        try:
+            _check_and_migrate(self.path, self._agent, self._synchronous)
+        except UnicodeDecodeError as error:  # SQLite's message quotes a damaged schema
+            raise corrupt(str(error)) from None
+        self._database = _connected(self.path, self._synchronous, STATEMENTS)
         self._sums.carry_over(self._database)
 
     def read(self) -> Stored | None:
@@ -318,19 +327,6 @@ def _as_checkpoint_error(path: Path, what: str) -> Iterator[None]:
         raise CheckpointError(f"{path} cannot be {what}: {why}") from error
 
 
-def _open_database(path: Path, agent: str, synchronous: Synchronous) -> sqlite3.Connection:
-    """Open the database of an agent at the present version, or make it.
-
-    Raises CheckpointError for a database of another agent or a newer version, and sqlite3.DatabaseError for a corrupt
-    one.
-    """
-    try:
-        _check_and_migrate(path, agent, synchronous)
-    except UnicodeDecodeError as error:  # SQLite's message quotes a damaged schema
-        raise corrupt(str(error)) from None
-    return _connected(path, synchronous, STATEMENTS)
-
-
 def _check_and_migrate(path: Path, agent: str, synchronous: Synchronous) -> None:
     database = _connected(path, synchronous, 0)
     try:
@@ -340,7 +336,11 @@ def _check_and_migrate(path: Path, agent: str, synchronous: Synchronous) -> None
                 f"{path} was written by a newer Argosy (its version is {version}, this one knows up to"
                 f" {len(MIGRATIONS)}): run that, or begin anew without what is kept there"
             )
-        _look_through(database)
+        check(database)
+        (kind,) = database.execute("PRAGMA application_id").fetchone()
+        (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+        if tables and kind != APPLICATION:
+            raise corrupt("it is a database of something else")
         _migrate(database, version, agent)
         (owner,) = database.execute("SELECT value FROM agent WHERE name = 'name'").fetchone()
         if owner != agent:
@@ -373,15 +373,6 @@ def _connected(path: Path, synchronous: Synchronous, statements: int) -> sqlite3
         database.close()
         raise
     return database
-
-
-def _look_through(database: sqlite3.Connection) -> None:
-    """Raise DatabaseError (corrupt) unless the file is empty or an undamaged checkpoint."""
-    check(database)
-    (kind,) = database.execute("PRAGMA application_id").fetchone()
-    (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
-    if tables and kind != APPLICATION:
-        raise corrupt("it is a database of something else")
 
 
 def _migrate(database: sqlite3.Connection, version: int, agent: str) -> None:

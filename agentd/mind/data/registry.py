@@ -50,12 +50,10 @@ class InternalAction:
 
     def guarded(self) -> Callable[..., Any]:
         """For contexts and rules, where an error only makes the condition false, and nothing can wait."""
-        if self._guarded is None and self.suspends:
-            self._guarded = _guard_test(self._refuse_to_wait)
-        elif self._guarded is None:
-            self._guarded = (
-                _guard_generator(self.function, self.counts) if self.backtracks else _guard_test(self.function)
-            )
+        if self._guarded is None:
+            function = self._refuse_to_wait if self.suspends else self.function
+            generates = self.backtracks and not self.suspends
+            self._guarded = _guard_generator(function, self.counts) if generates else _guard_test(function)
         return self._guarded
 
     def _refuse_to_wait(self, mind: Computing, trail: Trail, *args: Term) -> bool:
@@ -67,12 +65,10 @@ def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
     def guarded(mind: Computing, trail: Trail, *args: Term) -> bool:
         try:
             return bool(function(mind, trail, *args))
-        except TooMuchWork:
+        except (TooMuchWork, RecursionError):
             raise
         except (Failed, UndefinedNumber):
             return False
-        except RecursionError:
-            raise
         except Exception as error:  # an action may raise anything; its error makes the condition false
             mind.warn_once(_went_wrong(error))
             return False
@@ -89,12 +85,10 @@ def _guard_generator(function: Callable[..., Any], counts: bool) -> Callable[...
             for _ in function(mind, trail, *args):
                 work(mind, 1)
                 yield
-        except TooMuchWork:
+        except (TooMuchWork, RecursionError):
             raise
         except (Failed, UndefinedNumber):
             return
-        except RecursionError:
-            raise
         except Exception as error:  # as above
             mind.warn_once(_went_wrong(error))
 
