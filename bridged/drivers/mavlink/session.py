@@ -17,6 +17,7 @@ from bridged.drivers.api import Execution, OnReading, Order, Outcome, Reading
 from bridged.drivers.mavlink.actions.confirmation import PRE_ARM
 from bridged.drivers.mavlink.actions.context import (
     NOBODYS_FAILSAFE,
+    Ended,
     LimitWatch,
     ProcedureContext,
     ProcedureRun,
@@ -292,6 +293,8 @@ class VehicleSession:
                 outcome: Outcome = stop.value
                 if run.procedure is LEAVE_HOLD:
                     self._commanded = outcome.state == "succeeded"
+            except Ended as ended:
+                outcome = ended.outcome
             except Exception as error:  # a defect must not take the link down, and with it the way home
                 log.exception("defect in argosy: %s", run.name)
                 outcome = Outcome("failed", f"defect in argosy: {type(error).__name__}: {error}")

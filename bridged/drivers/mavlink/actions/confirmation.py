@@ -11,8 +11,9 @@ from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     TEXT_WINDOW,
-    Attempt,
     BoundAction,
+    Ended,
+    Part,
     ProcedureContext,
     ProcedureRun,
     Steps,
@@ -126,11 +127,8 @@ TARGET_NEAR = 1.0
 """Metres between the target sent and the one reported; rounding and frame conversion cost centimetres."""
 
 
-def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode: int) -> Attempt:
-    """Send a command that changes the mode until it sticks. `mode`: its number in HEARTBEAT.custom_mode.
-
-    Returns the failure, None if the mode is steady.
-    """
+def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode: int) -> Part:
+    """Send a command that changes the mode until it sticks. `mode`: its number in HEARTBEAT.custom_mode."""
     vehicle, before = flight.vehicle, flight.vehicle.mode
     asked, name = flight.now, flight.vehicle.modes.name(mode)
 
@@ -141,23 +139,21 @@ def enter(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, mode
     for _ in range(MODE_ATTEMPTS):
         flight.expect_mode(mode)
         command = flight.submit(run, action)
-        refusal = yield from acknowledged(flight, run, command, shown)
-        if refusal is not None:
-            return refusal
+        yield from acknowledged(flight, run, command, shown)
         flight.expect_mode(mode)
         run.waits_for = f"two HEARTBEATs in {name}; the vehicle is in {vehicle.mode_name}"
         if (yield from steady(flight, shown)):
-            return None
+            return
         if vehicle.mode not in (before, mode):
             break
     said = f"{name} was acknowledged, but the vehicle is in {vehicle.mode_name}"
-    return Outcome("failed", flight.with_texts(said, asked))
+    raise Ended("failed", flight.with_texts(said, asked))
 
 
 def acknowledged(
     flight: ProcedureContext, run: ProcedureRun, command: MavlinkCommand, effect: Callable[[], bool]
-) -> Attempt:
-    """Wait until a command is accepted, or its effect shows anyway. Returns the refusal or the silence.
+) -> Part:
+    """Wait until a command is accepted, or its effect shows anyway; a refusal and silence end the procedure.
 
     A refusal of a repetition may mean that the first one worked, so the effect is waited for longer then.
     """
@@ -168,16 +164,15 @@ def acknowledged(
             while flight.now < patience and not effect():
                 yield
             if effect():
-                return None
+                return
             said = f"the vehicle refused {command.name} ({command.result_name})"
-            return Outcome("refused", flight.with_texts(said, asked))
+            raise Ended("refused", flight.with_texts(said, asked))
         if command.silent:
             said = f"no acknowledgement of {command.name} after sending it {command.sent} times, and no effect"
-            return Outcome("failed", f"{said}; {flight.state_in_words()}")
+            raise Ended("failed", f"{said}; {flight.state_in_words()}")
         run.waits_for = f"the acknowledgement of {command.name}"
         yield
     command.may_repeat = lambda: False
-    return None
 
 
 def steady(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[None, None, bool]:
@@ -193,10 +188,10 @@ def steady(flight: ProcedureContext, shown: Callable[[], bool]) -> Generator[Non
     return shown() and vehicle.heartbeats > beats
 
 
-def ready(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
+def ready(flight: ProcedureContext, run: ProcedureRun) -> Part:
     """Wait until the vehicle is ready to be armed, asking it for its reasons meanwhile.
 
-    Returns None when it is, and its refusal as soon as it names a reason that does not go away by waiting.
+    A reason that does not go away by waiting ends the procedure.
     """
     before = asked = ask_at = flight.now
     named_before: set[str] = set()
@@ -207,61 +202,57 @@ def ready(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
         run.waits_for = "readiness: " + "; ".join([*missing, *said])
         faults = named_before.intersection(said if answered else ())
         if lasting := [one for one in said if _names(LASTING, one) or (one in faults and _names(FAULTS, one))]:
-            return Outcome("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(lasting)}")
+            raise Ended("refused", f"the vehicle refuses to arm until a person mends it: {'; '.join(lasting)}")
         if flight.now >= ask_at and flight.vehicle.connected:
             named_before = set(flight.texts.beginning(PRE_ARM, asked))
             before, asked, ask_at = asked, flight.now, flight.now + flight.wait(*ASK_REASONS_EVERY)
             flight.submit(run, BoundAction(dialect.MAV_CMD_RUN_PREARM_CHECKS, retry=ONCE))
         yield
     run.cause = ""
-    return None
 
 
 def _names(causes: tuple[str, ...], text: str) -> bool:
     return any(cause in text.lower() for cause in causes)
 
 
-def guided_aloft(flight: ProcedureContext, what: str) -> Outcome | None:
-    """Refuse targets that the vehicle would ignore: it accepts them only in GUIDED and in flight."""
+def check_guided_aloft(flight: ProcedureContext, what: str) -> None:
+    """Refuse targets that the vehicle would ignore: it accepts them only in GUIDED and in flight. Raises Ended."""
     vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.guided:
         wanted = vehicle.modes.name(vehicle.modes.guided)
-        return Outcome("refused", f"{what} are taken in {wanted} only; {flight.state_in_words()}")
+        raise Ended("refused", f"{what} are taken in {wanted} only; {flight.state_in_words()}")
     if not vehicle.aloft:
         when = "armed" if vehicle.modes.ground else "in flight"
-        return Outcome("refused", f"{what} are taken {when} only; {flight.state_in_words()}")
-    return None
+        raise Ended("refused", f"{what} are taken {when} only; {flight.state_in_words()}")
 
 
-def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Attempt:
-    """Send the target until the vehicle reports it as its own. Returns the refusal, None if it does."""
+def target_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Part:
+    """Send the target until the vehicle reports it as its own."""
     asked = flight.now
     if action.target is None:
         raise ValueError(f"{run.name}: a call without a target")
-    if (refusal := guided_aloft(flight, "position targets")) is not None:
-        return refusal
-    if (refusal := within_limits(flight, action)) is not None:
-        return refusal
+    check_guided_aloft(flight, "position targets")
+    check_limits(flight, action)
     for _ in range(TARGET_ATTEMPTS):
         flight.send_target(action.target, action.frame, action.yaw)
         run.waits_for = "the vehicle to report the target as its own"
         if (yield from target_shown(flight, action)):
-            return None
+            return
         if not flight.vehicle.armed:
-            return Outcome("failed", flight.with_texts("the vehicle disarmed", asked))
+            raise Ended("failed", flight.with_texts("the vehicle disarmed", asked))
     said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
-    return Outcome("refused", flight.with_texts(f"{said}, {own_target(flight, action)}", asked))
+    raise Ended("refused", flight.with_texts(f"{said}, {own_target(flight, action)}", asked))
 
 
-def within_limits(flight: ProcedureContext, action: BoundAction) -> Outcome | None:
-    """Refuse a target outside the mission's limits, or one whose altitude above home is not known yet."""
+def check_limits(flight: ProcedureContext, action: BoundAction) -> None:
+    """Refuse a target outside the mission's limits, or one whose altitude above home is not known yet. Raises Ended."""
     if flight.altitude_of_home() is None:
-        return Outcome("refused", "the vehicle's altitude is not known yet")
+        raise Ended("refused", "the vehicle's altitude is not known yet")
     if action.limited and flight.limited and not flight.vehicle.placed:
         said = "the vehicle has not reported its position lately, so the mission's limits cannot be kept"
-        return Outcome("refused", said, "limits")
-    broken = flight.outside_limits(above_home(flight, action)) if action.limited else ""
-    return Outcome("refused", broken, "limits") if broken else None
+        raise Ended("refused", said, "limits")
+    if action.limited and (broken := flight.outside_limits(above_home(flight, action))):
+        raise Ended("refused", broken, "limits")
 
 
 def target_shown(flight: ProcedureContext, action: BoundAction) -> Generator[None, None, bool]:
@@ -322,8 +313,8 @@ def above_home(flight: ProcedureContext, action: BoundAction) -> Place:
     return Place(target.latitude, target.longitude, target.altitude - (flight.altitude_of_home() or 0.0))
 
 
-def down(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
-    """Wait until the vehicle has landed and disarmed. Returns why its motors stopped elsewhere, None if so."""
+def down(flight: ProcedureContext, run: ProcedureRun) -> Part:
+    """Wait until the vehicle has landed and disarmed; motors that stop elsewhere end the procedure."""
     vehicle, fast_at = flight.vehicle, -math.inf
     while vehicle.armed or not vehicle.connected:
         fast_at = flight.now if vehicle.speed > FALLS else fast_at
@@ -334,11 +325,11 @@ def down(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
                 run.feedback["distance"] = round(away, 2)
             run.waits_for = f"landing and disarming; it is at {position.altitude:.1f} m, {metres(away)} from home"
         yield
-    return (yield from stands(flight, run, fast_at))
+    yield from stands(flight, run, fast_at)
 
 
-def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: str = "") -> Attempt:
-    """Judge whether motors that have just stopped did so on the ground. Returns None if so, else why not.
+def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: str = "") -> Part:
+    """Judge whether motors that have just stopped did so on the ground; else the procedure has failed.
 
     What stands before and after that has landed, on a hill too; what falls is fast. A vehicle that is disarmed calls
     itself landed wherever it is. `fast_at` is when it was too fast to stand for the last time, in mission seconds;
@@ -351,13 +342,12 @@ def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: s
         fast_at = flight.now if vehicle.speed > FALLS else fast_at
         yield
     if vehicle.armed:
-        return Outcome("failed", f"the vehicle was armed again{where}; {flight.state_in_words()}")
+        raise Ended("failed", f"the vehicle was armed again{where}; {flight.state_in_words()}")
     if vehicle.positions == seen:
         said = f"the motors have stopped{where}, and the vehicle does not report where it is"
-        return Outcome("failed", flight.with_texts(said, asked))
+        raise Ended("failed", flight.with_texts(said, asked))
     if asked - fast_at <= flight.wait(*STANDS_FOR):
-        return Outcome("failed", flight.with_texts(f"the motors stopped in the air{where}", asked))
-    return None
+        raise Ended("failed", flight.with_texts(f"the motors stopped in the air{where}", asked))
 
 
 def parked(flight: ProcedureContext) -> bool:

@@ -7,18 +7,19 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.api import Execution, Outcome, Reading, Value
+from bridged.drivers.api import Execution, FinalState, Outcome, Reading, Value
 from bridged.drivers.mavlink.actions.mission_items import Item
 from bridged.drivers.mavlink.vehicle.commands import Commands, MavlinkCommand, Parameters
 from bridged.drivers.mavlink.vehicle.state import Place, Vehicle
 from bridged.drivers.mavlink.vehicle.status_texts import Texts
 from schemas.manifest.loader import Retry
 from schemas.mission.model import Failsafe, Limits
+from schemas.wire.records import Cause
 
 Steps = Generator[None, None, Outcome]
 """What a procedure does: it looks at the flight, yields until something changes, and returns how it ended."""
-Attempt = Generator[None, None, Outcome | None]
-"""A part of a procedure: returns why it has failed, None if it has not."""
+Part = Generator[None, None, None]
+"""A part of a procedure: raises `Ended` where the procedure ends without success by it."""
 
 TEXT_WINDOW = (1.0, 0.3)
 """Mission and wall seconds around an acknowledgement in which the vehicle's texts belong to it."""
@@ -37,6 +38,16 @@ MAX_PARAMETERS = 256
 
 Triple = tuple[float, float, float]
 SUCCEEDED = Outcome("succeeded")
+
+
+class Ended(Exception):
+    """A procedure has ended in one of its parts, refused or failed."""
+
+    def __init__(self, state: FinalState, reason: str, cause: Cause = "driver") -> None:
+        super().__init__(reason)
+        self.outcome = Outcome(state, reason, cause)
+
+
 NOBODYS_FAILSAFE = Failsafe()
 
 

@@ -18,10 +18,11 @@ from bridged.drivers.mavlink.actions.confirmation import (
     above_home,
     acknowledged,
     arrive,
+    check_guided_aloft,
+    check_limits,
     down,
     enter,
     from_home,
-    guided_aloft,
     metres,
     own_target,
     parked,
@@ -30,12 +31,11 @@ from bridged.drivers.mavlink.actions.confirmation import (
     target_is,
     target_shown,
     target_taken,
-    within_limits,
 )
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
-    Attempt,
     BoundAction,
+    Ended,
     Procedure,
     ProcedureContext,
     ProcedureRun,
@@ -58,18 +58,14 @@ def arm(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Ste
     if wanted and (other := flight.vehicle.contradiction):
         return Outcome("refused", other)
     if wanted and not flight.vehicle.armed:
-        unready = yield from ready(flight, run)
-        if unready is not None:
-            return unready
+        yield from ready(flight, run)
 
     def shown() -> bool:
         return flight.vehicle.armed == wanted
 
     asked = flight.now
     command = flight.submit(run, action)
-    refusal = yield from acknowledged(flight, run, command, shown)
-    if refusal is not None:
-        return refusal
+    yield from acknowledged(flight, run, command, shown)
     run.waits_for = f"a HEARTBEAT that shows {'armed' if wanted else 'not armed'}"
     if (yield from steady(flight, shown)):
         return SUCCEEDED
@@ -97,9 +93,7 @@ def take_off(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -
 
     asked = flight.now
     command = flight.submit(run, action, may_repeat=lambda: not rising())
-    refusal = yield from acknowledged(flight, run, command, rising)
-    if refusal is not None:
-        return refusal
+    yield from acknowledged(flight, run, command, rising)
     return (yield from _climb(flight, run, wanted, action.tolerance or 0.3, command.name, asked))
 
 
@@ -113,13 +107,9 @@ def take_off_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundA
         return Outcome("refused", broken, "limits")
     if not vehicle.armed or (vehicle.aloft and not flight.goes_on(action)):
         return Outcome("refused", f"a takeoff begins armed on the ground; {flight.state_in_words()}")
-    failure = yield from write_parameter(flight, run, "TKOFF_ALT", float(wanted))
-    if failure is not None:
-        return failure
+    yield from write_parameter(flight, run, "TKOFF_ALT", float(wanted))
     asked = flight.now
-    failure = yield from enter(flight, run, mode_action(mode), mode)
-    if failure is not None:
-        return failure
+    yield from enter(flight, run, mode_action(mode), mode)
     return (yield from _climb(flight, run, float(wanted), action.tolerance or 5.0, vehicle.modes.name(mode), asked))
 
 
@@ -130,8 +120,8 @@ def _climb_on(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) 
         return Outcome("refused", "the vehicle has not reported where it is")
     above = replace(vehicle.position, altitude=wanted)
     target = replace(action, target=above, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, limited=False)
-    failure = yield from target_taken(flight, run, target)
-    return failure or (yield from _climb(flight, run, wanted, action.tolerance or 0.3, "the target above", asked))
+    yield from target_taken(flight, run, target)
+    return (yield from _climb(flight, run, wanted, action.tolerance or 0.3, "the target above", asked))
 
 
 def _climb(flight: ProcedureContext, run: ProcedureRun, wanted: float, near: float, name: str, asked: float) -> Steps:
@@ -157,14 +147,14 @@ def _climb(flight: ProcedureContext, run: ProcedureRun, wanted: float, near: flo
 
 def send_target(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """SET_POSITION_TARGET_GLOBAL_INT: armed, in flight, GUIDED, and the vehicle's own target agrees."""
-    failure = yield from target_taken(flight, run, action)
-    return failure or SUCCEEDED
+    yield from target_taken(flight, run, action)
+    return SUCCEEDED
 
 
 def go_to(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """As `send_target`, then within the tolerance of the target and slow."""
-    failure = yield from target_taken(flight, run, action)
-    return failure or (yield from arrive(flight, run, above_home(flight, action), action.tolerance))
+    yield from target_taken(flight, run, action)
+    return (yield from arrive(flight, run, above_home(flight, action), action.tolerance))
 
 
 def reposition(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -172,18 +162,11 @@ def reposition(flight: ProcedureContext, run: ProcedureRun, action: BoundAction)
     vehicle, asked = flight.vehicle, flight.now
     into_guided = int(action.parameters[1]) & dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
     if not vehicle.aloft or not into_guided:
-        refusal = guided_aloft(flight, "position targets")
-        if refusal is not None:
-            return refusal
-    if (refusal := within_limits(flight, action)) is not None:
-        return refusal
+        check_guided_aloft(flight, "position targets")
+    check_limits(flight, action)
     flight.expect_mode(vehicle.modes.guided)
     command, seen = flight.submit(run, action, in_frame=True), vehicle.targets
-    refusal = yield from acknowledged(
-        flight, run, command, lambda: vehicle.targets > seen and target_is(flight, action)
-    )
-    if refusal is not None:
-        return refusal
+    yield from acknowledged(flight, run, command, lambda: vehicle.targets > seen and target_is(flight, action))
     for _ in range(TARGET_ATTEMPTS):
         run.waits_for = "the vehicle to report the target as its own"
         if (yield from target_shown(flight, action)):
@@ -208,10 +191,9 @@ def land(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
     if not modes.lands:
         said = "" if modes.ground else "; end a mission with an item `land`"
         return Outcome("refused", f"an {modes.vehicle} of this kind has no mode that lands where it is{said}")
-    failure = yield from enter(flight, run, action, modes.land)
-    if failure is None:
-        failure = yield from down(flight, run)
-    return failure or SUCCEEDED
+    yield from enter(flight, run, action, modes.land)
+    yield from down(flight, run)
+    return SUCCEEDED
 
 
 def return_home(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -222,11 +204,8 @@ def return_home(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
         if away is not None and away <= near:
             return SUCCEEDED
         return Outcome("refused", f"the vehicle is not armed and {metres(away)} from home")
-    failure = yield from enter(flight, run, action, vehicle.modes.rtl)
-    if failure is None:
-        failure = yield from down(flight, run)
-    if failure is not None:
-        return failure
+    yield from enter(flight, run, action, vehicle.modes.rtl)
+    yield from down(flight, run)
     away = from_home(flight)
     if away is not None and away <= near:
         return SUCCEEDED
@@ -242,9 +221,7 @@ def return_above(flight: ProcedureContext, run: ProcedureRun, action: BoundActio
     if not vehicle.armed:
         return Outcome("refused", f"the vehicle is not armed and {metres(from_home(flight))} from home")
     asked = flight.now
-    failure = yield from enter(flight, run, action, vehicle.modes.rtl)
-    if failure is not None:
-        return failure
+    yield from enter(flight, run, action, vehicle.modes.rtl)
     while True:
         away = from_home(flight)
         if away is not None:
@@ -274,7 +251,7 @@ def secure(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> 
         return Outcome("succeeded", "the vehicle is not armed")
     if vehicle.on_ground:
         stop = BoundAction(dialect.MAV_CMD_COMPONENT_ARM_DISARM, retry=action.retry)
-        stopped = yield from arm(flight, run, stop)
+        stopped = yield from _outcome_of(arm(flight, run, stop))
         if stopped.state == "succeeded" or not vehicle.armed:
             return stopped  # else it is not on the ground as it said: it flies, and the mode is what is left
     mode, under_way = int(action.parameters[1]), vehicle.modes.order_of(vehicle.mode)
@@ -284,8 +261,8 @@ def secure(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> 
 
 
 def _enter_mode_of(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
-    failure = yield from enter(flight, run, action, int(action.parameters[1]))
-    return failure or Outcome("succeeded", f"the vehicle is in {flight.vehicle.mode_name}")
+    yield from enter(flight, run, action, int(action.parameters[1]))
+    return Outcome("succeeded", f"the vehicle is in {flight.vehicle.mode_name}")
 
 
 def hold_by_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -317,20 +294,21 @@ def stay(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
             run.trouble = run.waits_for = "the vehicle is to stay where it is, and cannot be heard"
             yield
             continue
-        outcome: Outcome | None
         if not vehicle.aloft:
-            outcome = yield from _stop_motors(flight, run, lift_off)
+            disarm = BoundAction(dialect.MAV_CMD_COMPONENT_ARM_DISARM)
+            outcome = yield from _outcome_of(arm(flight, run, disarm))
+            if outcome.state != "succeeded":
+                while vehicle.armed and not vehicle.aloft and flight.now < lift_off:
+                    yield
+                if vehicle.aloft or not vehicle.armed:  # it left the ground anyway
+                    continue
         elif vehicle.modes.stay_guided and vehicle.placed and not tries:
-            outcome = yield from _stay_here(flight, run, action)
+            outcome = yield from _outcome_of(_stay_here(flight, run, action))
         else:
-            hold = vehicle.modes.hold
-            failure = yield from enter(flight, run, mode_action(hold), hold)
-            outcome = failure or SUCCEEDED
-        if outcome is None:
-            continue
+            outcome = yield from _outcome_of(_enter_mode_of(flight, run, mode_action(vehicle.modes.hold)))
         if outcome.state == "succeeded":
             run.trouble = ""
-            return outcome
+            return SUCCEEDED
         tries += 1
         run.trouble = f"the vehicle does not stay where it is: {outcome.reason}"
         log.warning("%s", run.trouble)
@@ -344,21 +322,18 @@ def stay(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> St
 def _stay_here(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     vehicle = flight.vehicle
     if vehicle.mode != vehicle.modes.guided:
-        failure = yield from enter(flight, run, action, vehicle.modes.guided)
-        return failure or SUCCEEDED
+        yield from enter(flight, run, action, vehicle.modes.guided)
+        return SUCCEEDED
     here = replace(action, target=vehicle.position, frame=dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, limited=False)
     return (yield from send_target(flight, run, here))
 
 
-def _stop_motors(flight: ProcedureContext, run: ProcedureRun, lift_off: float) -> Attempt:
-    """Disarm a vehicle that has not left the ground; None if it leaves the ground anyway."""
-    vehicle = flight.vehicle
-    stopped = yield from arm(flight, run, BoundAction(dialect.MAV_CMD_COMPONENT_ARM_DISARM))
-    if stopped.state == "succeeded":
-        return stopped
-    while vehicle.armed and not vehicle.aloft and flight.now < lift_off:
-        yield
-    return None if vehicle.aloft or not vehicle.armed else stopped
+def _outcome_of(steps: Steps) -> Steps:
+    """Return how a procedure ends, also if it ends in one of its parts."""
+    try:
+        return (yield from steps)
+    except Ended as ended:
+        return ended.outcome
 
 
 SECURE = Procedure(secure, sets_mode=True)

@@ -15,8 +15,9 @@ from bridged.drivers.api import Outcome, Reading
 from bridged.drivers.mavlink.actions.confirmation import Poll, for_us, next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
-    Attempt,
     BoundAction,
+    Ended,
+    Part,
     ProcedureContext,
     ProcedureRun,
     Steps,
@@ -49,8 +50,8 @@ RESULTS = {
 """Texts of MISSION_ACK.type."""
 
 
-def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...]) -> Attempt:
-    """Send the items; the first is home. Returns the failure, None if the vehicle holds as many as were sent.
+def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...]) -> Part:
+    """Send the items; the first is home. The vehicle must hold as many as were sent.
 
     An acknowledgement that is lost proves nothing: then the items are read back and compared.
     """
@@ -61,7 +62,7 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
         if not sent and flight.now >= again_at:
             if tries >= TRIES:
                 run.leaves = ""
-                return Outcome("failed", f"the vehicle did not request the mission, announced {TRIES} times")
+                raise Ended("failed", f"the vehicle did not request the mission, announced {TRIES} times")
             tries, again_at = tries + 1, flight.now + flight.wait(*TRY_EVERY)
             flight.send(dialect.MAVLink_mission_count_message(*_peer(flight), count))
         run.feedback = {"item": float(max(0, sent - 1)), "items": float(count - 1)}
@@ -89,15 +90,17 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
                 case "MISSION_ACK" if message.type != dialect.MAV_MISSION_INVALID_SEQUENCE or not sent:
                     run.leaves = ""
                     left = f"; {plan.broken}" if sent else ""
-                    return Outcome("refused", f"the vehicle refused the mission: {_result(message)}{left}")
+                    raise Ended("refused", f"the vehicle refused the mission: {_result(message)}{left}")
         if sent and flight.now - quiet_since > flight.wait(*VEHICLE_GIVES_UP):
             if sent < count:
                 run.leaves = ""
-                return Outcome("failed", f"the vehicle fell silent during the upload; {plan.broken}")
-            held = yield from download(flight, run)
-            if isinstance(held, tuple) and same_items(held, items):
-                break
-            return Outcome("failed", f"the vehicle did not acknowledge the mission; {plan.broken}")
+                raise Ended("failed", f"the vehicle fell silent during the upload; {plan.broken}")
+            try:
+                if same_items((yield from download(flight, run)), items):
+                    break
+            except Ended:  # what it holds is not known
+                pass
+            raise Ended("failed", f"the vehicle did not acknowledge the mission; {plan.broken}")
     run.leaves = ""
     held_count = yield from count_items(flight, run)
     uncounted = flight.vehicle.home is None  # home counts as an item once the vehicle has one
@@ -105,26 +108,22 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
         said = (
             "does not report how many items it holds" if held_count is None else f"holds {held_count} items with home"
         )
-        return Outcome("failed", f"the mission of {count} items with home was acknowledged, but the vehicle {said}")
+        raise Ended("failed", f"the mission of {count} items with home was acknowledged, but the vehicle {said}")
     plan.items, plan.broken = items, ""
-    return None
 
 
-def download(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, None, tuple[Item, ...] | Outcome]:
-    """Read the vehicle's mission. Returns its items, home first, or the failure."""
+def download(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, None, tuple[Item, ...]]:
+    """Read the vehicle's mission. Returns its items, home first."""
     count = yield from count_items(flight, run)
     if count is None:
-        return Outcome("failed", f"the vehicle did not send its mission, asked {TRIES} times")
+        raise Ended("failed", f"the vehicle did not send its mission, asked {TRIES} times")
     if count > MAX_ITEMS + 1:
-        return Outcome("failed", f"the vehicle reports {count} items; {MAX_ITEMS} are read at most")
+        raise Ended("failed", f"the vehicle reports {count} items; {MAX_ITEMS} are read at most")
     items: list[Item] = []
     for seq in range(count):
         run.feedback = {"item": float(seq), "items": float(max(0, count - 1))}
         run.waits_for = f"item {seq} of {count} from the vehicle"
-        item = yield from _read(flight, seq)
-        if isinstance(item, Outcome):
-            return item
-        items.append(item)
+        items.append((yield from _read(flight, seq)))
     flight.send(dialect.MAVLink_mission_ack_message(*_peer(flight), dialect.MAV_MISSION_ACCEPTED))
     return tuple(items)
 
@@ -140,21 +139,21 @@ def count_items(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, 
     return None
 
 
-def clear(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
-    """Clear the vehicle's mission. Returns the failure, None if it holds none but home."""
+def clear(flight: ProcedureContext, run: ProcedureRun) -> Part:
+    """Clear the vehicle's mission, until it holds none but home."""
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_clear_all_message(*_peer(flight)))
         run.waits_for = "the vehicle to clear its mission"
         message = yield from next_message(flight, "MISSION_ACK", TRY_EVERY, lambda one: ours(flight, one))
         if message is not None and message.type != dialect.MAV_MISSION_ACCEPTED:
-            return Outcome("refused", f"the vehicle refused to clear its mission: {_result(message)}")
+            raise Ended("refused", f"the vehicle refused to clear its mission: {_result(message)}")
         held = yield from count_items(flight, run)
         if held is not None and held <= 1:
-            return None
-    return Outcome("failed", "the vehicle still holds a mission, or does not report it")
+            return
+    raise Ended("failed", "the vehicle still holds a mission, or does not report it")
 
 
-def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item | Outcome]:
+def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item]:
     for _ in range(TRIES):
         flight.send(dialect.MAVLink_mission_request_int_message(*_peer(flight), seq))
         until = flight.now + flight.wait(*TRY_EVERY)
@@ -167,8 +166,8 @@ def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item | Ou
                 case "MISSION_ITEM_INT" | "MISSION_ITEM" if message.seq == seq:
                     return item_of(message)
                 case "MISSION_ACK" if message.type != dialect.MAV_MISSION_ACCEPTED:
-                    return Outcome("failed", f"the vehicle did not send item {seq}: {_result(message)}")
-    return Outcome("failed", f"the vehicle did not send item {seq} of its mission, asked {TRIES} times")
+                    raise Ended("failed", f"the vehicle did not send item {seq}: {_result(message)}")
+    raise Ended("failed", f"the vehicle did not send item {seq} of its mission, asked {TRIES} times")
 
 
 def _peer(flight: ProcedureContext) -> tuple[int, int]:
@@ -210,24 +209,16 @@ def upload_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAct
         return Outcome("refused", flown)
     if broken := outside(flight, items):
         return Outcome("refused", broken, "limits")
-    with mission_protocol(flight, run) as busy:
-        if busy:
-            return Outcome("refused", busy)
-        failure = yield from upload(flight, run, (_home(flight), *items))
-        if failure is not None:
-            return failure
+    with mission_protocol(flight, run):
+        yield from upload(flight, run, (_home(flight), *items))
         tell_items(flight)
     return SUCCEEDED
 
 
 def download_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`mission_download`: every item has arrived; they become readings of MISSION and MISSION_LIST."""
-    with mission_protocol(flight, run) as busy:
-        if busy:
-            return Outcome("refused", busy)
+    with mission_protocol(flight, run):
         held = yield from download(flight, run)
-        if isinstance(held, Outcome):
-            return held
         flight.plan.items, flight.plan.broken = held, ""
         tell_items(flight)
     return SUCCEEDED
@@ -237,12 +228,8 @@ def clear_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
     """`mission_clear`: the vehicle counts no items but home."""
     if flown := _flown_now(flight):
         return Outcome("refused", flown)
-    with mission_protocol(flight, run) as busy:
-        if busy:
-            return Outcome("refused", busy)
-        failure = yield from clear(flight, run)
-        if failure is not None:
-            return failure
+    with mission_protocol(flight, run):
+        yield from clear(flight, run)
         flight.plan.items, flight.plan.broken = (_home(flight),), ""
         tell_items(flight)
     return SUCCEEDED
@@ -256,12 +243,12 @@ def set_current(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
     known = flight.plan.items
     if known is not None and not 0 < wanted < len(known):
         return Outcome("refused", f"no item {wanted}; the mission has {max(0, len(known) - 1)}")
-    failure = yield from go_to_item(flight, run, wanted)
-    return failure or SUCCEEDED
+    yield from go_to_item(flight, run, wanted)
+    return SUCCEEDED
 
 
-def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Attempt:
-    """Make an item the current one, by its number from 1. Returns the failure, None if MISSION_CURRENT shows it."""
+def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Part:
+    """Make an item the current one, by its number from 1, until MISSION_CURRENT shows it."""
     identity, poll = flight.commands.identity, Poll(flight, run, "MISSION_CURRENT")
     run.waits_for = f"the vehicle to report that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):
@@ -273,12 +260,12 @@ def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Atte
             message = flight.message
             match message:
                 case dialect.MAVLink_mission_current_message() if message.seq == wanted:
-                    return None
+                    return
                 case dialect.MAVLink_mission_ack_message() if message.type != dialect.MAV_MISSION_ACCEPTED and ours(
                     flight, message
                 ):
-                    return Outcome("refused", f"the vehicle refused item {wanted}: {RESULTS.get(message.type)}")
-    return Outcome("failed", f"the vehicle did not go to item {wanted}; has its mission so many?")
+                    raise Ended("refused", f"the vehicle refused item {wanted}: {RESULTS.get(message.type)}")
+    raise Ended("failed", f"the vehicle did not go to item {wanted}; has its mission so many?")
 
 
 def _flown_now(flight: ProcedureContext) -> str:
@@ -335,15 +322,14 @@ def _home(flight: ProcedureContext) -> Item:
 
 
 @contextmanager
-def mission_protocol(flight: ProcedureContext, run: ProcedureRun) -> Iterator[str]:
-    """Reserve the mission protocol for one action, until its end; yields why not, empty if it is reserved."""
+def mission_protocol(flight: ProcedureContext, run: ProcedureRun) -> Iterator[None]:
+    """Reserve the mission protocol for one action, until its end. Raises Ended while another one has it."""
     plan = flight.plan
     if plan.busy:
-        yield f"busy: {plan.busy} is exchanging the mission with the vehicle"
-        return
+        raise Ended("refused", f"busy: {plan.busy} is exchanging the mission with the vehicle")
     plan.busy = run.name
     try:
-        yield ""
+        yield
     finally:
         plan.busy = ""
         if run.leaves:  # an upload that is broken off would keep others waiting

@@ -22,8 +22,9 @@ from bridged.drivers.mavlink.actions.confirmation import (
 )
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
-    Attempt,
     BoundAction,
+    Ended,
+    Part,
     Plan,
     ProcedureContext,
     ProcedureRun,
@@ -58,20 +59,17 @@ def enter_mode(flight: ProcedureContext, run: ProcedureRun, action: BoundAction)
     """DO_SET_MODE: the mode shows, and still does at the next HEARTBEAT; AUTO only on a mission that may be flown."""
     mode = int(action.parameters[1])
     if mode == flight.vehicle.modes.auto:
-        failure = yield from may_fly(flight, run)
-        if failure is not None:
-            return failure
-    failure = yield from enter(flight, run, action, mode)
-    return failure or SUCCEEDED
+        yield from may_fly(flight, run)
+    yield from enter(flight, run, action, mode)
+    return SUCCEEDED
 
 
-def may_fly(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
+def may_fly(flight: ProcedureContext, run: ProcedureRun) -> Part:
     """Check a mission before the vehicle flies it: it must be complete, and within the limits if there are any."""
     if flight.plan.broken:
-        return Outcome("refused", flight.plan.broken)
-    if not flight.limited:
-        return None
-    return (yield from _read_within_limits(flight, run))
+        raise Ended("refused", flight.plan.broken)
+    if flight.limited:
+        yield from _read_within_limits(flight, run)
 
 
 def start_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -84,9 +82,7 @@ def start_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
         return Outcome("refused", flight.plan.broken)
     if not vehicle.armed:
         return Outcome("refused", f"a mission is started armed; {flight.state_in_words()}")
-    failure = yield from _read_within_limits(flight, run)
-    if failure is not None:
-        return failure
+    yield from _read_within_limits(flight, run)
     items = flight.plan.items or ()
     last = max((seq for seq, item in enumerate(items) if seq and item.flown), default=0)
     if not last:
@@ -95,22 +91,16 @@ def start_mission(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
     with _flying(flight.plan, run.name):
         told = yield from asked_message(flight, run, "MISSION_CURRENT", TRY_EVERY)
         if told is not None and (told.mission_state == COMPLETE or told.seq > last):
-            failure = yield from go_to_item(flight, run, 1)
-            if failure is not None:
-                return failure
+            yield from go_to_item(flight, run, 1)
         grounded = not vehicle.aloft or modes.ground
         if vehicle.mode != modes.auto:  # whether it stays is seen all the way
             flight.expect_mode(modes.auto)
             command = flight.submit(run, replace(mode_action(modes.auto), retry=START))
-            refusal = yield from acknowledged(flight, run, command, lambda: vehicle.mode == modes.auto)
-            if refusal is not None:
-                return refusal
+            yield from acknowledged(flight, run, command, lambda: vehicle.mode == modes.auto)
             flight.expect_mode(modes.auto)
         if grounded:
             command = flight.submit(run, BoundAction(dialect.MAV_CMD_MISSION_START, retry=START))
-            refusal = yield from acknowledged(flight, run, command, lambda: vehicle.aloft and not modes.ground)
-            if refusal is not None:
-                return refusal
+            yield from acknowledged(flight, run, command, lambda: vehicle.aloft and not modes.ground)
         stored = None if told is None else told.total
         return (yield from _fly(flight, run, items, last, stored, grounded=grounded and not modes.ground))
 
@@ -178,9 +168,7 @@ def _fly(
 
 def _landed(flight: ProcedureContext, run: ProcedureRun, item: Item, fast_at: float) -> Steps:
     """Whether the motors that have stopped at the last item did so on the ground, and at home if it says so."""
-    failure = yield from stands(flight, run, fast_at, " at the last item of the mission")
-    if failure is not None:
-        return failure
+    yield from stands(flight, run, fast_at, " at the last item of the mission")
     away = from_home(flight)
     if item.command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH and (away is None or away > HOME_NEAR):
         return Outcome("failed", f"the vehicle landed {metres(away)} from home")
@@ -211,19 +199,15 @@ def _broken_off(flight: ProcedureContext, reached: int, last: int, asked: float)
     )
 
 
-def _read_within_limits(flight: ProcedureContext, run: ProcedureRun) -> Attempt:
-    """Read the stored mission; percepts follow. Returns why it cannot be flown, None if it can."""
-    with mission_protocol(flight, run) as busy:
-        if busy:
-            return Outcome("refused", busy)
+def _read_within_limits(flight: ProcedureContext, run: ProcedureRun) -> Part:
+    """Read the stored mission, which must be within the limits; percepts follow."""
+    with mission_protocol(flight, run):
         held = yield from download(flight, run)
-    if isinstance(held, Outcome):
-        return held
     if flight.plan.items is None or not same_items(held, flight.plan.items):
         flight.plan.items = held
         tell_items(flight)
-    broken = outside(flight, held[1:])
-    return Outcome("refused", broken, "limits") if broken else None
+    if broken := outside(flight, held[1:]):
+        raise Ended("refused", broken, "limits")
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome
 from bridged.drivers.mavlink.actions.confirmation import Fits, Poll, acknowledged
-from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, ProcedureContext, ProcedureRun, Steps
+from bridged.drivers.mavlink.actions.context import SUCCEEDED, BoundAction, Ended, ProcedureContext, ProcedureRun, Steps
 from bridged.drivers.mavlink.actions.mission_actions import MOVES_HOME
 from bridged.drivers.mavlink.actions.mission_execution import may_fly
 from bridged.drivers.mavlink.actions.parameters import guard, read_parameter, read_parameters
@@ -33,13 +33,11 @@ def acknowledge(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
     if action.number == dialect.MAV_CMD_DO_SET_HOME and flight.limited:
         return Outcome("refused", MOVES_HOME)
     if action.number == dialect.MAV_CMD_MISSION_START:
-        failure = yield from may_fly(flight, run)
-        if failure is not None:
-            return failure
+        yield from may_fly(flight, run)
         flight.expect_mode(flight.vehicle.modes.auto)
     command = flight.submit(run, action, in_frame=True)
-    refusal = yield from acknowledged(flight, run, command, lambda: False)
-    return refusal or SUCCEEDED
+    yield from acknowledged(flight, run, command, lambda: False)
+    return SUCCEEDED
 
 
 def move_servo(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
@@ -81,9 +79,13 @@ def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
     bit = dialect.MAV_SYS_STATUS_GEOFENCE
     agrees = _Seen(flight, run, "SYS_STATUS", lambda m: bool(m.onboard_control_sensors_enabled & bit) == wanted)
     command = flight.submit(run, action, in_frame=True)
-    refusal = yield from acknowledged(flight, run, command, agrees)
-    if command.refused and refusal is not None:
-        return refusal
+    refusal: Ended | None = None
+    try:
+        yield from acknowledged(flight, run, command, agrees)
+    except Ended as ended:
+        if command.refused:
+            raise
+        refusal = ended
     run.waits_for, until = "SYS_STATUS to show the fence", flight.now + flight.wait(*FENCE_SHOWS_WITHIN)
     while refusal is None and flight.now <= until:
         if agrees():
@@ -92,17 +94,17 @@ def fence(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> S
     found = yield from read_parameter(flight, run, FENCE_ENABLE)
     if found is not None and (found[1] >= 1.0) == wanted:
         return SUCCEEDED
+    if refusal is not None:
+        raise refusal
     said = "enabled" if wanted else "disabled"
-    return refusal or Outcome("failed", f"{command.name} was acknowledged, but the fence is not {said}")
+    return Outcome("failed", f"{command.name} was acknowledged, but the fence is not {said}")
 
 
 def _shown(flight: ProcedureContext, run: ProcedureRun, action: BoundAction, what: str, fits: Fits) -> Steps:
     """Send the command; the output confirms it, also if the acknowledgement is lost."""
     asked, shown = flight.now, _Seen(flight, run, "SERVO_OUTPUT_RAW", fits)
     command = flight.submit(run, action, in_frame=True)
-    refusal = yield from acknowledged(flight, run, command, shown)
-    if refusal is not None:
-        return refusal
+    yield from acknowledged(flight, run, command, shown)
     run.waits_for, until = f"SERVO_OUTPUT_RAW to show {what}", flight.now + flight.wait(*SHOWS_WITHIN)
     while flight.now <= until:
         if shown():

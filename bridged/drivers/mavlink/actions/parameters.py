@@ -16,8 +16,9 @@ from bridged.drivers.api import Outcome, Reading
 from bridged.drivers.mavlink.actions.confirmation import next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
-    Attempt,
     BoundAction,
+    Ended,
+    Part,
     ProcedureContext,
     ProcedureRun,
     Steps,
@@ -133,8 +134,8 @@ def set_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
         return Outcome("refused", f"a parameter's value is a number, got {wanted!r}")
     if guarded := guard(flight, name, wanted):
         return Outcome("refused", guarded)
-    failure = yield from write_parameter(flight, run, name, wanted)
-    return failure or SUCCEEDED
+    yield from write_parameter(flight, run, name, wanted)
+    return SUCCEEDED
 
 
 def guard(flight: ProcedureContext, name: str, value: float) -> str:
@@ -150,17 +151,17 @@ def guard(flight: ProcedureContext, name: str, value: float) -> str:
     return ""
 
 
-def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, wanted: float) -> Attempt:
-    """Set a parameter to a value that fits into 32 bits. Returns the failure, None if the vehicle has taken it."""
+def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, wanted: float) -> Part:
+    """Set a parameter to a value that fits into 32 bits, until the vehicle reports it."""
     try:
         wanted = struct.unpack("<f", struct.pack("<f", wanted))[0]  # as the vehicle will tell it
     except OverflowError:
         wanted = math.inf
     if not math.isfinite(wanted):
-        return Outcome("refused", f"{name}: a parameter's value is a number of 32 bits, up to 3.4e38")
+        raise Ended("refused", f"{name}: a parameter's value is a number of 32 bits, up to 3.4e38")
     found = yield from read_parameter(flight, run, name)
     if found is None:
-        return Outcome("failed", f"the vehicle knows no parameter {name}")
+        raise Ended("failed", f"the vehicle knows no parameter {name}")
     theirs, told = found[0], None
     identity = flight.commands.identity
     for _ in range(SET_TRIES):
@@ -175,9 +176,10 @@ def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, want
         if told == wanted:
             break
     if told is None:
-        return Outcome("failed", f"{name}: {wanted:g} was asked for, and the vehicle does not report its value")
+        raise Ended("failed", f"{name}: {wanted:g} was asked for, and the vehicle does not report its value")
     flight.learn(name, told)
-    return None if told == wanted else Outcome("failed", f"{name}: {wanted:g} was asked for, the vehicle has {told:g}")
+    if told != wanted:
+        raise Ended("failed", f"{name}: {wanted:g} was asked for, the vehicle has {told:g}")
 
 
 def _request(flight: ProcedureContext, name: str) -> None:

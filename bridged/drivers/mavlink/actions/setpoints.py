@@ -20,15 +20,16 @@ from bridged.drivers.mavlink.actions.confirmation import (
     Fits,
     arrive,
     asked_message,
-    guided_aloft,
+    check_guided_aloft,
 )
 from bridged.drivers.mavlink.actions.context import (
     POSITION_IGNORED,
     SUCCEEDED,
     VELOCITY_IGNORED,
-    Attempt,
     BoundAction,
+    Ended,
     LocalTarget,
+    Part,
     ProcedureContext,
     ProcedureRun,
     Steps,
@@ -50,15 +51,13 @@ LOCAL, BODY = dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_BODY_OFFSET_NED
 
 def send_local_place(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """SET_POSITION_TARGET_LOCAL_NED with a place: the vehicle's own target agrees."""
-    failure = yield from _place_taken(flight, run, action)
-    return failure or SUCCEEDED
+    yield from _place_taken(flight, run, action)
+    return SUCCEEDED
 
 
 def go_to_local(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """As `send_local_place`, then within the tolerance of the target and slow."""
-    failure = yield from _place_taken(flight, run, action)
-    if failure is not None:
-        return failure
+    yield from _place_taken(flight, run, action)
     vehicle, seen = flight.vehicle, flight.vehicle.targets
     shown = yield from asked_message(flight, run, "POSITION_TARGET_GLOBAL_INT", (5.0, 3.0))
     if shown is None or vehicle.target is None or vehicle.targets == seen:
@@ -73,8 +72,7 @@ def send_velocity(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
     ArduPilot stops the vehicle after 3 s without a new one; that is the end of the motion, not of the action.
     """
     target = _local(run, action)
-    if (refusal := guided_aloft(flight, "velocities")) is not None:
-        return refusal
+    check_guided_aloft(flight, "velocities")
     if target.velocity is None:
         raise ValueError(f"{run.name}: a velocity without one")
     velocity = _over_ground(flight, target)
@@ -124,30 +122,28 @@ def send_channels(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
     yield  # a procedure is a generator, also one that waits for nothing
 
 
-def _place_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Attempt:
-    """Send the place until the vehicle reports it as its own. Returns the refusal, None if it does."""
+def _place_taken(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Part:
+    """Send the place until the vehicle reports it as its own."""
     target = _local(run, action)
-    if (refusal := guided_aloft(flight, "position targets")) is not None:
-        return refusal
+    check_guided_aloft(flight, "position targets")
     here = yield from asked_message(flight, run, "LOCAL_POSITION_NED", (5.0, 3.0))
     if here is None or flight.vehicle.position is None or target.position is None:
-        return Outcome("refused", "the vehicle does not report its local position")
+        raise Ended("refused", "the vehicle does not report its local position")
     goal = _from_origin(flight, target, here)
     if goal is None:
-        return Outcome("refused", "the vehicle's heading is not known yet")
+        raise Ended("refused", "the vehicle's heading is not known yet")
     north, east, down = (there - now for there, now in zip(goal, (here.x, here.y, here.z), strict=True))
     if action.limited and (broken := flight.outside_limits(flight.vehicle.position.moved(north, east, -down))):
-        return Outcome("refused", broken, "limits")
+        raise Ended("refused", broken, "limits")
 
     def fits(message: dialect.MAVLink_message) -> bool:
         shown = not message.type_mask & POSITION_IGNORED
         return shown and math.dist((message.x, message.y, message.z), goal) <= TARGET_NEAR
 
     absolute = LocalTarget(LOCAL, goal, yaw=target.yaw, yaw_rate=target.yaw_rate)  # a repetition must not add up
-    if (yield from _sent_until_shown(flight, run, absolute, fits)):
-        return None
-    said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
-    return Outcome("refused", f"{said}; {flight.state_in_words()}")
+    if not (yield from _sent_until_shown(flight, run, absolute, fits)):
+        said = f"the vehicle did not take the target in {TARGET_ATTEMPTS} tries (outside a fence, or out of reach?)"
+        raise Ended("refused", f"{said}; {flight.state_in_words()}")
 
 
 def _sent_until_shown(
