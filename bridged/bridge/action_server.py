@@ -280,7 +280,11 @@ class ActionServer:
             self._answer_built_in(request, arguments, refusal, follower)
             return
         rival = self.lease.holder not in ("", request.agent)
-        if refusal := refusal or self._driver.refuses(entry) or self._busy(request, entry, rival):
+        superseded: list[RunningAction] = []
+        if entry.supersedes and not rival:
+            superseded = [other for other in self._running.values() if other.entry.motion]
+        busy = None if rival else self._busy(request, entry, superseded)  # a rival's actions end
+        if refusal := refusal or self._driver.refuses(entry) or busy:
             self._refuse(request, refusal, follower)
             return
         try:
@@ -294,7 +298,7 @@ class ActionServer:
                 "robot=%s the id of %s cannot be kept on disk: %s", self.robot, request.id, error.strerror
             )  # a way down must stay
         taken = self._take(request, entry) if rival else []
-        for other in self._superseded(entry):
+        for other in superseded:
             by_hand = ", by hand" if self._is_by_hand(request) else ""
             said = f"superseded by {request.name} of {request.agent}{by_hand}"
             self._end(other, Outcome("cancelled", said, "superseded"), hold=False)
@@ -391,11 +395,8 @@ class ActionServer:
         for action in taken:
             self._driver.hold(action.execution, Outcome("failed", action.status.reason, "lease"))
 
-    def _busy(self, request: Action, entry: ActionEntry, rival: bool) -> Outcome | None:
-        """Why an action cannot begin beside those that run; None if it can. Actions of a `rival` would end."""
-        if rival:
-            return None
-        ending = self._superseded(entry)
+    def _busy(self, request: Action, entry: ActionEntry, ending: list[RunningAction]) -> Outcome | None:
+        """Why an action cannot begin beside those that run and are not `ending`; None if it can."""
         for action in self._running.values():
             both_move = entry.motion and action.entry.motion
             if action not in ending and (both_move or action.request.name == request.name):
@@ -403,9 +404,6 @@ class ActionServer:
         if len(self._running) < MAX_RUNNING:
             return None
         return Outcome("refused", f"busy: {MAX_RUNNING} actions are running", "busy")
-
-    def _superseded(self, entry: ActionEntry) -> list[RunningAction]:
-        return [action for action in self._running.values() if action.entry.motion] if entry.supersedes else []
 
     def _refuse(self, request: Action, refusal: Outcome, follower: Follower) -> None:
         self._record(request, self._deny(request, refusal, follower))

@@ -76,13 +76,13 @@ def _percept_problems(entry: PerceptEntry) -> Iterator[Problem]:
             yield f"{entry.source} has no field `{head}`, it has {', '.join(known)}", "args"
         elif entry.source in OWN_PATHS:
             continue
-        elif rest and not _is_index(entry.source, number, head, rest, own is not None):
+        elif rest and not _is_index(number, head, rest, own is not None):
             yield f"{entry.source}.{head} has no element `{rest}`", "args"
         elif field.each:
             yield f"{entry.source}.{head} holds no structures: `each` has nothing to pick", "args"
 
 
-def _is_index(source: str, number: int | None, field: str, rest: str, own: bool) -> bool:
+def _is_index(number: int | None, field: str, rest: str, own: bool) -> bool:
     if own or number is None or not rest.isdigit():
         return False
     message = dialect.mavlink_map[number]

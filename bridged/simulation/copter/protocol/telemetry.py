@@ -127,11 +127,6 @@ def gps_raw_int(copter: Copter) -> dialect.MAVLink_message:
     )  # fmt: skip
 
 
-def ekf_status_report(copter: Copter) -> dialect.MAVLink_message:
-    """EKF_STATUS_REPORT"""
-    return dialect.MAVLink_ekf_status_report_message(copter.boot.ekf_flags(copter.now), 0, 0, 0, 0, 0, 0)
-
-
 def battery_status(copter: Copter) -> dialect.MAVLink_message:
     """BATTERY_STATUS"""
     battery = copter.battery
@@ -139,11 +134,6 @@ def battery_status(copter: Copter) -> dialect.MAVLink_message:
         0, 0, 0, _INT16, [_milli(battery.voltage), *([_UNKNOWN_16] * 9)], round(battery.current * 100),
         round(battery.used), round(battery.used * battery.voltage * 0.036), battery.remaining, 0, battery.state,
     )  # fmt: skip
-
-
-def extended_sys_state(copter: Copter) -> dialect.MAVLink_message:
-    """EXTENDED_SYS_STATE"""
-    return dialect.MAVLink_extended_sys_state_message(3, int(copter.flight.landed))
 
 
 def home_position(copter: Copter) -> dialect.MAVLink_message | None:
@@ -198,11 +188,6 @@ def mission_current(copter: Copter) -> dialect.MAVLink_message:
     return dialect.MAVLink_mission_current_message(mission.current, len(mission.items), state, 1 if flying else 0)
 
 
-def system_time(copter: Copter) -> dialect.MAVLink_message:
-    """SYSTEM_TIME; the simulation knows no date."""
-    return dialect.MAVLink_system_time_message(0, _boot_ms(copter))
-
-
 def autopilot_version(copter: Copter) -> dialect.MAVLink_message:
     """AUTOPILOT_VERSION"""
     del copter
@@ -252,27 +237,10 @@ def position_target_local_ned(copter: Copter) -> dialect.MAVLink_message | None:
     )  # fmt: skip
 
 
-def vibration(copter: Copter) -> dialect.MAVLink_message:
-    """VIBRATION: none."""
-    return dialect.MAVLink_vibration_message(_boot_us(copter), 0.0, 0.0, 0.0, 0, 0, 0)
-
-
-def power_status(copter: Copter) -> dialect.MAVLink_message:
-    """POWER_STATUS"""
-    del copter
-    return dialect.MAVLink_power_status_message(5000, 0, 0)
-
-
-def meminfo(copter: Copter) -> dialect.MAVLink_message:
-    """MEMINFO"""
-    del copter
-    return dialect.MAVLink_meminfo_message(0, _UNKNOWN_16, 131072)
-
-
 BUILDERS: dict[int, Builder] = {
     0: heartbeat,
     1: sys_status,
-    2: system_time,
+    2: lambda copter: dialect.MAVLink_system_time_message(0, _boot_ms(copter)),  # it knows no date
     24: gps_raw_int,
     30: attitude,
     32: local_position_ned,
@@ -285,15 +253,15 @@ BUILDERS: dict[int, Builder] = {
     74: vfr_hud,
     85: position_target_local_ned,
     87: position_target_global_int,
-    125: power_status,
+    125: lambda copter: dialect.MAVLink_power_status_message(5000, 0, 0),
     147: battery_status,
     148: autopilot_version,
-    152: meminfo,
+    152: lambda copter: dialect.MAVLink_meminfo_message(0, _UNKNOWN_16, 131072),
     162: fence_status,
-    193: ekf_status_report,
-    241: vibration,
+    193: lambda copter: dialect.MAVLink_ekf_status_report_message(copter.boot.ekf_flags(copter.now), *(0,) * 6),
+    241: lambda copter: dialect.MAVLink_vibration_message(_boot_us(copter), 0.0, 0.0, 0.0, 0, 0, 0),
     242: home_position,
-    245: extended_sys_state,
+    245: lambda copter: dialect.MAVLink_extended_sys_state_message(3, int(copter.flight.landed)),
 }
 """Messages by id that can be asked for."""
 
