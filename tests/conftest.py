@@ -7,6 +7,7 @@ machine fails none. `make test ARGS=--hypothesis-profile=exploring` looks for ne
 from __future__ import annotations
 
 import faulthandler
+import gc
 import itertools
 import logging
 import signal
@@ -31,6 +32,8 @@ settings.register_profile(
     "reproducible", settings.get_profile("exploring"), derandomize=True, database=None, max_examples=some_of(100, 2)
 )
 settings.load_profile("reproducible")
+
+gc.disable()  # until the tests are collected: nothing of that is garbage
 
 # Under nohup or in the background they are ignored, which all that tests start would inherit.
 for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
@@ -80,6 +83,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         module = getattr(item, "module", None)
         if hasattr(module, "some_of") or hasattr(module, "THOROUGH") or is_hypothesis_test(getattr(item, "obj", None)):
             item.add_marker("generated")
+
+
+def pytest_collection_finish() -> None:
+    """Let no collection of garbage look at the tests themselves: they are many more objects than a test makes."""
+    gc.enable()
+    gc.freeze()
 
 
 SPREAD = ("tests/docs/test_following.py", "tests/argosy/ui/test_page_truth.py")
