@@ -53,13 +53,22 @@ LONGEST = (
     "tests/docs/test_following.py",
     "tests/boards/test_mail.py",
     "tests/test_wheel.py",
-    "tests/argosy/test_fleets.py",
+    "tests/argosy/run/test_run.py",
     "tests/argosy/run/test_mission_runner.py",
-    "tests/argosy/recording/test_replay.py",
-    "tests/argosy/watch/test_terminal.py",
+    "tests/argosy/test_killed_agents.py",
+    "tests/argosy/test_fleets.py",
+    "tests/conformance/test_conformance.py",
     "tests/argosy/run/test_rescue.py",
-    "tests/agentd/persistence/test_restart.py",
+    "tests/attacks/test_attacks.py",
+    "tests/argosy/test_hostile_texts.py",
+    "tests/argosy/watch/test_terminal.py",
+    "tests/bridged/test_daemon.py",
     "tests/bridged/drivers/mavlink/test_ground_stations.py",
+    "tests/argosy/test_pause.py",
+    "tests/argosy/recording/test_replay.py",
+    "tests/agentd/mind/test_mind_depth.py",
+    "tests/commd/test_mail_faults.py",
+    "tests/agentd/persistence/test_restart.py",
     "tests/test_by_hand.py",
 )
 """Files that take a minute or more, the longest first: of several files at a time, these may not be the last."""
@@ -91,7 +100,14 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
-SPREAD = ("tests/docs/test_following.py", "tests/argosy/ui/test_page_truth.py")
+SPREAD = (
+    "tests/docs/test_following.py",
+    "tests/argosy/ui/test_page_truth.py",
+    "tests/argosy/run/test_run.py",
+    "tests/argosy/run/test_mission_runner.py",
+    "tests/argosy/test_killed_agents.py",
+    "tests/argosy/test_fleets.py",
+)
 """Files that take minutes and whose tests share nothing: of several files at a time, each of their tests is one."""
 
 

@@ -16,9 +16,6 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from argosy.__main__ import main
-from argosy.processes import process_table
-from argosy.run import mission_runner
 from commd.bus.bus import Bus, Query, open_bus
 from commd.common.clock import Clock
 from commd.process.process import report_health
@@ -161,6 +158,9 @@ def simulate() -> None:
 
 def run(arguments: list[str]) -> int:
     """`argosy run` with the stand-ins in the table of processes."""
+    from argosy.__main__ import main  # the stand-ins themselves do without: it is most of what there is to import
+    from argosy.processes import process_table
+    from argosy.run import mission_runner
 
     def command(kind: str) -> process_table.Kind:
         original = next(one for one in process_table.KINDS if one.name == kind)
