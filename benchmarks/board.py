@@ -17,6 +17,7 @@ from typing import Final
 
 from argosy.processes.process_table import Process, plan
 from benchmarks.flights import setup_in, start_all, with_one_process
+from benchmarks.pages import table
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, Watched
 from benchmarks.results import Origin
@@ -149,8 +150,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"In flight, every {EVERY:g} s for {SECONDS:g} s: medians, and in brackets the highest. MB = 10^6 bytes. "
         f"Goal: one process under {GOAL:g} MB (PSS).",
         "",
-        "| board | | processes | threads | PSS, MB | alone on the machine, MB | processor, % of a core | |",
-        "|---|---|---|---|---|---|---|---|",
+        *table("| board | | processes | threads | PSS, MB | alone on the machine, MB | processor, % of a core | |"),
     ]
     for row in figures.rows:
         for what, one in (("three daemons", row.apart), ("`argosy board`", row.together)):

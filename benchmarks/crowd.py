@@ -18,6 +18,7 @@ from typing import Final
 
 from benchmarks import spread as fits
 from benchmarks.mail.boards import FLEET, Member, fsync, member, until
+from benchmarks.pages import table
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, Watched, memory
 from benchmarks.results import Origin
@@ -284,9 +285,10 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 
 def _at_rest(crowds: list[Crowd]) -> str:
     rows = [
-        "| agents | starts in | processor time of the start | memory of agentd | for each agent more "
-        "| at rest: agentd, commd | ends in |",
-        "|---|---|---|---|---|---|---|",
+        *table(
+            "| agents | starts in | processor time of the start | memory of agentd | for each agent more "
+            "| at rest: agentd, commd | ends in |"
+        ),
     ]
     first = crowds[0]
     for one in crowds:
@@ -320,9 +322,10 @@ def _points(crowds: list[Crowd], what: str) -> list[tuple[float, float]]:
 
 def _talking(rows: list[tuple[Crowd, Loaded]]) -> str:
     head = [
-        "| agents | questions | answered | messages/s | question to answer, p50 | p99 | worst "
-        "| slowest agent against the median one | agentd | commd |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        *table(
+            "| agents | questions | answered | messages/s | question to answer, p50 | p99 | worst "
+            "| slowest agent against the median one | agentd | commd |"
+        ),
     ]
     return "\n".join(
         head

@@ -21,6 +21,7 @@ from typing import Final
 
 import msgspec
 
+from benchmarks.pages import table
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, lines, started
 from benchmarks.results import ROOT, Origin
@@ -144,14 +145,13 @@ def _goal(name: str, revision: str, found: Mapping[str, Costs]) -> Goal:
 
 def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
     """Return the block of docs/measurements/benchmarks.md."""
-    return {"earlier": "\n".join([origin.line(), "", *table(figures)])}
+    return {"earlier": "\n".join([origin.line(), "", *compared_costs(figures)])}
 
 
-def table(figures: Figures) -> list[str]:
+def compared_costs(figures: Figures) -> list[str]:
     """Return the rows of a table: each cost then and now, and their ratio."""
     rows = [
-        f"| | {figures.revision} | now | now / then: median (least to greatest) | |",
-        "|---|---|---|---|---|",
+        *table(f"| | {figures.revision} | now | now / then: median (least to greatest) | |"),
     ]
     for name, found in figures.probes.items():
         for title, costs in found.items():
@@ -179,7 +179,7 @@ def main() -> int:
     args = parser.parse_args()
     pairs = {name: args.pairs or count for name, count in PAIRS.items() if name in (args.probes or PAIRS)}
     try:
-        print("\n".join(table(compared(args.revision, pairs, args.quick))))
+        print("\n".join(compared_costs(compared(args.revision, pairs, args.quick))))
     except BenchmarkFailed as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

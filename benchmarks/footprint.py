@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from benchmarks.pages import table
 from benchmarks.parts import Goal, tell
 from benchmarks.processes import BenchmarkFailed, Watched, alone, memory, pss
 from benchmarks.results import Origin
@@ -112,8 +113,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"At rest, {SETTLED:g} s after each serves; medians of {len(figures.ratios['agentd'])}. In brackets: in times "
         "of the bare process of the same run. MB = 10^6 bytes.",
         "",
-        "| | RSS, MB | PSS, MB | threads | processor | bound in CI, RSS |",
-        "|---|---|---|---|---|---|",
+        *table("| | RSS, MB | PSS, MB | threads | processor | bound in CI, RSS |"),
     ]
     for name in ("bare", *BOUNDS):
         held = figures.held[name]

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from benchmarks.pages import table
 from benchmarks.parts import Goal, line_of_goals, tell
 from benchmarks.processes import BenchmarkFailed, Watched
 from benchmarks.results import Origin
@@ -267,8 +268,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"Processor time of agentd, all threads, for a burst of {STEPS} steps of a program, with and without somebody; "
         "medians of differences, in brackets their intervals of 95 %.",
         "",
-        "| who looks on | bursts | a burst alone | more by one look, or by being heard | lost |",
-        "|---|---|---|---|---|",
+        *table("| who looks on | bursts | a burst alone | more by one look, or by being heard | lost |"),
         *(one.row() for one in figures.costs),
     ]
     return {"looking": "\n".join(lines)}

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -64,6 +64,11 @@ def write(blocks: Mapping[str, str], root: Path = ROOT) -> list[Path]:
             page.write_text(new, encoding="utf-8")
             changed.append(page)
     return changed
+
+
+def table(head: str, rows: Iterable[str] = ()) -> list[str]:
+    """Return the lines of a table: its head, the rule below it, and its rows, each as `| cell | cell |`."""
+    return [head, "|" + "---|" * (head.count("|") - 1), *rows]
 
 
 def section(name: str, root: Path = ROOT) -> str:

@@ -23,6 +23,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, Final
 
+from benchmarks.pages import table
+
 
 @dataclass(frozen=True)
 class Goal:
@@ -103,20 +105,20 @@ class Told:
 
 def line_of_goals(goals: list[Goal]) -> list[str]:
     """Return the rows of a table of goals."""
-    head = ["| figure | goal | measured | |", "|---|---|---|---|"] if goals else []
-    return head + [f"| {goal.title} | {goal.wanted} | {goal.found} | {_verdict(goal)} |" for goal in goals]
+    rows = [f"| {goal.title} | {goal.wanted} | {goal.found} | {_verdict(goal)} |" for goal in goals]
+    return table("| figure | goal | measured | |", rows) if goals else []
 
 
 def table_of_goals(parts: list[Told]) -> list[str]:
     """Return the rows of a table of the goals of parts: of each its name, a link to its figures, and its goals."""
-    head = ["| part | figure | goal | measured | |", "|---|---|---|---|---|"]
     rows = [
         f"| {f'[{one.name}]({one.link})' if one.link else one.name} | {goal.title} | {goal.wanted} | {goal.found} "
         f"| {_verdict(goal)}{' (busy machine)' if one.busy else ''} |"
         for one in parts
         for goal in one.goals
     ]
-    return head + rows + [f"| {one.name} | | | | **not measured** |" for one in parts if not one.measured]
+    rows += [f"| {one.name} | | | | **not measured** |" for one in parts if not one.measured]
+    return table("| part | figure | goal | measured | |", rows)
 
 
 def tell(text: str) -> None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from benchmarks.pages import table
 from benchmarks.parts import tell
 from benchmarks.processes import watched_command
 from benchmarks.results import Origin
@@ -95,8 +96,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"Seconds from the start of the process, medians of {len(figures.starts[0].seconds)} starts; in brackets, in "
         "times of the start of a bare Python process with a Zenoh session.",
         "",
-        f"| until | {' | '.join(STATES)} |",
-        "|---|" + "---|" * len(STATES),
+        *table(f"| until | {' | '.join(STATES)} |"),
     ]
     for one in KINDS:
         until = "its first plan" if one.says == FIRST else "it serves" if one.name != "bare" else "it is open"

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from benchmarks import pages, peers, results
+from benchmarks.pages import table
 from benchmarks.parts import PARTS, Part, Told, table_of_goals
 
 BUSY = 0.5
@@ -48,7 +49,7 @@ def _goals(one: Part, found: Found | None) -> Told:
 def in_short(found: dict[Part, Found]) -> str:
     """Return the table of README: the rows `| what | Argosy | others |` of every part that has some."""
     rows = [row for one, (_, figures) in found.items() for row in one.rows("in_short", figures)]
-    return "\n".join(["| measured | Argosy | others |", "|---|---|---|", *rows])
+    return "\n".join(table("| measured | Argosy | others |", rows))
 
 
 def comparison_board(found: dict[Part, Found]) -> str:
@@ -69,4 +70,4 @@ def comparison_board(found: dict[Part, Found]) -> str:
         "| the paper, table 3 |",
     ]
     rows += [row for one, (_, figures) in found.items() for row in one.rows("in_comparison", figures)]
-    return "\n".join(["| what | figure | machine | source |", "|---|---|---|---|", *rows])
+    return "\n".join(table("| what | figure | machine | source |", rows))

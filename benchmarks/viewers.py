@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from benchmarks.pages import table
 from benchmarks.parts import tell
 from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import ROOT, Origin
@@ -102,11 +103,8 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         f"Over {figures.seconds:g} s, beside agents and robots that publish what flying copters do:",
         "",
     ]
-    watch = ["| agents and robots | `argosy watch`, % of a core | memory (PSS) |", "|---|---|---|"]
-    record = [
-        "| agents and robots | `argosy record`, % of a core | memory (PSS) | on the disk, `lz4` |",
-        "|---|---|---|---|",
-    ]
+    watch = table("| agents and robots | `argosy watch`, % of a core | memory (PSS) |")
+    record = table("| agents and robots | `argosy record`, % of a core | memory (PSS) | on the disk, `lz4` |")
     for one in figures.seen:
         row = f"| {one.crowd} | {one.cpu:.1f} % | {one.memory:.0f} MB |"
         if one.what == "watch":

@@ -16,6 +16,7 @@ from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
+from benchmarks.pages import table
 from benchmarks.parts import tell
 from benchmarks.processes import BenchmarkFailed, processor_time, pss
 from benchmarks.results import Origin
@@ -204,8 +205,9 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         "",
         f"{figures.seconds:g} s for each row; per cents are of a core.",
         "",
-        f"| fleet | page | server | its memory (PSS) | to the page | largest message | page's thread | {FRAME} |",
-        "|---|---|---|---|---|---|---|---|",
+        *table(
+            f"| fleet | page | server | its memory (PSS) | to the page | largest message | page's thread | {FRAME} |"
+        ),
         *(one.row() for one in figures.stretches),
         "",
         f"The page loads {figures.loaded:.0f} kB in {figures.files} files, {figures.leaflet:.0f} kB of them Leaflet.",

@@ -17,6 +17,7 @@ from typing import Final
 from benchmarks.loop import flood, latency
 from benchmarks.loop.flood import SECONDS, Flood
 from benchmarks.loop.latency import PAUSE, Turns, sizes
+from benchmarks.pages import table
 from benchmarks.parts import Goal
 from benchmarks.results import Origin
 from benchmarks.spread import percentile
@@ -157,8 +158,7 @@ def _latencies(figures: Figures) -> Iterator[str]:
         "its callback, as the daemons hear."
     )
     yield ""
-    yield "| | bare exchanges in it | p50 | p99 | max | times the bare ones: p50 | p99 |"
-    yield "|---|---|---|---|---|---|---|"
+    yield from table("| | bare exchanges in it | p50 | p99 | max | times the bare ones: p50 | p99 |")
     yield f"| bare: a put, and put back | | {_row(figures.kept.put)} | | |"
     yield f"| bare: a query and its reply | | {_row(figures.kept.ask)} | | |"
     for what, turns, ways in (
@@ -179,8 +179,7 @@ def _row(values: list[float]) -> str:
 
 def _rates(figures: Figures) -> Iterator[str]:
     heads = ("a second", "changes", "events", "behind, s", "bridge, % of a core", "agent", "router", "lost")
-    yield f"| percepts for one agent | {' | '.join(heads)} |"
-    yield "|---|---|---|---|---|---|---|---|---|"
+    yield from table(f"| percepts for one agent | {' | '.join(heads)} |")
     for what, floods in (("replaced", figures.replaced), ("added, each for 0.2 s", figures.added)):
         for one in floods:
             behind = "never done" if one.behind < 0 else f"{one.behind:.2f}"

@@ -18,6 +18,7 @@ from typing import Final, Literal, TypeVar
 
 from benchmarks.mail.agents import Talk, talk
 from benchmarks.mail.boards import Member, boards, fsync, member, until
+from benchmarks.pages import table
 from benchmarks.parts import Goal, line_of_goals, tell
 from benchmarks.processes import BenchmarkFailed, memory, watched
 from benchmarks.results import Origin
@@ -135,8 +136,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         "",
         *line_of_goals(goals(figures)),
         "",
-        "| figure | measured |",
-        "|---|---|",
+        *table("| figure | measured |"),
         *(f"| {what} | {value} |" for what, value in rows),
         "",
         f"Each board's member posts batches of {BATCH} to both others, with at most {FLYING:,} messages on their way; "

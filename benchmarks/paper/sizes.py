@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks import plots
+from benchmarks.pages import table
 from benchmarks.parts import Goal
 from benchmarks.peers import TABLE_4, TABLE_6, Size
 from benchmarks.processes import BenchmarkFailed
@@ -165,8 +166,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
         lines += [
             f"**Table {mission.table}**, programs of {mission.title}:",
             "",
-            f"| | {' | '.join(MEASURES.values())} |",
-            "|---|---|---|---|",
+            *table(f"| | {' | '.join(MEASURES.values())} |"),
             *_rows("paper", mission.paper["Jason"], mission.paper["Python"], "Jason"),
             *(row for way, words in WAYS.items() for row in _rows(words, *_pair(figures, name, way))),
         ]
@@ -174,7 +174,7 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
             agents, python = (figures.deployed(name, approach, "whole") for approach in (AGENTSPEAK, PYTHON))
             lines += _rows("as they are, summed over what each agent runs", agents, python)
         lines.append("")
-    lines += [*_READING, "", "| file | as it is: bytes, lines, words | bare |", "|---|---|---|"]
+    lines += [*_READING, "", *table("| file | as it is: bytes, lines, words | bare |")]
     for of_mission in figures.sources.values():
         for sources in of_mission.values():
             lines += [f"| `{one.file}` | {_listed(one.whole)} | {_listed(one.bare)} |" for one in sources]

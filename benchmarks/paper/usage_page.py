@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from benchmarks import peers
 from benchmarks.flights import RESCUE, SINGLE
+from benchmarks.pages import table
 from benchmarks.paper.usage import AGENT, ALL, BDI, BOARD, IMPERATIVE, ROLES, Figures, Measured, Usage, measure
 from benchmarks.parts import Goal
 from benchmarks.plots import COLOURS, figure, svg
@@ -188,14 +189,13 @@ def blocks(origin: Origin, figures: Figures) -> dict[str, str]:
 
 _PAPER_HEAD: Final = (
     "| board | approach | speed | CPU, % of a core: mean | std | max | memory, % of a Pi 3: mean | std | max | "
-    "RSS, MB | PSS, MB | alone, MB |",
-    "|---|---|---|---|---|---|---|---|---|---|---|---|",
+    "RSS, MB | PSS, MB | alone, MB |"
 )
 
 
 def _paper_table(figures: Figures, mission: str) -> list[str]:
     """The paper's rows, and ours: a board's processes together."""
-    lines = list(_PAPER_HEAD)
+    lines = table(_PAPER_HEAD)
     for board in _boards(figures, mission):
         for approach, theirs in THEIRS.items():
             row = peers.TABLE_3[theirs] if mission == SINGLE.mission else peers.TABLE_5[theirs][BOARDS[board]]
@@ -222,8 +222,9 @@ def _our_row(one: Usage, board: str) -> str:
 
 def _daemons(figures: Figures, mission: str) -> list[str]:
     lines = [
-        "| process | approach | speed | CPU, % of a core: mean | std | max | RSS, MB: mean | std | max | PSS, MB |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        *table(
+            "| process | approach | speed | CPU, % of a core: mean | std | max | RSS, MB: mean | std | max | PSS, MB |"
+        ),
     ]
     for who in dict.fromkeys(ROLES.values()):
         for approach, title in APPROACHES.items():
@@ -237,11 +238,10 @@ def _daemons(figures: Figures, mission: str) -> list[str]:
 
 def _flights(figures: Figures, mission: str) -> list[str]:
     """The pairs of flights, and what was lost."""
-    lines = [
+    lines = table(
         "| speed, pair | AgentSpeak: s | samples | board, CPU % | RSS, MB | Python: s | samples | board, CPU % "
-        "| RSS, MB | board: CPU | RSS | agent's process: CPU | RSS |",
-        "|---|" + "---|" * 12,
-    ]
+        "| RSS, MB | board: CPU | RSS | agent's process: CPU | RSS |"
+    )
     lost = []
     for speed in (speed for flown, speed in figures.flown() if flown == mission):
         for number, pair in enumerate(figures.pairs(mission, speed), 1):
@@ -264,10 +264,7 @@ def _flights(figures: Figures, mission: str) -> list[str]:
 
 
 def _approaches(figures: Figures) -> list[str]:
-    lines = [
-        "| AgentSpeak beside Python | board: CPU | RSS | PSS | alone | agent's process: CPU | RSS | PSS |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    lines = table("| AgentSpeak beside Python | board: CPU | RSS | PSS | alone | agent's process: CPU | RSS | PSS |")
     for title, board, agent in paper_ratios():
         lines.append(f"| {title} | {board[0]:.2f}x | {board[1]:.2f}x | | | {agent} |")
     for mission, speed in figures.flown():
@@ -290,8 +287,8 @@ def paper_ratios() -> list[tuple[str, tuple[float, float], str]]:
     agent = (
         f"{_middle(jason.cpu) / _middle(python.cpu):.1f}x | {_middle(jason.memory) / _middle(python.memory):.1f}x | "
     )
-    for title, table in ((SINGLE.title, peers.TABLE_3), (RESCUE.title, {k: v[ALL] for k, v in peers.TABLE_5.items()})):
-        mine, its = table["Jason"], table["Python"]
+    for title, by in ((SINGLE.title, peers.TABLE_3), (RESCUE.title, {k: v[ALL] for k, v in peers.TABLE_5.items()})):
+        mine, its = by["Jason"], by["Python"]
         ratios = mine.cpu.mean / its.cpu.mean, mine.memory.mean / its.memory.mean
         found.append((f"the paper, {title}", ratios, agent))
     return found

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from benchmarks import plots
+from benchmarks.pages import table
 from benchmarks.processes import Speeds
 from benchmarks.reasoner.elsewhere import ELSEWHERE
 from benchmarks.reasoner.footprint import FOOTPRINTS
@@ -98,9 +99,10 @@ def _speed_table(results: list[Result]) -> str:
     lines = [
         "### Speed and memory beside python-agentspeak",
         "",
-        "| row | one operation | agentd cold | warm | python-agentspeak cold | warm | ratio cold | ratio warm | target "
-        "| peak RSS MB, agentd | python-agentspeak |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        *table(
+            "| row | one operation | agentd cold | warm | python-agentspeak cold | warm | ratio cold | ratio warm "
+            "| target | peak RSS MB, agentd | python-agentspeak |"
+        ),
     ]
     for result in results:
         row, ratio = result.row, result.ratio("agentd", warm)
@@ -132,8 +134,7 @@ def _jason_table(results: list[Result]) -> str:
         "Jason.",
         f"Memory there: {ELSEWHERE.origin.memory}.",
         "",
-        "| row | warm: agentd | Jason | | cold: agentd | Jason | | peak RSS: agentd / Jason | |",
-        "|---|---|---|---|---|---|---|---|---|",
+        *table("| row | warm: agentd | Jason | | cold: agentd | Jason | | peak RSS: agentd / Jason | |"),
     ]
     ahead = {"warm": 0, "cold": 0, "memory": 0}
     for result in results:
@@ -178,8 +179,7 @@ def _records_table(results: list[Result]) -> str:
     lines = [
         "### What decision records cost",
         "",
-        "| row | records off, warm | records on, warm | cost | ratio to python-agentspeak with records on |",
-        "|---|---|---|---|---|",
+        *table("| row | records off, warm | records on, warm | cost | ratio to python-agentspeak with records on |"),
     ]
     for result in results:
         kept = result.ratio("agentd --decisions", warm, to="agentd")
@@ -201,8 +201,7 @@ def _jason_here(results: list[Result]) -> str:
         "Without the percept rows, whose environment would have to be written in Java. The last column is agentd's",
         "warm speed over Jason's, and its memory over Jason's, of neighbouring runs.",
         "",
-        "| row | Jason cold | warm | peak RSS MB | agentd / Jason |",
-        "|---|---|---|---|---|",
+        *table("| row | Jason cold | warm | peak RSS MB | agentd / Jason |"),
     ]
     for result in results:
         if "jason" in result.runs:
@@ -230,7 +229,7 @@ def footprint_table(footprints: dict[str, dict[str, float]]) -> str:
         "Jason, elsewhere",
         *(["Jason, here"] if here else []),
     ]
-    lines = ["### Start and memory", "", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    lines = ["### Start and memory", "", *table(f"| {' | '.join(heads)} |")]
     for footprint in FOOTPRINTS:
         if (found := footprints.get(footprint.title)) is None:
             continue
@@ -270,10 +269,7 @@ def instructions(origin: Origin, counted: Mapping[str, Counted]) -> str:
     """The block of docs/architecture/mind.md: what a cycle of the slowest rows takes, by module."""
     modules = dict.fromkeys(name for one in counted.values() for name, count in one.modules.items() if count >= FEW)
     titles = [f"{key}, {row_called(key).operation}" for key in counted]
-    rows = [
-        f"| interpreter's instructions per cycle of a mind | {' | '.join(titles)} |",
-        "|---" * (len(titles) + 1) + "|",
-    ]
+    rows = table(f"| interpreter's instructions per cycle of a mind | {' | '.join(titles)} |")
     for name in sorted(modules, key=lambda name: -sum(one.modules.get(name, 0.0) for one in counted.values())):
         cells = [f"{one.modules[name]:,.0f}" if name in one.modules else "" for one in counted.values()]
         rows.append(f"| {name if name == GENERATED else f'`{name}`'} | {' | '.join(cells)} |")
@@ -290,8 +286,7 @@ COMPARED: Final = ("a", "b", "c", "d", "e", "f", "f2", "g", "h")
 def comparison(results: list[Result], footprints: dict[str, dict[str, float]]) -> str:
     """The block of docs/measurements/comparison.md about speed: some rows, how many there are, start and memory."""
     lines = [
-        "| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |",
-        "|---|---|---|---|",
+        *table("| one operation | Argosy / python-agentspeak, warm | Jason / python-agentspeak, warm | |"),
     ]
     for result in results:
         row, ours = result.row, result.ratio("agentd", warm)

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from benchmarks import plots
 from benchmarks import spread as fits
+from benchmarks.pages import table
 from benchmarks.peers import BEAGLEBONE_MB, PI_MB
 from benchmarks.results import Origin
 from benchmarks.scale.mission import ASK_EVERY
@@ -67,7 +68,7 @@ def _points(told: list[Run], name: str) -> list[tuple[float, float]]:
 
 
 def _table(told: list[Run]) -> list[str]:
-    rows = ["| | without a UAV, by the line | each UAV | off | grows as | off |", "|---|---|---|---|---|---|"]
+    rows = table("| | without a UAV, by the line | each UAV | off | grows as | off |")
     for name in (*DAEMONS, "the three together"):
         points = _points(told, name)
         line = fits.line(points)
@@ -167,7 +168,7 @@ def _costs(row: list[Run]) -> str:
         "| UAVs | bridges | messages/s | percepts/s of a UAV | commd | bridged | agentd | daemons "
         "| vehicles | cores busy | PSS of the daemons, MB | of it commd, bridged, agentd | ready after |"
     )
-    lines = [head, "|" + "---|" * (head.count("|") - 1)]
+    lines = table(head)
     for one in row:
         each = " | ".join(f"{one.use[kind].cpu:.1f} %" for kind in DAEMONS)
         pss = ", ".join(f"{one.use[kind].pss:.0f}" for kind in DAEMONS)
@@ -184,7 +185,7 @@ def _lateness(runs: list[Run]) -> str:
         "| UAVs | position to belief: p50 | p99 | worst | positions, of them no belief | in time "
         "| action to its success: p50 | p99 | worst | actions |"
     )
-    lines = [head, "|" + "---|" * (head.count("|") - 1)]
+    lines = table(head)
     for one in runs:
         lines.append(
             f"| {_what(one)} | {one.percept.p50:.1f} ms | {one.percept.p99:.1f} ms "
@@ -204,7 +205,7 @@ def _missed(runs: list[Run]) -> str:
     never = [what for what in runs[0].missed if what not in kinds]
     lines = []
     if kinds:
-        lines += [f"| UAVs | {' | '.join(kinds)} |", "|" + "---|" * (len(kinds) + 1)]
+        lines += table(f"| UAVs | {' | '.join(kinds)} |")
         for one in runs:
             if any(one.missed[what] for what in kinds):
                 lines.append(f"| {_what(one)} | {' | '.join(str(one.missed[what]) for what in kinds)} |")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from benchmarks import peers
+from benchmarks.pages import table
 from benchmarks.parts import Goal
 from benchmarks.results import Origin
 from benchmarks.small_boards.control_groups import Limits
@@ -141,31 +142,31 @@ def block(origin: Origin, figures: Figures) -> str:
     return "\n\n".join(parts)
 
 
-def _given() -> Iterator[str]:
-    yield "| board | memory | left to its system | left to the daemons | cores | a core of it, of one here |"
-    yield "|---|---|---|---|---|---|"
-    for board in BOARDS:
-        yield (
-            f"| {board.title} | {board.memory:.0f} MB | {SYSTEM:.0f} MB | {board.limits.memory:.0f} MB "
-            f"| {board.cores} x {board.clock:.0f} MHz {board.core}, {board.dmips_per_mhz:g} DMIPS per MHz "
-            f"| {board.share:.1%} |"
-        )
-
-
-def _flights(flights: Sequence[Flown]) -> Iterator[str]:
-    yield (
-        "| limits of | | mission | ready, s | mission, s | held, MB | processor, % of a core | held back, s | late, s "
-        "| actions timed out |"
+def _given() -> list[str]:
+    rows = [
+        f"| {board.title} | {board.memory:.0f} MB | {SYSTEM:.0f} MB | {board.limits.memory:.0f} MB "
+        f"| {board.cores} x {board.clock:.0f} MHz {board.core}, {board.dmips_per_mhz:g} DMIPS per MHz "
+        f"| {board.share:.1%} |"
+        for board in BOARDS
+    ]
+    return table(
+        "| board | memory | left to its system | left to the daemons | cores | a core of it, of one here |", rows
     )
-    yield "|---|---|---|---|---|---|---|---|---|---|"
-    for one in flights:
-        if one.completed:
-            yield (
-                f"| {one.board} | {one.form} | completed | {one.ready:.1f} | {one.mission:.1f} | {one.held:.0f} "
-                f"| {one.cpu:.1f} | {one.throttled:.1f} | {one.lag:.2f} | {one.timed_out} |"
-            )
-        else:
-            yield f"| {one.board} | {one.form} | **{one.why}** | | | | | | | |"
+
+
+def _flights(flights: Sequence[Flown]) -> list[str]:
+    rows = [
+        f"| {one.board} | {one.form} | completed | {one.ready:.1f} | {one.mission:.1f} | {one.held:.0f} "
+        f"| {one.cpu:.1f} | {one.throttled:.1f} | {one.lag:.2f} | {one.timed_out} |"
+        if one.completed
+        else f"| {one.board} | {one.form} | **{one.why}** | | | | | | | |"
+        for one in flights
+    ]
+    return table(
+        "| limits of | | mission | ready, s | mission, s | held, MB | processor, % of a core | held back, s | late, s "
+        "| actions timed out |",
+        rows,
+    )
 
 
 def given_memory(figures: Figures, one: Flown) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.earlier import PAIRS, Costs, Figures, goals, table, trees
+from benchmarks.earlier import PAIRS, Costs, Figures, compared_costs, goals, trees
 from benchmarks.probes import PROBES
 from benchmarks.processes import BenchmarkFailed
 
@@ -31,6 +31,6 @@ def test_a_cost_may_be_five_per_cent_more_than_then(now: list[float], met: bool,
     (goal,) = goals(figures)
     assert (goal.met, goal.decided) == (met, decided)
     assert goal.found.endswith("(a (ms))")
-    _, _, a, b = table(figures)
+    _, _, a, b = compared_costs(figures)
     assert a.endswith(f"| {verdict} |")
     assert b == "| mail: b (MB) | 10 | 9 | 0.900 (0.900 to 0.900) | |".replace("| |", "|  |")
