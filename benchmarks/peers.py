@@ -12,7 +12,6 @@ from typing import Final
 
 from benchmarks.processes import MEGABYTE
 
-PAPER: Final = "Embedded Architecture Composed of Cognitive Agents and ROS for Programming Intelligent Robots"
 PI_MEMORY: Final = 975.7
 """MiB that the Raspberry Pi 3 of the paper's own data has; its per cents of memory are of this."""
 

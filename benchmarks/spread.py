@@ -16,11 +16,8 @@ class Spread:
     count: int
     mean: float
     p50: float
-    p90: float
     p99: float
     max: float
-    std: float = 0.0
-    """Standard deviation, of these values alone (not of a population that they stand for)."""
 
     def __str__(self) -> str:
         return f"{self.p50:.1f} / {self.p99:.1f}"
@@ -42,12 +39,11 @@ def spread(values: Collection[float]) -> Spread:
     if not values:
         raise ValueError("no values")
     ordered = sorted(values)
-    p50, p90, p99 = (percentile(ordered, part) for part in (0.5, 0.9, 0.99))
-    mean, std = statistics.mean(ordered), statistics.pstdev(ordered)
-    return Spread(len(ordered), mean, p50, p90, p99, ordered[-1], std)
+    p50, p99 = (percentile(ordered, part) for part in (0.5, 0.99))
+    return Spread(len(ordered), statistics.mean(ordered), p50, p99, ordered[-1])
 
 
-NOTHING = Spread(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING = Spread(0, 0.0, 0.0, 0.0, 0.0)
 """Of no values, where that is no error."""
 
 
@@ -139,10 +135,6 @@ class Growth:
     base: float
     each: float
 
-    def at(self, size: float) -> float:
-        """Return the cost of a size."""
-        return float(self.base + self.each * size**self.power)
-
     def reaches(self, cost: float) -> float:
         """Return the size of a cost; infinite if it never comes to that."""
         if not self.power or self.each <= 0:
@@ -158,15 +150,14 @@ def line(points: Points) -> Line:
 
     Raises ValueError for fewer than two sizes.
     """
-    least = _least(points)
-    weights = [1.0 / max(cost, least) ** 2 for _, cost in points]
-    total = sum(weights)
     if len({size for size, _ in points}) < 2:
         raise ValueError("a line needs two sizes")
-    mean_size = sum(w * size for w, (size, _) in zip(weights, points, strict=True)) / total
-    mean_cost = sum(w * cost for w, (_, cost) in zip(weights, points, strict=True)) / total
-    above = sum(w * (s - mean_size) * (c - mean_cost) for w, (s, c) in zip(weights, points, strict=True))
-    each = above / sum(w * (s - mean_size) ** 2 for w, (s, _) in zip(weights, points, strict=True))
+    weighted = _weighted(points)
+    total = sum(w for _, _, w in weighted)
+    mean_size = sum(w * size for size, _, w in weighted) / total
+    mean_cost = sum(w * cost for _, cost, w in weighted) / total
+    above = sum(w * (size - mean_size) * (cost - mean_cost) for size, cost, w in weighted)
+    each = above / sum(w * (size - mean_size) ** 2 for size, _, w in weighted)
     return Line(mean_cost - each * mean_size, each)
 
 
@@ -188,8 +179,9 @@ def _with(points: Points, exponent: float) -> tuple[float, Growth]:
     """Return the sum of squares of relative errors, and the best growth by this power."""
     scaled = [(size**exponent, cost) for size, cost in points]
     best = line(scaled)
-    if best.base < 0:
-        best = Line(0.0, _through_nothing(scaled))
+    if best.base < 0:  # the line through (0, 0)
+        weighted = _weighted(scaled)
+        best = Line(0.0, sum(w * size * cost for size, cost, w in weighted) / sum(w * s**2 for s, _, w in weighted))
     if best.each < 0:
         best = _flat(points)
     least = _least(points)
@@ -202,15 +194,13 @@ def _least(points: Points) -> float:
     return max(1e-9, 0.01 * max(cost for _, cost in points))
 
 
-def _through_nothing(points: Points) -> float:
-    """Return what each costs on the line through (0, 0)."""
+def _weighted(points: Points) -> list[tuple[float, float, float]]:
+    """Return sizes and costs, each with the weight that makes its error a relative one."""
     least = _least(points)
-    weighted = [(size, cost, 1.0 / max(cost, least) ** 2) for size, cost in points]
-    return sum(w * size * cost for size, cost, w in weighted) / sum(w * size**2 for size, _, w in weighted)
+    return [(size, cost, 1.0 / max(cost, least) ** 2) for size, cost in points]
 
 
 def _flat(points: Points) -> Line:
     """Return the line that does not grow."""
-    least = _least(points)
-    weights = [1.0 / max(cost, least) ** 2 for _, cost in points]
-    return Line(sum(w * cost for w, (_, cost) in zip(weights, points, strict=True)) / sum(weights), 0.0)
+    weighted = _weighted(points)
+    return Line(sum(w * cost for _, cost, w in weighted) / sum(w for _, _, w in weighted), 0.0)

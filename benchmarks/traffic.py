@@ -30,6 +30,7 @@ _DEGREE: Final = 111_319.5
 """Metres of a degree of latitude."""
 _ARMED_GUIDED: Final = dialect.MAV_MODE_FLAG_SAFETY_ARMED | dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 _GUIDED: Final = 4
+_IN_AIR: Final = dialect.MAV_LANDED_STATE_IN_AIR
 _HEALTHY: Final = dialect.MAV_SYS_STATUS_PREARM_CHECK
 _POSITION_KNOWN: Final = 831
 """EKF_STATUS_REPORT.flags of a copter that is ready, as recorded."""
@@ -41,7 +42,6 @@ class Talker:
 
     system: int
     remote: tuple[str, int]
-    armed: bool = True
     sent: dict[int, float] = field(default_factory=dict)
     """`time.monotonic` at which each altitude (whole metres) was handed to the socket."""
     messages: int = 0
@@ -99,9 +99,7 @@ class Talker:
 
     def _made(self, kind: str) -> dialect.MAVLink_message:
         make: dict[str, Any] = {
-            "HEARTBEAT": lambda: dialect.MAVLink_heartbeat_message(
-                2, 3, _ARMED_GUIDED if self.armed else dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, _GUIDED, 4, 3
-            ),
+            "HEARTBEAT": lambda: dialect.MAVLink_heartbeat_message(2, 3, _ARMED_GUIDED, _GUIDED, 4, 3),
             "ATTITUDE": lambda: dialect.MAVLink_attitude_message(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
             "SYS_STATUS": lambda: dialect.MAVLink_sys_status_message(
                 _HEALTHY, _HEALTHY, _HEALTHY, 0, 12600, 2800, 90, 0, 0, 0, 0, 0, 0
@@ -110,7 +108,9 @@ class Talker:
             "EKF_STATUS_REPORT": lambda: dialect.MAVLink_ekf_status_report_message(
                 _POSITION_KNOWN, 0.0, 0.0, 0.0, 0.0, 0.0
             ),
-            "EXTENDED_SYS_STATE": lambda: dialect.MAVLink_extended_sys_state_message(0, 2 if self.armed else 1),
+            "EXTENDED_SYS_STATE": lambda: dialect.MAVLink_extended_sys_state_message(
+                0, dialect.MAV_LANDED_STATE_IN_AIR
+            ),
             "POSITION_TARGET_GLOBAL_INT": lambda: dialect.MAVLink_position_target_global_int_message(
                 0, 0, 3576, HOME[0], HOME[1], 40.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             ),

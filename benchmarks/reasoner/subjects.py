@@ -121,11 +121,3 @@ def subjects_here() -> list[Subject]:
     if executable is not None:
         found.append(JasonCommand(executable))
     return found
-
-
-def version_of(package: str) -> str:
-    """The installed version of a package, or ``-``."""
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return "-"

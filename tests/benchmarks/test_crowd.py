@@ -11,7 +11,7 @@ ORIGIN = Origin("2026-01-01", "a machine", 2, 8.0, "Linux", "3.11", {}, "abc", 0
 
 
 def _crowd(agents: int, rate: float, eased: float, *, p99: float = 20.0, answered: int | None = None) -> Crowd:
-    took = Spread(2 * agents, 12.0, 10.0, 15.0, p99, 30.0)
+    took = Spread(2 * agents, 12.0, 10.0, p99, 30.0)
     loads = [Loaded(2 * agents, 2 * agents, one, took, 12, 18, 50, 40) for one in (rate, eased)]
     made = Crowd(agents, 1, 0.01 * agents, 40 + 0.2 * agents, 40, 1 + 0.01 * agents, 1, 1, *loads)
     if answered is not None:

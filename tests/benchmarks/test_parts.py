@@ -18,10 +18,8 @@ from benchmarks.spread import Spread, spread
 
 
 def test_a_spread_tells_where_values_lie() -> None:
-    assert spread([float(value) for value in range(200, 0, -1)]) == Spread(
-        200, 100.5, 101, 181, 199, 200, pytest.approx(57.73, abs=0.01)
-    )
-    assert spread([3.0]) == Spread(1, 3, 3, 3, 3, 3)
+    assert spread([float(value) for value in range(200, 0, -1)]) == Spread(200, 100.5, 101, 199, 200)
+    assert spread([3.0]) == Spread(1, 3, 3, 3, 3)
     with pytest.raises(ValueError, match="no values"):
         spread([])
 

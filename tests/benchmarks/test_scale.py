@@ -19,7 +19,7 @@ MISSED = ("actions timed out", "datagrams lost before the bridge")
 
 
 def _spread(p50: float, p99: float, worst: float) -> Spread:
-    return Spread(100, p50, p50, p99, p99, worst)
+    return Spread(100, p50, p50, p99, worst)
 
 
 def _run(size: int, *, own_links: bool = False) -> Run:
