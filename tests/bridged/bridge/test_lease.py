@@ -107,11 +107,16 @@ def test_an_agent_of_higher_rank_takes_the_robot_and_what_ran_fails_with_that_re
     assert home[-1].state == "succeeded", home[-1].reason
 
 
-def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_holds(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("action", "argument", "state"), [("get_param", "RTL_ALT", "succeeded"), ("set_mode", "HOVER", "refused")]
+)
+def test_a_robot_that_is_taken_by_an_action_that_does_not_move_it_or_is_refused_at_once_holds(
+    tmp_path: Path, action: str, argument: str, state: str
+) -> None:
     sky = Sky(tmp_path, mission=RANKED).flying()
     going = sky.begin("goto", *GOAL)
     sky.wait(4)
-    assert sky.do("get_param", "RTL_ALT", agent="other").state == "succeeded"
+    assert sky.do(action, argument, agent="other").state == state
     assert end_of(going[-1]) == ("failed", "lease taken by other")
     sky.wait(10)
     here = sky.belief("global_pos")
@@ -175,18 +180,6 @@ def test_the_agent_that_acts_perceives_how_far_it_is_once_a_second_until_it_ends
     assert distances[-1].update == "remove"
     assert distances[-1].header.seq <= (going[-1].after or 0), "it is gone before the action ends"
     assert sky.belief("feedback") is None
-
-
-def test_a_robot_that_is_taken_by_an_action_which_the_driver_refuses_at_once_holds(tmp_path: Path) -> None:
-    sky = Sky(tmp_path, mission=RANKED).flying()
-    going = sky.begin("goto", *GOAL)
-    sky.wait(4)
-    assert sky.do("set_mode", "HOVER", agent="other").state == "refused"
-    assert end_of(going[-1]) == ("failed", "lease taken by other")
-    sky.wait(10)
-    here = sky.belief("global_pos")
-    sky.wait(5)
-    assert sky.belief("global_pos") == pytest.approx(here, abs=2e-6), "20 cm"
 
 
 def test_whoever_stands_in_no_rank_takes_nothing_from_the_first_and_the_first_may_take_from_it() -> None:

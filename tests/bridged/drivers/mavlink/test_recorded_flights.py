@@ -171,40 +171,37 @@ def test_a_mode_that_falls_back_after_its_acknowledgement_is_not_a_success_at_on
     assert replay.sent["COMMAND_LONG"] > 1, "it is asked for again"
 
 
-def test_a_refused_arming_tells_the_vehicles_reason() -> None:
-    at = moments("refusals")
+FAR_AWAY: dict[str, Value] = {"latitude": -27.6, "longitude": -48.5, "altitude": 40.0}
+
+
+@pytest.mark.parametrize(
+    ("moment", "action", "arguments", "reason"),
+    [
+        ("arm_in_land", "arm_motors", {"arm": True}, "Arm: LAND mode not armable"),
+        (
+            "takeoff_not_armed",
+            "takeoff",
+            {"altitude": 5.0},
+            "the vehicle refused MAV_CMD_NAV_TAKEOFF (FAILED); the vehicle is not armed, on the ground, in GUIDED",
+        ),
+        ("setpoint_outside_circle_fence", "setpoint", FAR_AWAY, "did not take the target"),
+        ("setpoint_above_fence_ceiling", "setpoint", FAR_AWAY, "did not take the target"),
+    ],
+)
+def test_a_refusal_tells_the_vehicles_reason_or_else_its_state(
+    moment: str, action: str, arguments: dict[str, Value], reason: str
+) -> None:
     replay = Replay("refusals")
-    replay.run((at["arm_in_land"], "arm_motors", {"arm": True}))
-    _, outcome = replay.ended["arm_motors"]
+    replay.run((moments("refusals")[moment], action, arguments))
+    _, outcome = replay.ended[action]
     assert outcome.state == "refused"
-    assert "Arm: LAND mode not armable" in outcome.reason
-
-
-def test_a_takeoff_refused_without_a_text_tells_the_vehicles_state() -> None:
-    at = moments("refusals")
-    replay = Replay("refusals")
-    replay.run((at["takeoff_not_armed"], "takeoff", {"altitude": 5.0}))
-    _, outcome = replay.ended["takeoff"]
-    assert outcome == Outcome(
-        "refused",
-        "the vehicle refused MAV_CMD_NAV_TAKEOFF (FAILED); the vehicle is not armed, on the ground, in GUIDED",
-    )
-
-
-@pytest.mark.parametrize("name", ["setpoint_outside_circle_fence", "setpoint_above_fence_ceiling"])
-def test_a_target_that_the_vehicle_drops_in_silence_is_refused(name: str) -> None:
-    at = moments("refusals")
-    replay = Replay("refusals")
-    replay.run((at[name], "setpoint", {"latitude": -27.6, "longitude": -48.5, "altitude": 40.0}))
-    _, outcome = replay.ended["setpoint"]
-    assert outcome.state == "refused"
-    assert "did not take the target" in outcome.reason
+    assert reason in outcome.reason
 
 
 def test_a_target_outside_guided_is_refused_without_being_sent() -> None:
     at = moments("refusals")
     replay = Replay("refusals")
-    replay.run((at["setpoint_outside_guided"], "setpoint", {"latitude": -27.6, "longitude": -48.5, "altitude": 40.0}))
+    replay.run((at["setpoint_outside_guided"], "setpoint", FAR_AWAY))
     _, outcome = replay.ended["setpoint"]
     assert outcome.state == "refused"
     assert "in BRAKE" in outcome.reason
