@@ -20,3 +20,9 @@ def sky(tmp_path: Path) -> Sky:
 def station() -> Station:
     """A ground station and a simulated copter that is ready, in virtual time."""
     return Station()
+
+
+@pytest.fixture
+def looks_at_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Orders of a bridge in virtual time look at the robot with each step of it, and not by the wall clock."""
+    monkeypatch.setattr("bridged.bridge.safety_orders.LOOK", 0.0)

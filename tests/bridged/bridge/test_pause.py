@@ -14,12 +14,14 @@ from bridged.drivers.mavlink.vehicle.flight_modes import ARDUPLANE
 from schemas.manifest.loader import Manifest, load_manifest
 from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Atom
-from tests.bridged.bridge.test_safety_orders import HOME_AT_LAST, mode_of, passing, take_over
+from tests.bridged.bridge.test_safety_orders import HOME_AT_LAST, mode_of, passing, take_over, until_mode
 from tests.bridged.drivers.mavlink.actions.test_mission_actions import TOUR
 from tests.bridged.drivers.mavlink.vehicle.test_vehicle_kinds import PLANE, sky_of
 from tests.bridged.sky import GOAL, MISSION, Sky
 from tests.support.buses import async_test
 from tests.support.notes import identities
+
+pytestmark = pytest.mark.usefixtures("looks_at_each_step")
 
 FAR = (-27.600683, -48.518052, 40)
 """370 m away: half a minute of flight."""
@@ -269,10 +271,7 @@ async def test_a_lost_agent_is_answered_for_when_the_pause_is_over(sky: Sky) -> 
     assert mode_of(sky) == "BRAKE"
     assert ("safety_deferred", "") in identities(sky.bridge.health().notes)
     await resume(sky)
-    for _ in range(40):
-        await passing(sky, 1)
-        await asyncio.sleep(0.05)
-    assert mode_of(sky) in ("RTL", "LAND") or not sky.vehicle.copter.armed
+    await until_mode(sky, "RTL")
 
 
 @async_test
@@ -283,10 +282,7 @@ async def test_a_sequence_for_a_lost_agent_begins_again_when_the_pause_is_over(s
     await passing(sky, 30)
     assert mode_of(sky) == "BRAKE"
     await resume(sky)
-    for _ in range(60):
-        await passing(sky, 1)
-        await asyncio.sleep(0.05)
-    assert mode_of(sky) in ("RTL", "LAND") or not sky.vehicle.copter.armed
+    await until_mode(sky, "RTL")
 
 
 @async_test
@@ -296,9 +292,7 @@ async def test_a_restarted_bridge_keeps_the_pause_and_holds_the_robot(sky: Sky, 
     sky.bridge.action_server.pause()  # the copter is not told: the bridge is killed first
     again = Sky(tmp_path, mission=MISSION, vehicle=sky.vehicle, clock=sky.clock)
     again.bridge.orders.restore()
-    for _ in range(40):
-        await passing(again, 0.5)
-        await asyncio.sleep(0.02)
+    await passing(again, 20)
     assert (mode_of(again), again.bridge.health().paused, again.belief("paused")) == (
         "BRAKE", True, (Atom("operator"),)
     )  # fmt: skip

@@ -19,6 +19,8 @@ from tests.bridged.sky import Sky, is_command
 from tests.support.buses import async_test
 from tests.support.notes import identities
 
+pytestmark = pytest.mark.usefixtures("looks_at_each_step")
+
 LOITER, GUIDED, LAND = 5, 4, 9
 HOME_AT_LAST = (Step("hold", 5.0), Step("rtl"))
 
@@ -203,7 +205,6 @@ async def ordered(sky: Sky, order: Order) -> None:
 async def until_mode(sky: Sky, mode: str) -> None:
     while mode_of(sky) != mode:
         await passing(sky, 0.5)
-        await asyncio.sleep(0.01)
 
 
 @pytest.mark.parametrize("when", ["under the hold", "before the hold", "long before the hold"])
@@ -279,9 +280,7 @@ async def test_a_restarted_bridge_leaves_a_pilot_the_vehicle_that_was_taken_over
     take_over(sky)
     await passing(sky, 2)
     again = restarted(sky, tmp_path)
-    for _ in range(20):
-        await passing(again, 0.5)
-        await asyncio.sleep(0.02)
+    await passing(again, 10)
     assert mode_of(again) == "LOITER"
     assert again.begin("set_mode", "GUIDED", id="uav:t:91")[-1].cause == "operator"
 
@@ -313,9 +312,7 @@ async def test_an_order_from_before_the_machine_was_started_ends_when_the_vehicl
     monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
     again = restarted(sky, tmp_path)
     assert again.bridge.action_server.blocked
-    for _ in range(20):
-        await passing(again, 0.5)
-        await asyncio.sleep(0.02)
+    await passing(again, 10)
     assert (again.bridge.action_log.ordered, bool(again.bridge.action_server.blocked)) == (
         "hold" if armed else None,
         armed,
@@ -333,9 +330,7 @@ async def test_a_pause_from_before_the_machine_was_started_goes_on(
     assert asked.done()
     monkeypatch.setenv("ARGOSY_BOOT", "the battery was changed")
     again = restarted(sky, tmp_path)
-    for _ in range(20):
-        await passing(again, 0.5)
-        await asyncio.sleep(0.02)
+    await passing(again, 10)
     assert again.bridge.action_server.paused
 
 
@@ -347,13 +342,11 @@ async def test_an_agent_that_is_back_during_the_operators_hold_has_time_to_take_
     sky.bridge.orders.agent_back("uav")
     await passing(sky, 30)
     sky.bridge.orders.release()
-    await asyncio.sleep(0.5)
     await passing(sky, 5)
     assert sky.begin("set_mode", "GUIDED")[-1].state == "accepted"
     await passing(sky, 2)
     await ordered(sky, "hold")
     sky.bridge.orders.release()
-    await asyncio.sleep(0.5)
     await passing(sky, 20)
     assert mode_of(sky) == "BRAKE", "an agent took control: it is lost no longer"
 
@@ -366,7 +359,6 @@ async def test_a_robot_that_was_landed_under_the_operators_order_is_anybodys(sky
     while sky.vehicle.copter.armed:
         await passing(sky, 1)
     await passing(sky, 3)
-    await asyncio.sleep(0.5)
     assert "safety_deferred" not in {note.code for note in sky.bridge.health().notes}
     assert sky.bridge.orders.release().reason == "actions are accepted again"
     assert sky.begin("set_mode", "GUIDED", agent="other")[-1].state == "accepted"
