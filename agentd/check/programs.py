@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,15 +13,12 @@ from agentd.check.finding_kinds import Kind, finding
 from agentd.check.survey import survey
 from agentd.check.symbol_table import Survey
 from agentd.language.errors.suggestions import near
-from agentd.language.parse import parse_file, parse_term
+from agentd.language.parse import parse_file
 from agentd.language.syntax_tree.errors import SyntaxErrors
 from agentd.language.syntax_tree.nodes import (
-    Belief,
     Directive,
-    Goal,
     InternalAction,
     Item,
-    ListTerm,
     Position,
     Program,
     String,
@@ -226,7 +224,7 @@ def _cannot_be_read(file: str, shown: dict[Finding, str], subjects: Subjects) ->
 
 
 def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
-    from agentd.jason_project.loader import project_paths, read_project
+    from agentd.jason_project.loader import initial_items, project_paths, read_project
     from agentd.jason_project.project_parser import parse_project  # most checks are of programs
 
     try:
@@ -248,9 +246,8 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
     paths = project_paths(project, paths, [])  # their errors are reported by the project's reader
     subjects.percepts_unknown |= project.environment is not None
     for entry in project.agents:
-        wanted = entry.file.text if entry.file is not None else entry.name
         try:
-            path = paths.find(wanted if Path(wanted).suffix else f"{wanted}.asl", file)
+            path = paths.find(entry.program.text, file)
         except OSError as error:
             subjects.incomplete = True
             text = f"cannot read the program of the agent {entry.name}: {error.strerror or error}"
@@ -258,20 +255,9 @@ def _read_project(file: str, paths: SourcePaths, subjects: Subjects) -> None:
             if not any(entry.name in one.message for one in shown):  # reported by the project's reader
                 shown[unread] = str(unread)
             continue
-        options = [(option.name, option.value) for option in entry.options]
-        more = [item for name, value in options for item in _begins_with(name, value)]
+        more: list[Item] = []
+        with suppress(Findings):  # reported by the project's reader
+            beliefs, goals = initial_items(entry)
+            more = [*beliefs, *goals]
         if path not in subjects.programs:
             _read(path, paths, more, subjects)
-
-
-def _begins_with(name: str, value: str) -> Iterator[Item]:
-    """The beliefs and goals of an option of a project; its errors are reported by the project's reader."""
-    if name not in ("beliefs", "goals"):
-        return
-    try:
-        literals = parse_term(f"[{value}]")
-    except SyntaxErrors:
-        return
-    for literal in literals.items if isinstance(literals, ListTerm) else ():
-        if isinstance(literal, Structure):
-            yield Belief(literal) if name == "beliefs" else Goal(literal)

@@ -78,15 +78,12 @@ def project_paths(project: Project, paths: SourcePaths, warnings: list[Finding])
 def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:
     """The agents of one entry. Raises Findings and `SyntaxErrors`."""
     program = _program(setup.paths, project, entry)
-    beliefs: list[nodes.Belief] = []
-    goals: list[nodes.Goal] = []
+    beliefs, goals = initial_items(entry)
     level = 1
     for option in entry.options:
         match option.name:
-            case "beliefs":
-                beliefs += [nodes.Belief(literal, option.position) for literal in _literals(option)]
-            case "goals":
-                goals += [nodes.Goal(literal, "!", option.position) for literal in _literals(option)]
+            case "beliefs" | "goals":
+                pass
             case "verbose":
                 if option.value not in ("0", "1", "2"):
                     raise Findings([_finding(option.position, f"verbose must be 0, 1 or 2, not {option.value}")])
@@ -103,10 +100,20 @@ def _add(setup: Setup, project: Project, entry: AgentEntry) -> None:
         setup.verbosity[name] = level
 
 
+def initial_items(entry: AgentEntry) -> tuple[list[nodes.Belief], list[nodes.Goal]]:
+    """Return the beliefs and goals of an agent's options. Raises Findings."""
+    beliefs: list[nodes.Belief] = []
+    goals: list[nodes.Goal] = []
+    for option in entry.options:
+        if option.name == "beliefs":
+            beliefs += [nodes.Belief(literal, option.position) for literal in _literals(option)]
+        elif option.name == "goals":
+            goals += [nodes.Goal(literal, "!", option.position) for literal in _literals(option)]
+    return beliefs, goals
+
+
 def _program(paths: SourcePaths, project: Project, entry: AgentEntry) -> CompiledProgram:
-    named = entry.file.text if entry.file is not None else f"{entry.name}.asl"
-    position = entry.file.position if entry.file is not None else entry.position
-    file = named if Path(named).suffix else f"{named}.asl"
+    file, position = entry.program.text, entry.program.position
     try:
         return paths.compiled(file, project.file)
     except OSError as error:

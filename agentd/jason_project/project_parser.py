@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from agentd.language.errors.suggestions import near
 from agentd.language.syntax_tree.errors import Problem, SyntaxErrors, problem_at
@@ -61,6 +62,12 @@ class AgentEntry:
     belief_base: ClassSpec | None = None
     count: int = 1
     host: Named | None = None
+
+    @property
+    def program(self) -> Named:
+        """The file of its program: NAME.asl unless one is given; `.asl` may be left out."""
+        named = self.file or Named(self.name, self.position)
+        return named if Path(named.text).suffix else replace(named, text=f"{named.text}.asl")
 
 
 @dataclass(frozen=True, slots=True)
