@@ -13,7 +13,6 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from agentd.conversion.term_conversion import perceived
 from agentd.language.parse import parse_plan
-from agentd.language.syntax_tree.printer import source_text
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.format import text
 from agentd.language.terms.terms import Collection, Literal, Var, atom
@@ -160,12 +159,6 @@ def test_restoring_raises_no_event() -> None:
     assert life.next().settle().prints == []
 
 
-def test_query_order_is_restored_with_those_put_last_and_those_annotated_later() -> None:
-    life = begun("p(1). p(2). !go. +!go <- +p(3); +>p(4); +p(1)[late]; -p(2); +p(2).")
-    assert beliefs(life, "p/1") == beliefs(life.next(), "p/1")
-    assert [entry[:4] for entry in beliefs(life.next(), "p/1")] == ["p(2)", "p(3)", "p(1)", "p(4)"]
-
-
 def test_predicates_are_gone_through_in_the_order_in_which_they_were_first_mentioned() -> None:
     life = begun("b(1). a(1). c(1). !go. +!go <- .findall(B, .belief(B), L); .print(L); -a(1); +a(2); +z; +d.")
     order = [p.sig.functor for p in life.mind.beliefs.predicates()]
@@ -303,17 +296,6 @@ def test_a_plan_of_the_program_that_another_agent_has_told_too_keeps_both_source
     assert [[str(s) for s in p.sources] for p in again.next().mind.plans] == [["self"]]
 
 
-def test_plans_put_first_and_last_stand_there_again_whatever_was_added_between_two_saves() -> None:
-    life = begun("+!go : mid.")
-    for name, first in (("a", True), ("b", False), ("c", True), ("d", False), ("e", True)):
-        add_plans(life.mind, f"+!go : {name}.", atom("self"), first)
-        if name == "b":
-            life.save()
-    life.save()
-    contexts = [source_text(p.syntax.context) for p in life.next().mind.plans]
-    assert contexts == ["e", "c", "a", "mid", "b", "d"]
-
-
 def test_labels_made_for_plans_without_one_are_kept_and_not_given_twice() -> None:
     life = begun("+!go.")
     add_plans(life.mind, "+!go(1).", atom("self"), False)
@@ -345,14 +327,6 @@ def test_a_plan_keeps_the_label_that_was_made_for_it_when_others_before_it_are_g
     remove_plans(life.mind, atom("p__2"), atom("self"))
     life.save()
     assert [text(p.label) for p in life.next().mind.plans] == ["p__1", "p__3"]
-
-
-def test_a_told_plan_that_others_tell_too_or_take_back_keeps_those_who_stand_for_it() -> None:
-    life = begun("+!go.")
-    for teller in ("ann", "cid", "dan"):
-        life.feed(Mail(teller, "tellHow", "+!go(1).", "mid1")).save()
-    life.feed(Mail("ann", "untellHow", atom("p__2"), "mid1")).save()
-    assert [text(s) for s in life.next().mind.plans.plans[1].sources] == ["cid", "dan"]
 
 
 def test_ids_of_messages_and_actions_go_on_where_they_ended() -> None:
@@ -392,12 +366,6 @@ def test_functions_of_a_file_included_in_the_run_are_known_again() -> None:
     assert life.feed(GoalAdded(term("go"))).prints == ["3"]
     life.save()
     assert life.next().feed(GoalAdded(term("go"))).prints == ["3"]
-
-
-def test_properties_of_namespaces_are_kept() -> None:
-    life = begun("!start. +!start <- .namespace_set_prop(ns, colour, [red, 1]).")
-    source = life.source + " +!ask <- .namespace_get_prop(ns, colour, C); .print(C)."
-    assert life.next(source=source).feed(GoalAdded(term("ask"))).prints == ["[red,1]"]
 
 
 def test_what_cannot_be_kept_is_told_once_and_counted_and_the_rest_is_kept() -> None:

@@ -101,13 +101,6 @@ def test_a_term_that_was_known_to_be_ground_is_known_to_be_ground() -> None:
     assert not again(term("p(f(X))")).ground
 
 
-def test_negation_namespaces_open_lists_and_decorated_variables_come_back() -> None:
-    for written in ["~p(1)", "ns::p(a)[b]", "[a,b|T]", "X[a|R]", "~X", "ns::X", "N::p(1)", "p(X+1)", "(a & b | not c)"]:
-        one = term(written)
-        assert text(again(one)) == text(one)
-        assert type(again(one)) is type(one)
-
-
 @pytest.mark.parametrize(
     "collection",
     [
