@@ -60,9 +60,9 @@ def keep(outbox: Outbox) -> None:
     outbox.saved(outbox.take_unsaved())
 
 
-async def a_desk(connect: Connect) -> Desk:
+async def a_desk(connect: Connect, agent: str = "a") -> Desk:
     desk, bus = Desk(), await connect("board", "commd")
-    bus.serve(keys.outbox(FLEET, "a"), Mail, desk.serve)
+    bus.serve(keys.outbox(FLEET, agent), Mail, desk.serve)
     return desk
 
 

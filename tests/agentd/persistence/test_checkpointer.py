@@ -15,7 +15,7 @@ from agentd.mind.data.inputs import Mail as Told
 from agentd.persistence.checkpoint import CheckpointError, Saving
 from agentd.persistence.checkpointer import Checkpointer
 from agentd.persistence.restore import open_memory
-from commd.bus.bus import Bus, Query
+from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.records import Action, Mail, Message, Receipt, Refusal
 from schemas.wire.terms import Structure
@@ -110,19 +110,11 @@ async def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_wh
     monkeypatch.setattr("agentd.mail.mail_client.PATIENCE", 0.5)
     program = HEARS + "+!say(N) <- .send(c, tell, N); .print(said(N)).\n"
 
-    desk_bus = await connect("board", "commd")
-    taken: list[object] = []
-
-    async def serve(query: Query[Mail]) -> None:
-        assert query.record is not None
-        taken.extend(one.content for one in query.record.messages)
-        query.reply(Receipt(taken=len(query.record.messages)))
-
-    desk_bus.serve(keys.outbox(FLEET, "b"), Mail, serve)
-    agent = await a_life(connect, program, tmp_path, desk_bus, others=("c",))
+    desk, backfill = await a_desk(connect, "b"), await connect("board", "commd")
+    agent = await a_life(connect, program, tmp_path, backfill, others=("c",))
     await until(lambda: bool(agent.disk.savings), "the agent is kept once")
     agent.disk.full = "database or disk is full"
-    told = await hand_over(desk_bus, numbered(1))
+    told = await hand_over(backfill, numbered(1))
     assert (told.taken, list(told.later)) == (0, [0])
     goal = Message(
         header=numbered(2).header,
@@ -132,16 +124,16 @@ async def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_wh
         receiver="b",
         content=Structure("say", (7,)),
     )
-    await hand_over(desk_bus, numbered(1), goal)
+    await hand_over(backfill, numbered(1), goal)
     await until(lambda: "said(7)" in agent.prints, "the mind goes on")
     (note,) = agent.host.health().notes
     assert note.code == "state_not_kept"
     assert "database or disk is full" in note.text
     await asyncio.sleep(0.3)
-    assert taken == []
+    assert desk.taken == []
     agent.disk.full = ""
-    await until(lambda: taken == [7], "the message leaves when it is kept")
-    assert await hand_over(desk_bus, numbered(1), goal) == Receipt(taken=2)
+    await until(lambda: desk.told("c") == [7], "the message leaves when it is kept")
+    assert await hand_over(backfill, numbered(1), goal) == Receipt(taken=2)
     assert agent.host.health().notes == ()
     assert agent.prints == ["got(1)", "said(7)"]
     await agent.end()

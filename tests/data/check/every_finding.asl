@@ -1,4 +1,4 @@
-/* Every finding of `agentd check` that can stand in a program; tests/agentd/test_every_finding.py says where each is told.
+/* Every finding of `agentd check` that can stand in a program; tests/agentd/check/test_every_finding.py says where each is told.
 
        agentd check --manifest arducopter tests/data/check/every_finding.asl
 

@@ -10,6 +10,7 @@ from agentd.language.errors.error_context import ErrorContext
 from agentd.language.errors.explain import Row, rows
 from agentd.language.parse import MOST_PROBLEMS, parse_file, parse_program, parse_term
 from agentd.language.syntax_tree.errors import SyntaxErrors
+from agentd.language.syntax_tree.printer import source_text
 from tests.agentd.mistakes import mistakes
 
 CORPUS = Path(__file__).parents[3] / "conformance" / "syntax_errors"
@@ -130,12 +131,10 @@ def test_an_error_in_a_single_term_stops_there() -> None:
     assert [(f.file, f.line) for f in caught.value.findings] == [("<term>", 1)]
 
 
-def test_a_registered_function_is_an_operand() -> None:
-    parse_program('{ register_function("twice", 1, "double") } +!g <- X = twice(1) + 1.', "a.asl")
-
-
-def test_after_an_include_any_structure_may_be_a_function() -> None:
-    parse_program('{ include("functions.asl") } +!g <- X = twice(1) + 1.', "a.asl")
+@pytest.mark.parametrize("directive", ['register_function("twice", 1, "double")', 'include("functions.asl")'])
+def test_a_registered_function_is_an_operand_and_after_an_include_any_structure_may_be_one(directive: str) -> None:
+    program = f"{{ {directive} }} +!g <- X = twice(1) + 1."
+    assert source_text(parse_program(program, "a.asl").items[1]) == "+!g <- (X = (twice(1)+1))."
 
 
 def test_a_file_that_is_not_utf8_is_refused_with_its_line(tmp_path: Path) -> None:
