@@ -47,7 +47,7 @@ DAEMONS: Final = ("agentd", "client")
 ONLINE, BOARD = signature("online", 1), signature("board", 1)
 Do: TypeAlias = Literal["join", "leave", "register", "deregister", "search", "subscribe"]
 Feed: TypeAlias = Callable[[PerceptAdded | PerceptRemoved], None]
-log = logging.getLogger("roster")
+log = logging.getLogger("agent_directory")
 
 
 class AgentDirectory:

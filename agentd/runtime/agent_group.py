@@ -46,7 +46,7 @@ ENDING = 5.0
 """Wall seconds for a killed agent to leave before its killer continues."""
 MOST_TRIES = 100
 """Names that are tried for an agent if the wanted one is taken."""
-log = logging.getLogger("crew")
+log = logging.getLogger("agent_group")
 
 
 class AgentGroup:
@@ -71,7 +71,7 @@ class AgentGroup:
         self.hosts: dict[str, AgentHost] = {}
         self.stopped: StopTeam | None = None
         """The effect by which a program has stopped the team."""
-        self.roster = AgentDirectory(bus, mission.mailboxes)
+        self.directory = AgentDirectory(bus, mission.mailboxes)
         self._bus, self._clock, self._mission, self._state, self._seed = bus, clock, mission, state, seed
         self._made: dict[str, None] = {}
         self._homes: dict[str, str] = {}
@@ -80,10 +80,10 @@ class AgentGroup:
         self._running: dict[asyncio.Task[None], str] = {}
         self._stop = asyncio.Event()
         self._services = Services(bus)
-        self._presence_beliefs = PresenceBeliefs(bus, self.roster, clock)
+        self._presence_beliefs = PresenceBeliefs(bus, self.directory, clock)
         self._work = Tasks("working for the agents")
         self._fresh = fresh
-        self._writer = ThreadPoolExecutor(1, "keeping")
+        self._writer = ThreadPoolExecutor(1, "checkpoints")
         """Writes the checkpoints of all agents, one at a time."""
 
     async def add(self, *parts: Part) -> None:
@@ -98,10 +98,10 @@ class AgentGroup:
 
     def _house(self, part: Part, board: str, token: Token, memory: RestoredState | None = None) -> AgentHost:
         rights = MailRights(self._mission, part.name, board)
-        host = AgentHost(self._bus, self._clock, part, self.roster, self, token, memory, rights)
+        host = AgentHost(self._bus, self._clock, part, self.directory, self, token, memory, rights)
         self.hosts[part.name] = host
         self._homes[part.name] = board
-        self.roster.add(part.name, board)
+        self.directory.add(part.name, board)
         return host
 
     async def _memory(self, name: str) -> RestoredState | None:
@@ -128,8 +128,8 @@ class AgentGroup:
             self._writer.shutdown(wait=False)
             raise
         boards = sorted(set(self._homes.values()))
-        await self.roster.watch(boards)
-        self._work.spawn(self.roster.follow(boards))
+        await self.directory.watch(boards)
+        self._work.spawn(self.directory.follow(boards))
         if any(host.part.presence for host in self.hosts.values()):
             self._work.spawn(self._presence_beliefs.follow())
         self._bus.on_router(self._retry_mail)
@@ -211,7 +211,7 @@ class AgentGroup:
         """Remove an agent created at run time that has ended; its name is free when its board has removed it too."""
         name = host.part.name
         host.close()
-        self.roster.remove(name)
+        self.directory.remove(name)
         try:
             async with asyncio.timeout(LEAVING if self._stop.is_set() else None):
                 await self._ask(name, "leave")
@@ -274,7 +274,7 @@ class AgentGroup:
                     "unknown", f"{MOST_MADE} agents made at run time are all that this daemon takes"
                 )
             name = wanted if number == 0 else f"{wanted}_{number}"
-            if name in self.roster.names or name in taken or name in self._made:
+            if name in self.directory.names or name in taken or name in self._made:
                 continue
             self._made[name] = None  # before the first await: reserves the name and the place
             try:
@@ -289,7 +289,7 @@ class AgentGroup:
     async def _welcome(self, name: str, program: CompiledProgram, sources: Sources, board: str) -> AgentHost | None:
         """Let a new agent join a board; None if its name is taken somewhere. Raises NotDone, BusClosed."""
         try:
-            self.roster.update(await self._services.ask(board, name, "join"))
+            self.directory.update(await self._services.ask(board, name, "join"))
             part = Part(name, program, seed=self._seed, inject=self._mission.inject, sources=sources)
             return self._house(part, board, await self._bus.claim(name))
         except AlreadyRunning:
@@ -300,7 +300,7 @@ class AgentGroup:
             raise
 
     async def _do_kill(self, host: AgentHost, name: str, delay: float) -> Any:
-        if name not in self.roster.names:
+        if name not in self.directory.names:
             raise TeamRequestRefused("ia_failed", f"there is no agent '{name}'")
         if name in self._mission.agents:
             message = (
@@ -315,7 +315,7 @@ class AgentGroup:
             asyncio.get_running_loop().call_later(self._clock.to_wall(delay), end.set)
             return EMPTY
         end.set()
-        self.roster.remove(name)
+        self.directory.remove(name)
         log.info("agent=%s killed=%s", host.part.name, name)
         if name != host.part.name:
             lives = [task for task, agent in self._running.items() if agent == name]
@@ -342,7 +342,7 @@ class AgentGroup:
     async def _ask(self, agent: str, do: Do, service: str = "") -> BoardServices:
         """Ask the directory of an agent's board. Raises NotDone."""
         answer = await self._services.ask(self._homes[agent], agent, do, service)
-        self.roster.update(answer)
+        self.directory.update(answer)
         return answer
 
     async def _do_df_register(self, host: AgentHost, service: str) -> Any:

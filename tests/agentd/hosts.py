@@ -103,7 +103,7 @@ async def host_on(
     memory = await open_memory(folder / name, name, writer, "full", fresh=False)
     memory.checkpoint = cast(Checkpoint, Disk(memory.checkpoint))
     program = compile_program(parse_program(source, f"{name}.asl"))
-    roster = cast(
+    directory = cast(
         AgentDirectory,
         SimpleNamespace(
             names=dict.fromkeys((name, *others), "board"), met=lambda name: None, remember=lambda names: None
@@ -112,7 +112,7 @@ async def host_on(
     sources = Sources(main=f"{name}.asl")
     sources.keep(sources.main, source)
     made = Part(name=name, program=program, **{"sources": sources, **part})
-    host = AgentHost(bus, Clock(), made, roster, NoTeam(), bus.token(f"test/{name}/{bus.boot}"), memory)
+    host = AgentHost(bus, Clock(), made, directory, NoTeam(), bus.token(f"test/{name}/{bus.boot}"), memory)
     return Hosted(host, memory)
 
 

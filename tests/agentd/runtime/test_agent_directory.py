@@ -152,11 +152,11 @@ async def test_an_agent_made_at_run_time_is_online_on_the_other_board_until_it_e
         await believes(first, "a", HERE)
         second.hosts["b"].feed(SignalRaised.named("go"))
         await believes(first, "a", "online(kid)[board(pi2),source(percept)]")
-        assert "kid" in first.roster.names
+        assert "kid" in first.directory.names
         await until(lambda: "kid" in second.hosts, "kid has begun")
         second.hosts["b"].feed(SignalRaised.named("stop"))
         await believes(first, "a", "went(kid,pi2)[source(self)]")
-        await until(lambda: "kid" not in first.roster.names, "kid is forgotten")
+        await until(lambda: "kid" not in first.directory.names, "kid is forgotten")
 
 
 @pytest.mark.parametrize("board", ["pi1", "pi2"])
@@ -199,9 +199,9 @@ async def test_without_a_router_for_long_only_those_of_the_same_daemon_are_there
 @bus_test
 async def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answers(connect: Connect) -> None:
     bus = await connect("a")
-    roster = AgentDirectory(bus, {"a": "pi1"})
-    roster.remember({"planner", "gone", "mail", "df", "a"})
-    assert sorted(roster.names) == ["a", "gone", "planner"]
+    agents = AgentDirectory(bus, {"a": "pi1"})
+    agents.remember({"planner", "gone", "mail", "df", "a"})
+    assert sorted(agents.names) == ["a", "gone", "planner"]
     directory = await connect("pi1", "commd")
 
     async def serve(query: Query[BoardServices]) -> None:
@@ -211,8 +211,8 @@ async def test_who_had_mail_in_a_former_life_is_known_until_the_directory_answer
 
     directory.serve(keys.services(FLEET, "pi1"), BoardServices, serve)
     await served(bus, keys.services(FLEET, "pi1"))
-    await roster.watch(["pi1"])
-    assert roster.names == {"a": "pi1", "planner": "pi1"}
+    await agents.watch(["pi1"])
+    assert agents.names == {"a": "pi1", "planner": "pi1"}
 
 
 # --- services ---
