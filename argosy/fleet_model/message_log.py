@@ -52,55 +52,55 @@ class MessageLog:
         self.forgotten = 0
         """Messages that are no longer kept."""
         self._most, self._longest = most, longest
-        self._letters: dict[tuple[str, str, str], LoggedMessage] = {}
+        self._messages: dict[tuple[str, str, str], LoggedMessage] = {}
 
     def __len__(self) -> int:
-        return len(self._letters)
+        return len(self._messages)
 
     def event(self, agent: str, event: ActivityEvent, at: float) -> LoggedMessage | None:
         """Take an event of an agent at `at`. Returns its message, or None if it is not about one."""
         match event.kind:
             case "sent" | "undelivered":
-                letter = self._letter(event, agent, event.other, at)
+                message = self._message(event, agent, event.other, at)
                 if event.kind == "undelivered":
-                    letter.undelivered = shortened(event.reason) or "not delivered"
-                elif letter.sent is None:
-                    letter.sent = at
+                    message.undelivered = shortened(event.reason) or "not delivered"
+                elif message.sent is None:
+                    message.sent = at
             case "received":
-                letter = self._letter(event, event.other, agent, at)
-                letter.received = at if letter.received is None else letter.received
+                message = self._message(event, event.other, agent, at)
+                message.received = at if message.received is None else message.received
             case _:
                 return None
-        if letter.sent is not None and letter.received is not None:
-            letter.received = max(letter.sent, letter.received)  # the two times are estimates
-        return letter
+        if message.sent is not None and message.received is not None:
+            message.received = max(message.sent, message.received)  # the two times are estimates
+        return message
 
     def since(self, number: int) -> list[LoggedMessage]:
         """Return the messages that came or changed after that number, in the order of their changes."""
         found: list[LoggedMessage] = []
-        for letter in reversed(self._letters.values()):
-            if letter.number <= number:
+        for message in reversed(self._messages.values()):
+            if message.number <= number:
                 break
-            found.append(letter)
+            found.append(message)
         return found[::-1]
 
     def give_up(self, before: float, why: str) -> None:
         """Mark each message that is on its way since before `before` as undelivered, for the reason `why`."""
-        for key, letter in list(self._letters.items()):
-            if letter.state == "in_flight" and (letter.sent or 0.0) < before:
+        for key, message in list(self._messages.items()):
+            if message.state == "in_flight" and (message.sent or 0.0) < before:
                 self.number += 1
-                letter.number, letter.undelivered = self.number, why
-                self._letters[key] = self._letters.pop(key)
+                message.number, message.undelivered = self.number, why
+                self._messages[key] = self._messages.pop(key)
 
-    def _letter(self, event: ActivityEvent, sender: str, receiver: str, at: float) -> LoggedMessage:
+    def _message(self, event: ActivityEvent, sender: str, receiver: str, at: float) -> LoggedMessage:
         self.number += 1
         key = (shortened(event.id) or f"#{self.number}", shortened(sender), shortened(receiver))
-        letter = self._letters.pop(key, None) or LoggedMessage(*key, shortened(event.performative), "", reported=at)
-        letter.number = self.number
-        letter.content = letter.content or shortened(event.text, self._longest)
-        letter.in_reply_to = letter.in_reply_to or shortened(event.in_reply_to)
-        self._letters[key] = letter
-        if len(self._letters) > self._most:
-            del self._letters[next(iter(self._letters))]
+        message = self._messages.pop(key, None) or LoggedMessage(*key, shortened(event.performative), "", reported=at)
+        message.number = self.number
+        message.content = message.content or shortened(event.text, self._longest)
+        message.in_reply_to = message.in_reply_to or shortened(event.in_reply_to)
+        self._messages[key] = message
+        if len(self._messages) > self._most:
+            del self._messages[next(iter(self._messages))]
             self.forgotten += 1
-        return letter
+        return message

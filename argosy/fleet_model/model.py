@@ -79,13 +79,13 @@ class FleetModel:
         fleet: str = "",
         mission: Mission | None = None,
         track_points: int = TRACK,
-        letters: MessageLog | None = None,
+        messages: MessageLog | None = None,
         rate: float = 1.0,
         sees_runs: bool = True,
     ) -> None:
-        """`now` is a clock that never jumps, in seconds; `rate`: its seconds per wall second. `letters` keeps messages.
+        """`now` is a clock that never jumps, in seconds; `rate`: its seconds per wall second.
 
-        `track_points` are kept of each robot's track.
+        `messages` keeps those between agents. `track_points` are kept of each robot's track.
 
         `sees_runs`: one run may follow another, and what is of the run before is forgotten.
         """
@@ -98,7 +98,7 @@ class FleetModel:
         self.agents, self.robots, self.boards = roster.agents, roster.robots, roster.boards
         self.clients = roster.clients
         """Programs that act as agents, and other holders of names on the bus."""
-        self.timeline, self.letters, self.places = Timeline(), MessageLog() if letters is None else letters, Places()
+        self.timeline, self.messages, self.places = Timeline(), MessageLog() if messages is None else messages, Places()
         self._actions = ActionsSeen()
         self.counts: Counter[str] = Counter()
         """Percepts and statuses that were heard."""
@@ -119,7 +119,7 @@ class FleetModel:
         self.defect = ""
         """The error of the last `tick`; empty: none."""
         self._fleet_status = FleetStatus(mission, now)
-        self._tell = Reporter(self.timeline, self.letters, now, rate)
+        self._tell = Reporter(self.timeline, self.messages, now, rate)
         self._lives = Lives()
 
     @property
@@ -467,7 +467,7 @@ class FleetModel:
         self._roster.forget(before)
         self.places.forget(before)
         self._actions.forget(before)
-        self.letters.give_up(before, OVER)
+        self.messages.give_up(before, OVER)
         if self.run_heard < before:
             self.run_state = None
             self.clock.begin()

@@ -100,9 +100,9 @@ class Timeline:
 class Reporter:
     """Enters changes and activity in the timeline, and messages in their log. A call enters a change."""
 
-    def __init__(self, timeline: Timeline, letters: MessageLog, now: Callable[[], float], rate: float = 1.0) -> None:
+    def __init__(self, timeline: Timeline, messages: MessageLog, now: Callable[[], float], rate: float = 1.0) -> None:
         """`rate`: seconds of `now` per wall second."""
-        self._timeline, self._letters, self._now, self._rate = timeline, letters, now, rate
+        self._timeline, self._messages, self._now, self._rate = timeline, messages, now, rate
         self.left_out = 0
         """Activity events that agents did not publish, because there were too many at a time."""
         self._reported: dict[tuple[What, str], None] = {}
@@ -128,7 +128,7 @@ class Reporter:
             self(agent, f"{told.left_out} of its activity events were not published: too many at a time", "warning")
 
     def _event(self, agent: str, event: ActivityEvent, at: float) -> None:
-        self._letters.event(agent, event, at)
+        self._messages.event(agent, event, at)
         what: What = "told" if event.kind == "stopped" else event.kind
         level, text = _level(event), _text(agent, event)
         if what in ("action", "outcome") and not self._is_new(what, event.id):

@@ -121,7 +121,7 @@ class SceneReader:
             fleet=fleet,
             mission=mission,
             track_points=MAX_POINTS,
-            letters=MessageLog(MAX_MESSAGES, LONGEST_CONTENT),
+            messages=MessageLog(MAX_MESSAGES, LONGEST_CONTENT),
             rate=speed,
             sees_runs=False,
         )
@@ -177,7 +177,7 @@ class SceneReader:
     def _scene(self) -> Scene:
         model = self._model
         robots = {name: model.robots[name].seen for name in dict.fromkeys(self._robot_of.values())}
-        messages = sorted(model.letters.since(0), key=lambda message: message.at)
+        messages = sorted(model.messages.since(0), key=lambda message: message.at)
         met = {name for one in messages for name in (one.sender, one.receiver)}
         met |= {action.agent for action in model.actions.values()}
         scene = Scene(
@@ -195,8 +195,8 @@ class SceneReader:
         )
         if model.actions_forgotten:
             scene.notes.append(f"{model.actions_forgotten} actions are left out, the first ones")
-        if model.letters.forgotten:
-            scene.notes.append(f"{model.letters.forgotten} messages are left out, the first ones")
+        if model.messages.forgotten:
+            scene.notes.append(f"{model.messages.forgotten} messages are left out, the first ones")
         if model.activity_left_out:
             scene.notes.append(
                 f"{model.activity_left_out} activity events are missing: the agents had no room to publish them"

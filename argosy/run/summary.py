@@ -91,7 +91,7 @@ def _daemons(status: Status) -> list[str]:
     health = [one.health for kind in members for one in kind.values() if one.health is not None]
     mail = sum(int(one.counters.get("mail_received", 0)) for one in health)
     drops, bad = sum(one.drops for one in health), sum(one.bad_input for one in health)
-    heard = f"{counts['percepts']} percepts, {counts['statuses']} statuses, {mail} letters"
+    heard = f"{counts['percepts']} percepts, {counts['statuses']} statuses, {mail} messages"
     lines = [_field("bus", f"{heard}; {drops} dropped, {bad} bad inputs"), "", f"  {TOGETHER}"]
     if samples := meter.flight_memory:
         most, mean = max(samples) / MEGABYTE, sum(samples) / len(samples) / MEGABYTE

@@ -18,14 +18,14 @@ from argosy.ui.view_builders import (
     board_view,
     entry_view,
     formulas,
-    letter_view,
+    message_view,
     note_view,
     notes_of_all,
     robot_view,
     run_view,
 )
 from argosy.ui.view_diff import OF_MINDS, OF_PLANS, Page, Shown
-from argosy.ui.view_structs import DefectView, HeadView, LetterView, OrderedView, SeenMind
+from argosy.ui.view_structs import DefectView, HeadView, MessageView, OrderedView, SeenMind
 from commd.process.log_handler import one_line
 from schemas.mission.model import Mission
 from schemas.version import RELEASE
@@ -33,7 +33,7 @@ from schemas.wire.records import Header, Outcome
 
 FRESH = 0.2
 """Seconds for which the views are not made again."""
-LETTERS = 150
+MESSAGES = 150
 """Messages of the chart."""
 MARKED = 1.0
 """Seconds between two updates of the map markers."""
@@ -59,9 +59,9 @@ class FleetSession:
         self._looked: frozenset[str] = frozenset()
         self._made = self._marked = 0.0
         self._marks = marks(self.model)
-        self._entry = self._letter = 0
+        self._entry = self._message = 0
         """Numbers of the last timeline entry and message change that are shown."""
-        self._letters: dict[tuple[str, str, str], LetterView] = {}
+        self._messages: dict[tuple[str, str, str], MessageView] = {}
         self._defect = ""
 
     # What is shown.
@@ -93,7 +93,7 @@ class FleetSession:
             self._marked, self._marks = now, marks(self.model)
         entries = self.model.timeline.since(self._entry)
         self._entry = self.model.timeline.number
-        self._take_letters()
+        self._take_messages()
         self.shown.show(self._parts(), [entry_view(entry, self.model.clock) for entry in entries])
 
     def left(self, page: Page) -> None:
@@ -121,8 +121,8 @@ class FleetSession:
             parts[f"robot/{name}"] = robot_view(model, robot, robots.get(name), shared)
         for name, board in model.boards.items():
             parts[f"board/{name}"] = board_view(board)
-        for letter in self._letters.values():
-            parts[f"letter/{letter.number}"] = letter
+        for message in self._messages.values():
+            parts[f"message/{message.number}"] = message
         parts |= self._ordered()
         for name in self._looked & model.agents.keys():
             detail = model.agents[name].detail
@@ -168,15 +168,15 @@ class FleetSession:
             unreached=() if model.over else link.unreached,
         )
 
-    def _take_letters(self) -> None:
+    def _take_messages(self) -> None:
         """Take new and changed messages, and forget the oldest."""
-        for letter in self.model.letters.since(self._letter):
-            self._letter = letter.number
-            key = (letter.id, letter.sender, letter.receiver)
-            known = self._letters.get(key)
-            self._letters[key] = letter_view(letter, known.number if known else letter.number)
-        while len(self._letters) > LETTERS:
-            del self._letters[next(iter(self._letters))]
+        for message in self.model.messages.since(self._message):
+            self._message = message.number
+            key = (message.id, message.sender, message.receiver)
+            known = self._messages.get(key)
+            self._messages[key] = message_view(message, known.number if known else message.number)
+        while len(self._messages) > MESSAGES:
+            del self._messages[next(iter(self._messages))]
 
     def _tracks(self) -> dict[str, list[tuple[float, float]]]:
         """Return the track of each robot, thinned to about `TRACK` points."""

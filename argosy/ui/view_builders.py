@@ -20,7 +20,7 @@ from argosy.ui.view_structs import (
     BoardView,
     HappenedView,
     IntentionLine,
-    LetterView,
+    MessageView,
     NoteView,
     RobotView,
     RunningView,
@@ -149,20 +149,20 @@ def formulas(model: FleetModel, endings: Iterable[Ending], what: str) -> dict[st
     return held
 
 
-def letter_view(letter: LoggedMessage, number: int) -> LetterView:
+def message_view(message: LoggedMessage, number: int) -> MessageView:
     """Return the view of a message; `number` is its place in the chart."""
-    return LetterView(
+    return MessageView(
         number=number,
-        id=letter.id,
-        sender=letter.sender,
-        receiver=letter.receiver,
-        performative=letter.performative,
-        content=letter.content,
-        sent=letter.sent,
-        received=letter.received,
-        in_reply_to=letter.in_reply_to,
-        state=letter.state,
-        undelivered=letter.undelivered,
+        id=message.id,
+        sender=message.sender,
+        receiver=message.receiver,
+        performative=message.performative,
+        content=message.content,
+        sent=message.sent,
+        received=message.received,
+        in_reply_to=message.in_reply_to,
+        state=message.state,
+        undelivered=message.undelivered,
     )
 
 

@@ -241,8 +241,8 @@ class MarksView(View, frozen=True, kw_only=True):
     left_out: int = 0
 
 
-class LetterView(View, frozen=True, kw_only=True):
-    """A message between agents (part `letter/N`)."""
+class MessageView(View, frozen=True, kw_only=True):
+    """A message between agents (part `message/N`)."""
 
     number: int
     """Counts messages in the order in which they were first reported."""

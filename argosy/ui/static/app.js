@@ -4,7 +4,7 @@ import { el, put } from "./dom.js";
 import { Agents } from "./agents.js";
 import { FleetMap } from "./map.js";
 import { Head } from "./head.js";
-import { Letters } from "./letters.js";
+import { SequenceChart } from "./sequence_chart.js";
 import { Orders } from "./orders.js";
 import { Panel } from "./panel.js";
 import { Timeline } from "./timeline.js";
@@ -97,7 +97,7 @@ const orders = new Orders(byId("orders"));
 let wire = null;
 const panes = course(byId("course"));
 const timeline = new Timeline(panes.timeline, actions);
-const letters = new Letters(panes.mail, actions);
+const sequenceChart = new SequenceChart(panes.mail, actions);
 const panel = new Panel(byId("panel"), actions);
 document.addEventListener("refused", (event) => orders.note(event.detail));
 
@@ -135,7 +135,7 @@ function paint(changed) {
   part("the list", () => agents.render(wire, selected));
   part("the map", () => map.render(wire, changed, selected));
   if (!panes.timeline.hidden) part("the timeline", () => timeline.render(wire, changed, selected));
-  if (!panes.mail.hidden) part("the mail", () => letters.render(wire, changed, selected));
+  if (!panes.mail.hidden) part("the mail", () => sequenceChart.render(wire, changed, selected));
   part("the panel", () => panel.render(wire, changed, selected));
   head.render(wire, wrong);
 }

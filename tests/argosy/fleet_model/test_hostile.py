@@ -74,7 +74,7 @@ def test_what_is_kept_of_a_record_is_short_and_no_command() -> None:
     for one in [seen.mode, seen.holder, seen.override, seen.operator]:
         assert one.isprintable()
         assert len(one) <= 500
-    kept = [*model.timeline.entries, *model.letters.since(0), *model.actions.values(), *model.places.all.values()]
+    kept = [*model.timeline.entries, *model.messages.since(0), *model.actions.values(), *model.places.all.values()]
     for thing in kept:
         for value in vars(thing).values():
             if isinstance(value, str):

@@ -47,8 +47,8 @@ def test_with_a_new_run_all_that_was_known_of_the_one_before_goes() -> None:
     assert fleet.model.open_actions() == []
     robot = fleet.model.robots["uav1"].seen
     assert (robot.mode, robot.position, robot.track.most) == ("", None, 2_000)
-    (letter,) = fleet.model.letters.since(1)
-    assert (letter.state, letter.undelivered) == (
+    (message,) = fleet.model.messages.since(1)
+    assert (message.state, message.undelivered) == (
         "undelivered",
         "not known: the run in which it was sent is over",
     )

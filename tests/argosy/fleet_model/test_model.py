@@ -150,29 +150,29 @@ def test_left_out_events_are_reported() -> None:
     assert texts(fleet)[-1] == "scout: 3 of its activity events were not published: too many at a time"
 
 
-def test_a_message_is_one_letter_whoever_tells_of_it_first() -> None:
+def test_a_message_is_one_entry_whoever_reports_it_first() -> None:
     fleet = rescue()
     sent = ActivityEvent(kind="sent", id="m1", other="rescuer1", performative="tell", text="victim(1)")
     fleet.activity("scout", sent).waits(1)
-    (letter,) = fleet.model.letters.since(0)
-    assert (letter.state, letter.sent, letter.received) == ("in_flight", fleet.at - 1, None)
-    known = fleet.model.letters.number
+    (message,) = fleet.model.messages.since(0)
+    assert (message.state, message.sent, message.received) == ("in_flight", fleet.at - 1, None)
+    known = fleet.model.messages.number
     fleet.activity(
         "rescuer1", ActivityEvent(kind="received", id="m1", other="scout", performative="tell", text="victim(1)")
     )
-    (letter,) = fleet.model.letters.since(known)
-    assert (letter.sender, letter.receiver, letter.content) == ("scout", "rescuer1", "victim(1)")
-    assert (letter.state, letter.received) == ("received", fleet.at)
+    (message,) = fleet.model.messages.since(known)
+    assert (message.sender, message.receiver, message.content) == ("scout", "rescuer1", "victim(1)")
+    assert (message.state, message.received) == ("received", fleet.at)
 
 
-def test_a_broadcast_is_a_letter_to_each_and_a_lost_one_says_why() -> None:
+def test_a_broadcast_is_a_message_to_each_and_a_lost_one_has_a_reason() -> None:
     fleet = rescue()
     for receiver in ("a", "b"):
         fleet.activity("scout", ActivityEvent(kind="sent", id="m1", other=receiver, performative="tell", text="x"))
     fleet.activity(
         "scout", ActivityEvent(kind="undelivered", id="m1", other="b", performative="tell", text="x", reason="expired")
     )
-    assert {one.receiver: one.state for one in fleet.model.letters.since(0)} == {"a": "in_flight", "b": "undelivered"}
+    assert {one.receiver: one.state for one in fleet.model.messages.since(0)} == {"a": "in_flight", "b": "undelivered"}
     assert texts(fleet)[-1] == "scout: not delivered to b: tell x: expired"
 
 
@@ -241,7 +241,7 @@ def test_everything_that_may_grow_is_bounded() -> None:
     model: FleetModel = fleet.model
     assert len(model.robots["uav1"].seen.track.points) <= TRACK
     assert len(model.places.all) == 1000
-    assert len(model.letters) == 2000
+    assert len(model.messages) == 2000
     assert len(model.agents) == 500
     assert model.forgotten > 0
 

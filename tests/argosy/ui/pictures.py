@@ -54,7 +54,7 @@ async def pictures(url: str) -> None:
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         page = await opened(browser, url, 1280, 800, "light")
-        await page.locator(".letter, .event", has_text="rescued(").first.wait_for(timeout=180_000)
+        await page.locator(".message, .event", has_text="rescued(").first.wait_for(timeout=180_000)
         await page.locator("#pane-mind", has_text="lane(2)").first.wait_for(timeout=180_000)
         await page.mouse.move(640, 500)
         await page.wait_for_timeout(2000)

@@ -138,10 +138,10 @@ async def _timeline_and_mail(seen: Seen) -> None:
     await seen.page.click(".toggle[data-kind=prints]")
     await seen.page.click("#tab-mail")
     await seen.shows(".lifeline", "helper")
-    await seen.shows(".letter.arrow", "tell visited(1)")
-    await seen.shows(".letter.flight", "tell hello(")
-    await seen.shows(".letter.lost", "tell hello(")
-    await seen.page.locator(".letter.lost").first.click()
+    await seen.shows(".message.arrow", "tell visited(1)")
+    await seen.shows(".message.flight", "tell hello(")
+    await seen.shows(".message.lost", "tell hello(")
+    await seen.page.locator(".message.lost").first.click()
     await seen.shows("#mail .detail", "helper → ghost")
 
 

@@ -48,8 +48,8 @@ def test_a_page_sees_robots_agents_minds_and_what_happens(endpoint: str) -> None
                 async with asyncio.timeout(120):
                     while not any(one["what"] == "undelivered" for one in feed.events):
                         await feed.hear()
-                letters = [part for key, part in feed.parts.items() if key.startswith("letter/")]
-                assert [(one["content"], one["undelivered"]) for one in letters] == [
+                messages = [part for key, part in feed.parts.items() if key.startswith("message/")]
+                assert [(one["content"], one["undelivered"]) for one in messages] == [
                     ("victim(7)", "receiver_not_found")
                 ]
 
