@@ -28,7 +28,7 @@ def decode(key: object, value: bytes) -> str:
 
 
 def encode(key: object, value: str) -> bytes:
-    """Return the record, as JSON, that a text means on a key. Ends zenoh-cli in words if it means none."""
+    """Return the record, as JSON, that a text means on a key. Ends zenoh-cli with an error if it means none."""
     if value.lstrip().startswith("{"):
         return value.encode()
     try:

@@ -13,8 +13,8 @@ from agentd.runtime.program_paths import SourcePaths
 
 
 def mentioned(program: Program) -> set[tuple[str, int]]:
-    """Return functor and arity of every structure in a program and the files that it includes, wherever it stands."""
-    includes = Includes(program.file, SourcePaths(), [])  # what is wrong with them is told by the survey
+    """Return functor and arity of every structure in a program and the files that it includes, anywhere."""
+    includes = Includes(program.file, SourcePaths(), [])  # the survey reports what is wrong with them
     found: set[tuple[str, int]] = set()
     waiting: list[Any] = [program]
     while waiting:

@@ -65,7 +65,7 @@ def run(args: Namespace) -> int:
     else:
         for finding in findings:
             print(finding, file=sys.stderr)
-        if len(results) > 1 or not errors:  # of a single file that is wrong, the findings say enough
+        if len(results) > 1 or not errors:  # for a single file with errors the findings are enough
             print("\n".join(results))
     return EXIT_BAD_INPUT if errors else EXIT_DONE
 
@@ -97,7 +97,7 @@ def at_start(findings: Iterable[Finding]) -> list[Finding]:
 def check_mission(path: str | Path, *, restarts: bool = False) -> tuple[Mission | None, list[Finding]]:
     """Return the mission, if it can be read at all, and everything that is wrong with it and with what it names.
 
-    `restarts`: its dead daemons are started again, whatever it says.
+    `restarts`: its dead daemons are started again, whatever the mission says.
     """
     mission, findings = None, list[Finding]()
     try:
@@ -148,7 +148,7 @@ def _manifest(named: Outline, robot: str, mission: Mission | None, findings: lis
 
 
 def _placed(finding: Finding, where: Steps, names: str | tuple[str, str], named: Outline) -> Finding:
-    """Tell of a manifest that cannot be read at the mission's line that names it."""
+    """Place the finding about an unreadable manifest at the mission's line that names it."""
     for name in (names,) if isinstance(names, str) else names:
         if finding.line == 0 and finding.file in (name, str(named.folder / name)):
             return named.positions.finding(where, f"`{name}`: {finding.message}")
@@ -184,7 +184,7 @@ def _unreadable(named: Outline, agent: str, error: OSError | ValueError) -> Find
 
 
 def _declared(beliefs: tuple[str, ...]) -> set[tuple[str, int]]:
-    """Return functor and arity of the beliefs that a mission gives to an agent; `compose` tells which do not parse."""
+    """Return functor and arity of an agent's beliefs in a mission; `compose` reports those that do not parse."""
     found: set[tuple[str, int]] = set()
     for text in beliefs:
         with suppress(SyntaxErrors):
@@ -196,19 +196,19 @@ def _declared(beliefs: tuple[str, ...]) -> set[tuple[str, int]]:
 def _elsewhere(
     mission: Mission | None, programs: Mapping[str, Program | None], surveys: Mapping[str, Surveyed]
 ) -> Elsewhere:
-    """Return what an agent may be told by the team, itself included, and by who has no program here."""
+    """Return what the team, itself included, and members without a program here may send to an agent."""
     team = from_team(surveyed.survey for surveyed in surveys.values())
     unseen = None in programs.values() or any(surveyed.created for surveyed in surveys.values())
     return replace(team, complete=False, open_beliefs=team.open_beliefs or unseen or _told_by_hand(mission))
 
 
 def _told_by_hand(mission: Mission | None) -> bool:
-    """Whether programs of the mission's clients, old nodes or people may tell an agent whatever they like."""
+    """Whether programs of the mission's clients, old nodes or people may send an agent any belief."""
     return mission is None or bool(mission.clients or mission.inject or mission.gateway)
 
 
 def _against(surveyed: Surveyed, manifest: Manifest | None, elsewhere: Elsewhere) -> list[Finding]:
-    """Check a program against what its robot can do and tell, and what the mission and other agents may tell."""
+    """Check a program against its robot's actions and percepts, and the beliefs that others may send."""
     actions = {**manifest.action_arities(), **BRIDGE_ACTION_ARITIES} if manifest is not None else {}
     percepts = manifest.percept_arities() if manifest is not None else {}
     parameters = {name: entry.params for name, entry in manifest.actions.items()} if manifest is not None else {}

@@ -76,7 +76,7 @@ def check_boards(mission: Mission) -> list[Finding]:
         findings.append(mission.positions.finding(("radio",), text, at_key=True))
     for name, board in mission.boards.items():
         if board.address:  # its files are to be copied there
-            with suppress(Findings):  # what cannot be read is told with the rest
+            with suppress(Findings):  # unreadable ones are reported with the rest
                 findings += [one for one in outside(mission, name) if one not in findings]
     return [replace(finding, severity="warning") for finding in findings]
 
@@ -105,7 +105,7 @@ def _receivers(mission: Mission, survey: Survey) -> Iterator[Finding]:
 def _refused_mail(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
     """Messages whose receiver and performative are written out, and which that receiver refuses by the mission.
 
-    What stands in a message, as in a plan for `tellHow`, is not sent by this agent.
+    The contents of a message, such as a plan for `tellHow`, are not sent by this agent.
     """
     sends = list(_sends(survey))
     sent = {id(node) for action, _ in sends for node in nodes_of(action.args) if isinstance(node, InternalAction)}
@@ -122,7 +122,7 @@ def _refused_mail(mission: Mission, agent: str, survey: Survey) -> Iterator[Find
 
 
 def _presence(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
-    """`online(_)` is told only to those who ask for it."""
+    """Only agents with `presence: true` get `online(_)`."""
     if mission.agents[agent].presence:
         return
     added = {mention.indicator for mention in (*survey.added, *survey.told)}
@@ -140,7 +140,7 @@ def _restart(mission: Mission, agent: str, survey: Survey) -> Iterator[Finding]:
     try:
         goal = restart_goal(mission, agent)
     except Findings:
-        return  # told with the rest of what is composed
+        return  # reported with the rest of what is composed
     if goal is None or not isinstance(goal.literal, Structure) or survey.open_plans:
         return
     wanted = (goal.literal.functor, len(goal.literal.args))

@@ -140,7 +140,7 @@ class Parts:
         return bool(self._running) and not told.done() and self._code == EXIT_DONE
 
     def _look(self, told: bool) -> None:
-        """Handle parts that have ended. Agents may end by `.stopMAS`; the others only when told to."""
+        """Handle parts that have ended. Agents may end by `.stopMAS`; the others only on request."""
         for task in [task for task in self._running if task.done()]:
             name = self._running.pop(task)
             code, why = _outcome(task)

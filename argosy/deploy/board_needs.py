@@ -1,6 +1,6 @@
-"""What the daemons of a board reach besides its socket: devices and addresses, as far as the mission says.
+"""What the daemons of a board reach besides its socket: devices and addresses, as far as the mission declares them.
 
-Units allow what is needed and nothing else; what cannot be known, for a driver of somebody else, is said.
+Units allow what is needed and nothing else; the needs of a foreign driver are unknown, and reported as such.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _peer(link: LinkAddress) -> str | None:
 def files_of(mission: Mission, board: str) -> dict[str, Path]:
     """Return the files that a board needs by their path relative to the mission file.
 
-    Raises Findings for what cannot be read, or does not stand below the mission file's folder.
+    Raises Findings for what cannot be read, or is not below the mission file's folder.
     """
     folder = mission.path.resolve().parent
     found = {mission.path.name: mission.path.resolve()}

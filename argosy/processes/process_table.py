@@ -24,7 +24,7 @@ _HIGHEST = 65_535
 
 
 class NoPort(CommandError):
-    """There are not enough free ports for the routers; says from which on it was looked for."""
+    """There are not enough free ports for the routers; the text has the first one that was tried."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Place:
 
     @property
     def arguments(self) -> list[str]:
-        """What `commd serve` is told: what stands here goes before the addresses of the mission."""
+        """Arguments of `commd serve`: they override the addresses of the mission."""
         told = ["--router", self.router, *(["--listen", self.listen] if self.listen else [])]
         return [*told, *(word for endpoint in self.connect for word in ("--connect", endpoint))]
 
@@ -103,7 +103,7 @@ class Setup:
     logs: Path | None = None
     """Folder for what simulators write for a referee."""
     recording: RunRecording | None = None
-    """Where all that is said is recorded."""
+    """Where everything published is recorded."""
     links: Mapping[str, str] = field(default_factory=dict)
     """Of the robots that the mission file names no link for: the one that was found."""
 

@@ -60,7 +60,7 @@ class Window:
 
     @property
     def share(self) -> float | None:
-        """Share of one core; None if the window is too short to say."""
+        """Share of one core; None if the window is too short."""
         return self.cpu / self.wall if self.wall >= 1.0 else None
 
 

@@ -157,7 +157,7 @@ def _without_twin(robot: Robot, mission: Mission) -> str:
     try:
         manifest = load_manifest(robot.manifest, mission.path.parent)
     except Findings:
-        return ""  # told by itself
+        return ""  # reported on its own
     if "python" not in manifest.drivers():
         return ""
     plugins = dict.fromkeys(name.partition(".")[0] for name in names(manifest.part("python")))

@@ -44,7 +44,7 @@ class Child:
         """Its last logged error, and its last line on standard error that is not a log line."""
         self.started = time.monotonic()
         self.told_to_leave = self.killed = False
-        """Whether it was told to end; whether it was killed because it did not."""
+        """Whether it was asked to end; whether it was killed because it did not."""
         self.died: float | None = None
         self.replaced = False
         """Whether it has died and is replaced by a restart."""
@@ -139,7 +139,7 @@ class Supervisor:
         return [child for child in self.children if child.process.kind.name in names]
 
     async def leave(self, children: Iterable[Child], patience: float, hurry: asyncio.Event) -> list[Child]:
-        """Tell processes to end and wait for them, at most `patience` seconds, or `HURRIED` once `hurry` is set.
+        """Ask processes to end and wait for them, at most `patience` seconds, or `HURRIED` once `hurry` is set.
 
         Kills the late ones and returns them.
         """

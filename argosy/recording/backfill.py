@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import msgspec
 import zenoh
 
-from argosy.recording.mind_inputs import Minds, Whose, in_words, stretches
+from argosy.recording.mind_inputs import Minds, Whose, range_text, stretches
 from argosy.recording.records import TokenSeen, encoding_of
 from argosy.recording.write_queue import Heard, WriteQueue
 from commd.bus.bus import Bus
@@ -134,7 +134,7 @@ class Backfill:
                 self._tried[whose] = numbers, tries + 1
                 await self._inputs(whose.fleet, whose.agent)
                 if tries + 1 == TRIES and (left := self._minds.missing().get(whose)):
-                    log.warning("%s: batches %s of its inputs are lost", whose.agent, in_words(stretches(left)))
+                    log.warning("%s: batches %s of its inputs are lost", whose.agent, range_text(stretches(left)))
 
     def _spawn_ask(self, key: str, answer: type[Record]) -> None:
         async def ask_soon() -> None:

@@ -1,7 +1,7 @@
-"""`argosy replay --mind`: a mind lives its recorded inputs again, to prove that it decides the same.
+"""`argosy replay --mind`: replay the recorded inputs of a mind, to prove that it decides the same.
 
-With an edited program the same shows what that would have done. What is not in the recording is not proved: it is told
-what is missing and up to when it could be proved, and the exit code is 1.
+With an edited program it shows what that would have done. What is not in the recording is not proved: the output
+has what is missing and up to when it could be proved, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def run_mind(args: Namespace) -> int:
     unread = _unread(recording, fleet, args.mind)
     channel = (keys.trace(fleet, args.mind, "decisions"),)
     decisions = [record for _, record in recording.typed(MindDecisions, channel)]
-    return max((one.live_again(recording, decisions, unread) for one in asked), default=EXIT_DONE)
+    return max((one.verify(recording, decisions, unread) for one in asked), default=EXIT_DONE)
 
 
 def _text(path: Path) -> str:

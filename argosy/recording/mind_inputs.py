@@ -72,7 +72,7 @@ def stretches(numbers: Iterable[int]) -> list[range]:
     return found
 
 
-def in_words(missing: Iterable[range]) -> str:
+def range_text(missing: Iterable[range]) -> str:
     """Return ranges as text: `0-56, 70`."""
     return ", ".join(str(one.start) if one.stop == one.start + 1 else f"{one.start}-{one.stop - 1}" for one in missing)
 
@@ -99,7 +99,7 @@ class Gap(msgspec.Struct, frozen=True):
     """One more than the highest number received."""
 
     def __str__(self) -> str:
-        known = in_words(range(first, last + 1) for first, last in self.missing)
+        known = range_text(range(first, last + 1) for first, last in self.missing)
         which = f"{self.uncounted} more and {known}" if self.uncounted else known
         return f"{self.agent} (boot {self.boot}): batches {which} of {self.batches} of its inputs are missing"
 

@@ -1,4 +1,4 @@
-"""One life of a mind that is lived again: what is there of it, what came of it, and what could not be proved."""
+"""Verify one life of a mind by a replay: which inputs there are, whether it decides the same, what is not proved."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from agentd.mind.data.registry import ACTIONS, FUNCTIONS
 from agentd.replay.replay import Act, CannotReplay, Difference, Result, acts, compare, replay
 from agentd.standalone.decision_printer import decision_lines
 from argosy.recording import mind_inputs
-from argosy.recording.mind_inputs import in_words
+from argosy.recording.mind_inputs import range_text
 from argosy.recording.reader import Recording
 from commd.process.process import EXIT_DONE, EXIT_FAILED
 from schemas.humanize import count, shortened
@@ -29,7 +29,7 @@ NO_END = "its end is not in the recording"
 
 @dataclass
 class ReplayCheck:
-    """A life that is to be lived again."""
+    """A life that is to be replayed."""
 
     number: int
     life: mind_inputs.Life
@@ -72,13 +72,13 @@ class ReplayCheck:
         until = self.args.until
         return until is None or batch.birth is not None or not batch.steps or batch.steps[0].now <= until
 
-    def live_again(self, recording: Recording, decisions: list[MindDecisions], unread: int) -> int:
-        """Live it again and tell what came of it; `unread` batches are of some life. Returns the exit code."""
+    def verify(self, recording: Recording, decisions: list[MindDecisions], unread: int) -> int:
+        """Replay it and print the result; `unread` batches belong to some life. Returns the exit code."""
         batches, lacks = self.batches, self._lacks(recording)
         if unread and not self._as_asked:
             lacks.append(f"{count(unread, 'batch', 'batches')} of its inputs cannot be read: {OTHER_VERSION}")
         if not batches or batches[0].birth is None:
-            return self._nothing(lacks)
+            return self._print_nothing(lacks)
         for line in self._take_names(batches[0].birth):
             print(line, file=sys.stderr)
         known, begun = {*ACTIONS, *FUNCTIONS}, time.monotonic()
@@ -87,13 +87,13 @@ class ReplayCheck:
             result, itself = self._result(batches, own), self.edited and replay(batches, own)
             wall = time.monotonic() - begun
             if itself and itself.difference is not None:
-                return self._not_itself(itself, wall)
+                return self._print_not_itself(itself, wall)
             if self.args.why:
-                self._tell_decisions(batches, result)
+                self._print_decisions(batches, result)
         except CannotReplay as error:
-            return self._nothing([self.other(str(error))])
+            return self._print_nothing([self.other(str(error))])
         foreign = sorted({str(name) for name in {*ACTIONS, *FUNCTIONS} - known})
-        return self._tell(result, wall, lacks, foreign)
+        return self._print_result(result, wall, lacks, foreign)
 
     def _take_names(self, birth: MindBirth) -> list[str]:
         """Find whose place each edited file takes: that of the recorded one of its name, or of the main program.
@@ -149,7 +149,7 @@ class ReplayCheck:
         return found
 
     def _unheard(self) -> str:
-        """Return in words until when nobody listened, so that there is nothing to compare with; empty if always."""
+        """Return until when decisions had no subscriber, so that nothing can be compared; empty if they always had."""
         batches = self.batches
         silent = [index for index, batch in enumerate(batches) if not batch.digest]
         if not silent:
@@ -160,20 +160,20 @@ class ReplayCheck:
             f"{until:.1f} s: record from before the agent begins"
         )
 
-    def _not_itself(self, result: Result, wall: float) -> int:
-        """The recorded program itself differs: what another one would have done cannot be told from this recording."""
+    def _print_not_itself(self, result: Result, wall: float) -> int:
+        """The recorded program itself differs: so this recording cannot show what another one would have done."""
         texts, self.edited = self.edited, {}
-        code = self._tell(result, wall, [], [])
+        code = self._print_result(result, wall, [], [])
         print(f"  this is the recorded program itself: {', '.join(map(str, texts))} cannot be compared with it")
         return code
 
-    def _nothing(self, lacks: list[str]) -> int:
+    def _print_nothing(self, lacks: list[str]) -> int:
         print(f"{self.name}: nothing can be proved")
         for lack in lacks:
             print(f"  {lack}")
         return EXIT_FAILED
 
-    def _tell(self, result: Result, wall: float, lacks: list[str], foreign: list[str]) -> int:
+    def _print_result(self, result: Result, wall: float, lacks: list[str], foreign: list[str]) -> int:
         gone_in = sum(1 for batch in self.batches for one in batch.inputs if one.cycle <= result.cycles)
         told, notes, agrees = figures(result, gone_in, wall), list(result.notes), "agrees"
         if not self.edited and result.difference is None and (unheard := self._unheard()):
@@ -201,18 +201,18 @@ class ReplayCheck:
             print(f"  note: {note}")
         return EXIT_DONE if result.agrees and not lacks else EXIT_FAILED
 
-    def _tell_decisions(self, batches: list[MindInputs], result: Result) -> None:
-        """Tell the decisions about a name, up to the difference if there is one."""
+    def _print_decisions(self, batches: list[MindInputs], result: Result) -> None:
+        """Print the decisions about a name, up to the difference if there is one."""
         last = result.difference.cycle if result.difference is not None else None
         for act in acts(batches, files=self.texts or None, until=last):
             if act.decision is not None and act.decision.name.partition("/")[0] == self.args.why:
-                for line in told_decision(act.time, act.decision, self.other):
+                for line in timed_decision(act.time, act.decision, self.other):
                     print(line)
 
 
 def _batches(numbers: list[range]) -> str:
-    """Return which batches these are, in words."""
-    return f"batch{'' if _is_one(numbers) else 'es'} {in_words(numbers)}" if numbers else "all"
+    """Return which batches these are, as text."""
+    return f"batch{'' if _is_one(numbers) else 'es'} {range_text(numbers)}" if numbers else "all"
 
 
 def _is_one(numbers: list[range]) -> bool:
@@ -230,7 +230,7 @@ Named = Callable[[str], str]
 
 
 def nearer(files: Iterable[str], edited: Mapping[str, str]) -> Named:
-    """Return what shortens the names of recorded files to what tells them apart.
+    """Return a function that shortens the names of recorded files as far as they stay distinct.
 
     `edited`: by recorded path, the file that took its place: it is named as it was given.
     """
@@ -285,7 +285,7 @@ def difference_lines(
 
 
 def _side(who: str, act: Act | None, following: tuple[Act, ...], name: Named) -> Iterator[str]:
-    """Tell what one of the two lives did."""
+    """Yield lines about what one of the two lives did."""
     if act is None:
         yield f"{who}: nothing, or it is not known"
     elif act.decision is not None:
@@ -299,7 +299,7 @@ def _side(who: str, act: Act | None, following: tuple[Act, ...], name: Named) ->
 
 
 def _alike(one: Act | None, other: Act | None) -> bool:
-    """Whether two decisions are the same in words, places aside: the body of the plan was edited then."""
+    """Whether two decisions are equal but for their positions: then only the body of the plan was edited."""
     if one is None or other is None or one.decision is None or other.decision is None:
         return False
     made = one.decision, other.decision
@@ -307,13 +307,13 @@ def _alike(one: Act | None, other: Act | None) -> bool:
     return len(heads) == 2 and heads[0] == heads[1]
 
 
-def told_decision(at: float, decision: DecisionView, name: Named) -> Iterator[str]:
+def timed_decision(at: float, decision: DecisionView, name: Named) -> Iterator[str]:
     """Yield a decision as lines, the first one with its mission time `at` in seconds."""
     for index, line in enumerate(decision_words(decision, name)):
         yield f"{f'{at:.3f} s' if index == 0 else '':>11}  {line}"
 
 
 def decision_words(decision: DecisionView, name: Named) -> list[str]:
-    """Return a decision as `agentd run --why` tells it: the event, and each plan with why it was chosen or not."""
+    """Return a decision as `agentd run --why` prints it: the event, and each plan with why it was chosen or not."""
     lines = decision_lines(decision)
     return [shortened(name(line), LONGEST) for line in lines]

@@ -159,7 +159,7 @@ def head_of_payload(payload: bytes, encoding: str) -> RecordHead | None:
 
 
 def is_msgpack(encoding: str) -> bool:
-    """Whether an Encoding says MessagePack."""
+    """Whether an Encoding names MessagePack."""
     return encoding.partition(";")[0] == MEDIA["msgpack"]
 
 

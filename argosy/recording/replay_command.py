@@ -22,7 +22,7 @@ from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, wh
 from argosy.cli.port_check import in_use
 from argosy.recording.metadata import SECOND
 from argosy.recording.mind_command import add_mind_arguments, run_mind, without_a_mind
-from argosy.recording.mind_inputs import MOST_MISSING, PART, Life, in_words
+from argosy.recording.mind_inputs import MOST_MISSING, PART, Life, range_text
 from argosy.recording.player import LATE, Part, Player, foreign
 from argosy.recording.reader import Recording, open_recording
 from argosy.recording.records import wanted_keys
@@ -295,7 +295,7 @@ def _life(life: Life) -> str:
         extent = "whole" if life.ended else f"from birth to {life.until:.1f} s of mission time, its end is missing"
         return f"{extent}, {last.last} cycles, {decided} decisions and effects{unknown}"
     if life.missing:
-        return f"incomplete: batches {in_words(life.missing)} of {last.number + 1} of its inputs are missing"
+        return f"incomplete: batches {range_text(life.missing)} of {last.number + 1} of its inputs are missing"
     return "incomplete: its birth is missing"
 
 

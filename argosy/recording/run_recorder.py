@@ -48,7 +48,7 @@ def recording_of(record: Path | None, report: Path | None) -> RunRecording | str
 
 
 def what_became_of_it(lines: Iterable[LogLine], how: str) -> str:
-    """Return what a recorder has recorded, as text. `how` it ended is told if its file is incomplete."""
+    """Return what a recorder has recorded, as text. `how` it ended is part of it if its file is incomplete."""
     ended = next((line.event for line in lines if isinstance(line.event, RecordingEnded)), None)
     return f"cut off: the recorder {how}" if ended is None else ended.text
 

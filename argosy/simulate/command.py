@@ -130,7 +130,7 @@ def _router(mission: Mission, address: str, apart: str | None) -> str:
 
 
 async def _watch(processes: list[Process]) -> int:
-    """Start the simulators and tell what they say, until a signal or the end of one of them."""
+    """Start the simulators and print their output, until a signal or the end of one of them."""
     stop, hurry = asyncio.Event(), asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -179,7 +179,7 @@ async def _perform(
             async with aclosing(follow(bus, fleet, action)) as statuses:
                 async for status in statuses:
                     first = f", id {identity}" if status.state == "accepted" else ""
-                    say(f"{head} {in_words(status)}{first}")
+                    say(f"{head} {status_text(status)}{first}")
         except Lost as lost:
             begun = "how it ended is not known" if status is not None else "whether it was begun is not known"
             complain(f"{head} NOT confirmed, {begun}: {lost}{known_as}")
@@ -194,7 +194,7 @@ async def _perform(
             if isinstance(ended, str):
                 complain(f"{head} NOT cancelled, it may go on: {ended}{known_as}")
             else:
-                say(f"{head} {in_words(ended)}")
+                say(f"{head} {status_text(ended)}")
             return 128 + number
     return EXIT_DONE if status is not None and status.state == "succeeded" else EXIT_FAILED
 
@@ -222,7 +222,7 @@ def _ending_as_ctrl_c_does() -> Iterator[list[signal.Signals]]:
             loop.remove_signal_handler(number)
 
 
-def in_words(status: ActionStatus) -> str:
+def status_text(status: ActionStatus) -> str:
     """Return a status as text: `running, altitude 3.2`, `refused: busy: goto is running`."""
     said = status.state.replace("_", " ")
     if status.state == "accepted" and status.deadline is not None:

@@ -35,7 +35,7 @@ LATER = 2.0
 TURN = 64
 """Samples shown before the event loop turns to other tasks, such as ctrl-C."""
 QUIET = 3.0
-"""Wall seconds of silence before a note that says which daemons are running."""
+"""Wall seconds of silence before a note with the running daemons."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
 
 

@@ -57,7 +57,7 @@ def line_of(key: str, payload: bytes, encoding: str = "") -> str:
         record = read_record(key, payload, encoding)
         if record is None:
             return shortened(_unknown(payload, encoding))
-        text = in_words(record)
+        text = record_text(record)
         if isinstance(record, Perception) and not record.name:
             text = text.replace("?", key.partition("?")[0].rpartition("/")[2], 1)
         return shortened(text)
@@ -65,7 +65,7 @@ def line_of(key: str, payload: bytes, encoding: str = "") -> str:
         return shortened(f"({bad})")
 
 
-def in_words(record: Record) -> str:
+def record_text(record: Record) -> str:
     """Return a record as text."""
     match record:
         case Perception():

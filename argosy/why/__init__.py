@@ -1,4 +1,4 @@
-"""Why an agent did, or did not do, something: `explain` asks a running fleet, `tell` explains a view of a mind."""
+"""Why an agent did, or did not do, something: `explain` asks a running fleet, `tell` a view of a mind."""
 
 from argosy.why.answer import Explanation, Line, Paragraph, plain
 from argosy.why.explain import explain, tell

@@ -13,14 +13,14 @@ from agentd.conversion.mind_view import MindViews
 from agentd.extensions.plugins import discover
 from agentd.replay.replayed_mind import CannotReplay, ReplayedMind
 from argosy.cli.errors import CommandError
-from argosy.recording.mind_inputs import Life, in_words
+from argosy.recording.mind_inputs import Life, range_text
 from argosy.recording.reader import Recording, open_recording
 from schemas.files.findings import did_you_mean
 from schemas.wire import keys
 from schemas.wire.mind_records import ActivityEvent, MindActivity, MindInputs, MindView
 
 LOOK = Look(plans=True, last=1000, beliefs=MOST_BELIEFS)
-"""A mind that lives again remembers more decisions than one that has to fly."""
+"""A replayed mind remembers more decisions than one in flight."""
 MOST_ACTIONS = 60
 """Last actions and outcomes that are kept."""
 
@@ -41,7 +41,7 @@ def recorded_view(file: Path, agent: str, at: float | None = None) -> tuple[Mind
         raise NotRecorded(f"{file}: it lacks the beginning of {agent}'s life: start to record before the agent starts")
     notes = [recording.missing] if recording.missing else []
     if life.missing:
-        notes.append(f"batches {in_words(life.missing)} of its inputs are missing: it is told up to there")
+        notes.append(f"batches {range_text(life.missing)} of its inputs are missing: it is told up to there")
     discover()
     try:
         lived = ReplayedMind(batches[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argosy.recording.mind_inputs import MOST_MISSING, Life, Minds, Whose, in_words, stretches
+from argosy.recording.mind_inputs import MOST_MISSING, Life, Minds, Whose, range_text, stretches
 from schemas.wire.mind_records import MindInputs
 
 ABSURD = 10**30
@@ -10,12 +10,12 @@ ABSURD = 10**30
 
 def test_stretches_of_numbers_are_told_as_such() -> None:
     assert stretches([4, 1, 2, 7]) == [range(1, 3), range(4, 5), range(7, 8)]
-    assert in_words(stretches([4, 1, 2, 7])) == "1-2, 4, 7"
+    assert range_text(stretches([4, 1, 2, 7])) == "1-2, 4, 7"
 
 
 def test_a_number_beyond_all_others_is_told_and_costs_nothing() -> None:
     life = Life("test", "uav", "b1", [MindInputs(number=number) for number in (0, 1, ABSURD)])
-    assert in_words(life.missing) == f"2-{ABSURD - 1}"
+    assert range_text(life.missing) == f"2-{ABSURD - 1}"
     minds = Minds()
     whose = Whose("test", "uav", "b1")
     assert minds.heard(whose, 0)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from argosy.tools import echo
 from argosy.tools.bus_tap import Heard
-from argosy.tools.record_text import candidates, in_words, line_of, read_record
+from argosy.tools.record_text import candidates, record_text, line_of, read_record
 from argosy.zenoh_cli_codec import decode, encode
 from schemas.humanize import LONGEST
 from schemas.manifest.loader import ActionDescription
@@ -210,7 +210,7 @@ def test_every_record_of_the_table_is_shown_in_words() -> None:
     shown = {type(record) for _, record, _ in RECORDS}
     assert {kind for channel in keys.CHANNELS for kind in (channel.carries, channel.answers) if kind} <= shown
     for _, record, _ in RECORDS:
-        assert isinstance(record, Checkup) or not in_words(record).startswith(f"{type(record).__name__} {{")
+        assert isinstance(record, Checkup) or not record_text(record).startswith(f"{type(record).__name__} {{")
 
 
 def test_a_key_says_which_records_may_be_on_it() -> None:
