@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from argosy.tools import echo
 from argosy.tools.bus_tap import Heard
-from argosy.tools.record_text import candidates, record_text, line_of, read_record
+from argosy.tools.record_text import candidates, line_of, read_record, record_text
 from argosy.zenoh_cli_codec import decode, encode
 from schemas.humanize import LONGEST
 from schemas.manifest.loader import ActionDescription
