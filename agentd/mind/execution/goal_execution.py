@@ -6,6 +6,7 @@ from typing import Any
 
 from agentd.language.syntax_tree import nodes
 from agentd.language.terms.format import text
+from agentd.language.terms.from_ast import instantiate
 from agentd.language.terms.terms import Code, Expression, Literal, Open, Term, Var, deref
 from agentd.mind.beliefs.dynamic_formulas import solve
 from agentd.mind.beliefs.term_copy import closed, detach, is_ground, resolve, resolve_all, resolve_annots, with_source
@@ -17,7 +18,7 @@ from agentd.mind.execution.execution import await_something
 from agentd.mind.execution.goal_states import pending, raise_state
 from agentd.mind.plans.nested_plans import nested_plans
 from agentd.mind.plans.plan_library import Relevant
-from agentd.mind.plans.plan_terms import lone_goal, trigger_literal
+from agentd.mind.plans.plan_terms import trigger_literal
 from agentd.mind.state import MindState
 from schemas.wire.mind_records import WaitView
 
@@ -27,10 +28,12 @@ def literal_of(term: Term) -> Literal:
     term = known_value(term)
     if type(term) is Code and isinstance(term.syntax, nodes.Trigger):
         return trigger_literal(term)
-    if type(term) is Code and isinstance(term.syntax, nodes.Body) and len(term.syntax.formulas) == 1:
-        goal = lone_goal(term)
-        if goal is not None:
-            return goal
+    if type(term) is Code and isinstance(term.syntax, nodes.Body):
+        match term.syntax.formulas:
+            case (nodes.Step(nodes.Operator.ACHIEVE | nodes.Operator.ACTION, written),):
+                goal = deref(instantiate(written, dict(term.values)))
+                if type(goal) is Literal:
+                    return goal
     if type(term) is not Literal:
         raise Failed("body_var_not_literal", f"The term '{text(term)}' is not a literal.")
     return term

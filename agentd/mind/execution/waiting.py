@@ -29,11 +29,7 @@ def milliseconds(term: Term) -> float:
 
 def wait_time(mind: MindState, intention: Intention, seconds: float) -> bool:
     """Wait for ``seconds`` of mission time, from 0 on, then go on."""
-
-    def over() -> None:
-        resume_waiting(mind, intention)
-
-    timer = mind.timers.at(mind.now + seconds, over)
+    timer = mind.timers.at(mind.now + seconds, lambda: resume_waiting(mind, intention))
     await_something(mind, intention, WaitView(kind="time", seconds=seconds), timer)
     return True
 

@@ -237,15 +237,11 @@ def _place(step: Step | None) -> str:
     return "" if step is None else place(step.syntax.position)
 
 
-def failed_text(step: Step | None, code: Term) -> str:
-    """A formula that failed, as written but with its values."""
-    if step is None or type(code) is Code or not isinstance(step.syntax, nodes.Step):
-        return short_text(code)
-    return step.syntax.operator.value + short_text(code)
-
-
 def what_failed(failed: Failed, code: Any) -> str:
     """The formula that failed with its values, or the goal that found no plan."""
-    if failed.goal is None:
-        return failed_text(failed.step, code)
-    return event_text(failed.goal, code.args, code.annots)
+    if failed.goal is not None:
+        return event_text(failed.goal, code.args, code.annots)
+    if failed.step is None or type(code) is Code or not isinstance(failed.step.syntax, nodes.Step):
+        return short_text(code)
+    operator: str = failed.step.syntax.operator.value
+    return operator + short_text(code)

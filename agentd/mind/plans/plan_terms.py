@@ -8,7 +8,6 @@ from typing import Any
 from agentd.language.parse import parse_plan, parse_trigger
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.errors import SyntaxErrors
-from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.syntax_tree.signatures import signature
 from agentd.language.terms.from_ast import Instantiation, instantiate
 from agentd.language.terms.order import sorted_annots
@@ -36,16 +35,6 @@ def trigger_literal(code: Code) -> Literal:
     return literal
 
 
-def lone_goal(code: Code) -> Literal | None:
-    """The goal of a body of one ``!g``."""
-    (formula,) = code.syntax.formulas
-    if isinstance(formula, nodes.Step) and formula.operator in (Operator.ACHIEVE, Operator.ACTION):
-        term = deref(instantiate(formula.term, dict(code.values)))
-        if type(term) is Literal:
-            return term
-    return None
-
-
 def parts_of(code: Code) -> list[Term]:
     """Label, trigger, context and body of a plan term, as ``=..`` gives them."""
     node, values = code.syntax, code.values
@@ -68,21 +57,19 @@ def is_label(label: object) -> bool:
     return isinstance(label, nodes.Structure) and bool(label.functor)
 
 
-def read_plan(text: str) -> nodes.Plan:
-    """A plan from its text. Fails with ``unknown`` where it does not parse."""
-    try:
-        return parse_plan(text, "<plan>")
-    except SyntaxErrors as errors:
-        raise Failed("unknown", f"the plan cannot be read: {errors}") from errors
-
-
 def add_plans(mind: MindState, term: Term, teller: Term, first: bool) -> None:
-    """Add a plan term, a text, or a list of both. A plan that is there already gets one source more."""
+    """Add a plan term, a text, or a list of both. A plan that is there already gets one source more.
+
+    Fails with ``unknown`` where a text does not parse.
+    """
     members = proper(term)
     for item in [term] if members is None else members:
         item = deref(item)
         if type(item) is str:
-            node, values = read_plan(item), {}
+            try:
+                node, values = parse_plan(item, "<plan>"), {}
+            except SyntaxErrors as errors:
+                raise Failed("unknown", f"the plan cannot be read: {errors}") from errors
         elif type(item) is Code and isinstance(item.syntax, nodes.Plan):
             node, values = item.syntax, {name: resolve(v) for name, v in item.values.items() if is_ground(v)}
         else:
