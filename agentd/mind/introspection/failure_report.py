@@ -205,9 +205,6 @@ def _alike(word: str, known: Iterable[str]) -> Iterable[str]:
 # --- why no plan was applicable ---
 
 
-_RANDOM: Final = "math.random"
-
-
 def rejected_plans(mind: MindState, event: Event) -> tuple[RejectedView, ...]:
     """Why each plan that is relevant for an event was not applicable just now."""
     if mind.recorder is not None:
@@ -238,7 +235,7 @@ def harmless(mind: MindState, formula: nodes.Term | None, seen: frozenset[Any] =
         case nodes.Variable(namespace=None) | nodes.Number() | nodes.String() | None:
             return True
         case nodes.InternalAction(name, args):
-            known = name in PURE or (mind.compiler.is_function(name, len(args)) and name != _RANDOM)
+            known = name in PURE or mind.compiler.is_own_function(name, len(args))
         case nodes.Structure():
             known = _harmless_rules(mind, formula, seen)
         case _:
