@@ -18,7 +18,7 @@ from commd.bus.tls import Tls, files_in
 from commd.router import config as router_config
 from schemas.wire import keys
 from schemas.wire.records import Outcome, Perception, StopOrder
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.secured import Secured
 
 FLEET = "three"
@@ -97,60 +97,55 @@ async def flow(fleet: Secured) -> AsyncIterator[Flow]:
             telling.cancel()
 
 
-def test_a_board_gets_new_keys_and_the_others_do_not_miss_a_word(fleet: Secured) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            buses = {board: await stack.enter_async_context(router(fleet, board)) for board in ("pi2", "pi3")}
-            async with router(fleet, "pi1") as first:
-                await until(lambda: first.linked() == {"pi2", "pi3"}, "pi1 is linked to both")
-                await until(lambda: buses["pi2"].linked() == {"pi1", "pi3"}, "all are linked")
-                counted = await stack.enter_async_context(flow(fleet))
-                before = fleet.tls("pi1").certificate.read_bytes()
-                keys_command(fleet, "renew", "pi1")
-                assert fleet.tls("pi1").certificate.read_bytes() != before
-            await until(lambda: buses["pi2"].linked() == {"pi3"}, "pi1 is away")
-            async with router(fleet, "pi1") as again:
-                await until(lambda: again.linked() == {"pi2", "pi3"}, "pi1 is back, with its new keys")
-                await until(lambda: buses["pi3"].linked() == {"pi1", "pi2"}, "and known by all")
-                last = counted.heard[-1]
-                await until(lambda: counted.heard[-1] > last + 5, "percepts go on")
-            heard = counted.heard
-            assert heard == list(range(heard[0], heard[0] + len(heard))), "none was lost between pi3 and pi2"
-            assert len(heard) > 20
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+@async_test
+async def test_a_board_gets_new_keys_and_the_others_do_not_miss_a_word(fleet: Secured) -> None:
+    async with AsyncExitStack() as stack:
+        buses = {board: await stack.enter_async_context(router(fleet, board)) for board in ("pi2", "pi3")}
+        async with router(fleet, "pi1") as first:
+            await until(lambda: first.linked() == {"pi2", "pi3"}, "pi1 is linked to both")
+            await until(lambda: buses["pi2"].linked() == {"pi1", "pi3"}, "all are linked")
+            counted = await stack.enter_async_context(flow(fleet))
+            before = fleet.tls("pi1").certificate.read_bytes()
+            keys_command(fleet, "renew", "pi1")
+            assert fleet.tls("pi1").certificate.read_bytes() != before
+        await until(lambda: buses["pi2"].linked() == {"pi3"}, "pi1 is away")
+        async with router(fleet, "pi1") as again:
+            await until(lambda: again.linked() == {"pi2", "pi3"}, "pi1 is back, with its new keys")
+            await until(lambda: buses["pi3"].linked() == {"pi1", "pi2"}, "and known by all")
+            last = counted.heard[-1]
+            await until(lambda: counted.heard[-1] > last + 5, "percepts go on")
+        heard = counted.heard
+        assert heard == list(range(heard[0], heard[0] + len(heard))), "none was lost between pi3 and pi2"
+        assert len(heard) > 20
 
 
-def test_a_revoked_board_is_refused_by_each_board_that_has_the_new_anchors(fleet: Secured) -> None:
-    async def body() -> None:
-        stolen = fleet.folder / "stolen"
-        fleet.keys("pi3").rename(stolen)
-        stolen_tls = files_in(stolen)
-        async with router(fleet, "pi1") as one:
-            async with router(fleet, "pi2") as two:
-                await until(lambda: one.linked() == {"pi2"}, "pi1 and pi2 are linked")
-                assert await verdict(fleet.link("pi1"), stolen_tls) == ""
-                keys_command(fleet, "revoke", "pi3")
-                assert await verdict(fleet.link("pi2"), stolen_tls) == "", (
-                    "a router reads whom to believe when it starts"
-                )
-            async with router(fleet, "pi2") as two:
-                assert "does not believe the certificate of `pi3`" in await verdict(fleet.link("pi2"), stolen_tls)
-                await until(lambda: one.linked() == {"pi2"}, "the new anchors and the old ones believe pi2")
-                assert two.linked() == {"pi1"}
-        async with router(fleet, "pi1") as one, router(fleet, "pi2"):
-            for board in ("pi1", "pi2"):
-                assert "does not believe the certificate of `pi3`" in await verdict(fleet.link(board), stolen_tls)
-            await until(lambda: one.linked() == {"pi2"}, "both have the new anchors")
-            keys_command(fleet, "add-board", "pi3")
-        async with router(fleet, "pi1") as one, router(fleet, "pi2"), router(fleet, "pi3"):
-            await until(lambda: one.linked() == {"pi2", "pi3"}, "another board of that name is one of them")
-            assert "does not believe" in await verdict(fleet.link("pi1"), stolen_tls), "the stolen keys are none still"
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+@async_test
+async def test_a_revoked_board_is_refused_by_each_board_that_has_the_new_anchors(fleet: Secured) -> None:
+    stolen = fleet.folder / "stolen"
+    fleet.keys("pi3").rename(stolen)
+    stolen_tls = files_in(stolen)
+    async with router(fleet, "pi1") as one:
+        async with router(fleet, "pi2") as two:
+            await until(lambda: one.linked() == {"pi2"}, "pi1 and pi2 are linked")
+            assert await verdict(fleet.link("pi1"), stolen_tls) == ""
+            keys_command(fleet, "revoke", "pi3")
+            assert await verdict(fleet.link("pi2"), stolen_tls) == "", "a router reads whom to believe when it starts"
+        async with router(fleet, "pi2") as two:
+            assert "does not believe the certificate of `pi3`" in await verdict(fleet.link("pi2"), stolen_tls)
+            await until(lambda: one.linked() == {"pi2"}, "the new anchors and the old ones believe pi2")
+            assert two.linked() == {"pi1"}
+    async with router(fleet, "pi1") as one, router(fleet, "pi2"):
+        for board in ("pi1", "pi2"):
+            assert "does not believe the certificate of `pi3`" in await verdict(fleet.link(board), stolen_tls)
+        await until(lambda: one.linked() == {"pi2"}, "both have the new anchors")
+        keys_command(fleet, "add-board", "pi3")
+    async with router(fleet, "pi1") as one, router(fleet, "pi2"), router(fleet, "pi3"):
+        await until(lambda: one.linked() == {"pi2", "pi3"}, "another board of that name is one of them")
+        assert "does not believe" in await verdict(fleet.link("pi1"), stolen_tls), "the stolen keys are none still"
 
 
-def test_operators_reach_each_board_by_its_own_router_and_revoked_ones_none(
+@async_test
+async def test_operators_reach_each_board_by_its_own_router_and_revoked_ones_none(
     fleet: Secured, capsys: pytest.CaptureFixture[str]
 ) -> None:
     orders: list[str] = []
@@ -169,37 +164,34 @@ def test_operators_reach_each_board_by_its_own_router_and_revoked_ones_none(
         bus.serve(keys.stop(FLEET, robot), StopOrder, told)
         await bus.claim(robot)
 
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            one = await stack.enter_async_context(router(fleet, "pi1"))
-            await bridge(stack, "pi1", "r1")
-            async with router(fleet, "pi2") as two:
-                await until(lambda: two.linked() == {"pi1"} and one.linked() == {"pi2"}, "they are linked")
-                async with AsyncExitStack() as there:
-                    await bridge(there, "pi2", "r2")
-                    seen = keys.alive(FLEET, "r2", "bridged", "*")
-                    while not await one.tokens(seen):
-                        await asyncio.sleep(0.02)
-                    capsys.readouterr()
-                    assert await asyncio.to_thread(stop) == 1, "r3 was not stopped"
-                    assert sorted(orders) == ["r1", "r2"]
-                    said = sorted(capsys.readouterr().out.splitlines())
-                    assert said[:2] == ["r1: land confirmed", "r2: land confirmed"]
-                    assert said[2].startswith("r3: land NOT confirmed (board pi3 is not reached: ")
-                    assert await asyncio.to_thread(stop, "r1", keys_of="eye") == 1, "an observer stops nobody"
-                    assert "note: `eye` is an observer in the mission" in capsys.readouterr().err
-                    assert sorted(orders) == ["r1", "r2"]
-            assert await asyncio.to_thread(stop, "r1") == 0, "one board is away, and the other is told"
-            assert await asyncio.to_thread(argosy, ["mail", str(fleet.path), "--keys", str(fleet.keys("ops"))]) == 1
-            assert f"pi2: board pi2 is not reached: no router at {fleet.link('pi2')}" in capsys.readouterr().err
-            assert await asyncio.to_thread(stop, "r2") == 1
-        kept = fleet.folder / "kept"
-        shutil.copytree(fleet.keys("ops"), kept)
-        keys_command(fleet, "revoke", "ops")
-        async with router(fleet, "pi1"):
-            assert "does not believe the certificate of `ops`" in await verdict(fleet.link("pi1"), files_in(kept))
-
-    asyncio.run(asyncio.wait_for(body(), 120))
+    async with AsyncExitStack() as stack:
+        one = await stack.enter_async_context(router(fleet, "pi1"))
+        await bridge(stack, "pi1", "r1")
+        async with router(fleet, "pi2") as two:
+            await until(lambda: two.linked() == {"pi1"} and one.linked() == {"pi2"}, "they are linked")
+            async with AsyncExitStack() as there:
+                await bridge(there, "pi2", "r2")
+                seen = keys.alive(FLEET, "r2", "bridged", "*")
+                while not await one.tokens(seen):
+                    await asyncio.sleep(0.02)
+                capsys.readouterr()
+                assert await asyncio.to_thread(stop) == 1, "r3 was not stopped"
+                assert sorted(orders) == ["r1", "r2"]
+                said = sorted(capsys.readouterr().out.splitlines())
+                assert said[:2] == ["r1: land confirmed", "r2: land confirmed"]
+                assert said[2].startswith("r3: land NOT confirmed (board pi3 is not reached: ")
+                assert await asyncio.to_thread(stop, "r1", keys_of="eye") == 1, "an observer stops nobody"
+                assert "note: `eye` is an observer in the mission" in capsys.readouterr().err
+                assert sorted(orders) == ["r1", "r2"]
+        assert await asyncio.to_thread(stop, "r1") == 0, "one board is away, and the other is told"
+        assert await asyncio.to_thread(argosy, ["mail", str(fleet.path), "--keys", str(fleet.keys("ops"))]) == 1
+        assert f"pi2: board pi2 is not reached: no router at {fleet.link('pi2')}" in capsys.readouterr().err
+        assert await asyncio.to_thread(stop, "r2") == 1
+    kept = fleet.folder / "kept"
+    shutil.copytree(fleet.keys("ops"), kept)
+    keys_command(fleet, "revoke", "ops")
+    async with router(fleet, "pi1"):
+        assert "does not believe the certificate of `ops`" in await verdict(fleet.link("pi1"), files_in(kept))
     assert sorted(orders) == ["r1", "r1", "r2"]
 
 

@@ -14,7 +14,7 @@ from tests.attacks.readers import READERS
 from tests.attacks.text_and_files import TEXT_AND_FILES
 from tests.attacks.vehicle import VEHICLE
 from tests.attacks.world import TEXT, Row, World
-from tests.soak.report import ROOT, here
+from tests.soak.report import ROOT, here, table
 from tests.support.secured import Secured
 
 PAGE = ROOT / "docs/measurements/attacks.md"
@@ -26,11 +26,6 @@ Written by `make attacks`; each row is also a test of `make test`. Three boards 
 loopback. The attacker mostly is `pi3`: a board that has the fleet's trust and abuses it. Agent `a` and robot `r1` live
 on pi1, `b` on pi2, `c` on pi3. Each row also shows that what is allowed still goes through: else it would not count.
 """
-
-
-def cell(text: str) -> str:
-    """Return a text as it stands in a cell of a table."""
-    return text.replace("|", "\\|").replace("\n", " ")
 
 
 def main() -> int:
@@ -51,11 +46,9 @@ def main() -> int:
     failed = [row for row in rows if row.problems]
     print(f"{len(rows) - len(failed)} of {len(rows)} hold")
     if not failed:
-        lines = [HEAD, f"On {here()}.\n", "| attack | tried | refused by | seen |", "|---|---|---|---|"]
-        lines += [
-            "| " + " | ".join(map(cell, (r.attack, r.tried, r.refused, "<br>".join(r.seen)))) + " |" for r in rows
-        ]
-        PAGE.write_text("\n".join([*lines, ""]), encoding="utf-8")
+        cells = ((row.attack, row.tried, row.refused, "<br>".join(row.seen)) for row in rows)
+        lines = [HEAD, f"On {here()}.\n", *table("attack | tried | refused by | seen", cells), ""]
+        PAGE.write_text("\n".join(lines), encoding="utf-8")
     return 1 if failed else 0
 
 

@@ -19,7 +19,7 @@ from commd.bus.bus import Bus
 from commd.bus.connect_diagnosis import why_not
 from commd.bus.session import owner_of, session_config
 from commd.router.admission import FORGED, KNOWN_LISTENERS, KNOWN_REFILL
-from tests.attacks.world import Attack, Row, World, health_of
+from tests.attacks.world import Attack, Row, World, attack, health_of
 from tests.support.buses import until
 from tests.support.promises import in_time
 
@@ -40,16 +40,16 @@ IN_A_ROW = 6
 HALF_OPEN, HANDSHAKES = "half-open connections", "handshakes without a certificate"
 
 
-async def connect_flood(world: World) -> Row:
+@attack(
+    "a flood of connections without a certificate",
+    f"{BURST} TCP connections at once from an operator's own address; then for {FLOOD:g} s from others "
+    f"{HALF_OPEN_RATE:g} half-open ones and {HANDSHAKE_RATE:g} TLS handshakes without a certificate each second; "
+    "`argosy stop hold r1` before, during and after",
+    "commd of pi1: who says no ClientHello does not reach the router; 10 failed handshakes an address, then 2 a "
+    "second; addresses that are known have listeners of their own",
+)
+async def connect_flood(row: Row, world: World) -> None:
     """Connections of whoever has no certificate: a burst, then half-open ones and failing handshakes that go on."""
-    row = Row(
-        "a flood of connections without a certificate",
-        f"{BURST} TCP connections at once from an operator's own address; then for {FLOOD:g} s from others "
-        f"{HALF_OPEN_RATE:g} half-open ones and {HANDSHAKE_RATE:g} TLS handshakes without a certificate each second; "
-        "`argosy stop hold r1` before, during and after",
-        "commd of pi1: who says no ClientHello does not reach the router; 10 failed handshakes an address, then 2 a "
-        "second; addresses that are known have listeners of their own",
-    )
     took = {"before": await _stop(row, world, "before")}
     began = time.monotonic()
     await asyncio.to_thread(_burst, world.fleet.ports["pi1"])
@@ -65,18 +65,17 @@ async def connect_flood(world: World) -> Row:
     row.seen.append(f"`argosy stop` confirmed in {times}; the burst took {burst:.1f} s")
     made_in_all = ", ".join(f"{count} {what}" for what, count in made.items())
     row.seen.append(f"flood: {made_in_all}")
-    return row
 
 
-async def handshakes_beside_the_operator(world: World) -> Row:
+@attack(
+    "failing handshakes from an operator's own address",
+    f"three clients at the operator's address with up to {HANDSHAKE_RATE:g} TLS handshakes without a certificate "
+    f"each second; `argosy stop hold r1` {IN_A_ROW} times meanwhile",
+    f"commd: known addresses share {KNOWN_REFILL:g} failing handshakes a second beyond their own 2, and have "
+    f"{KNOWN_LISTENERS} listeners, of which a failing handshake stops one for 0.1 s",
+)
+async def handshakes_beside_the_operator(row: Row, world: World) -> None:
     """Handshakes that fail, from the address that operators and boards have: of the same machine, or behind one NAT."""
-    row = Row(
-        "failing handshakes from an operator's own address",
-        f"three clients at the operator's address with up to {HANDSHAKE_RATE:g} TLS handshakes without a certificate "
-        f"each second; `argosy stop hold r1` {IN_A_ROW} times meanwhile",
-        f"commd: known addresses share {KNOWN_REFILL:g} failing handshakes a second beyond their own 2, and have "
-        f"{KNOWN_LISTENERS} listeners, of which a failing handshake stops one for 0.1 s",
-    )
     before = await _stop(row, world, "before")
     with _flooding(world.fleet.ports["pi1"], half_open="", handshakes=OPERATORS, seconds=IN_A_ROW * CONFIRMED) as made:
         await until(lambda: made[HANDSHAKES] >= HANDSHAKE_RATE, "the flood goes on")
@@ -87,17 +86,16 @@ async def handshakes_beside_the_operator(world: World) -> Row:
     row.expect(rate > HANDSHAKE_RATE / 2, f"the flood is one: {rate:.0f} a second")
     row.seen.append(f"`argosy stop` confirmed in {before:.1f} s before, at most {max(took):.1f} s in the flood")
     row.seen.append(f"{rate:.0f} handshakes without a certificate a second meanwhile")
-    return row
 
 
-async def forged_session_id(world: World) -> Row:
+@attack(
+    "another machine's Zenoh id",
+    "`eye` opens sessions at pi1 under the ids of pi2's router while its link is lost, of an operator's session "
+    "between two, and of pi1's own bridge while commd of pi1 is started again, and goes on all the while",
+    "commd of pi1: ids say whose they are, and a session with another's is cut off",
+)
+async def forged_session_id(row: Row, world: World) -> None:
     """A machine opens sessions under the Zenoh ids of a board that was away for a moment, and of an operator."""
-    row = Row(
-        "another machine's Zenoh id",
-        "`eye` opens sessions at pi1 under the ids of pi2's router while its link is lost, of an operator's session "
-        "between two, and of pi1's own bridge while commd of pi1 is started again, and goes on all the while",
-        "commd of pi1: ids say whose they are, and a session with another's is cut off",
-    )
     async with world.machine("ops", "pi1") as ops:
         operators = ops.zid
     with _under(world, operators):
@@ -140,7 +138,6 @@ async def forged_session_id(world: World) -> Row:
         back = time.monotonic() - began
     row.expect(in_time(back, BACK), f"the bridge is back within {BACK:g} s, not {back:.1f} s")
     row.seen.append(f"the bridge of r1 is heard {back:.1f} s after commd of pi1 serves again")
-    return row
 
 
 async def _stop(row: Row, world: World, when: str, order: str = "hold") -> float:

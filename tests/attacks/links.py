@@ -17,7 +17,7 @@ from commd.bus.tls import Tls, files_in
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import BoardServices, LiveManifest, Outcome, Perception, Receipt, StopOrder
-from tests.attacks.world import NAME, Attack, Row, World, ask, health_of, letter, put_until
+from tests.attacks.world import NAME, Attack, Row, World, ask, attack, health_of, letter, put_until
 from tests.support.buses import until
 from tests.support.ports import free_port
 
@@ -26,45 +26,42 @@ QUICKLY = 2.0
 HALF_OPEN = 40
 
 
-async def foreign_authority(world: World) -> Row:
+@attack("foreign CA", "certificates of another authority for `pi3`, dialled pi1", "pi1's router: TLS handshake")
+async def foreign_authority(row: Row, world: World) -> None:
     """Somebody has made an authority of his own, with the same names."""
-    row = Row("foreign CA", "certificates of another authority for `pi3`, dialled pi1", "pi1's router: TLS handshake")
     folder = world.fleet.folder / "foreign"
     argosy(["keys", "init", str(world.fleet.path), "--dir", str(folder)])
     await _stays_out(row, world, files_in(folder / "machines" / "pi3"))
-    return row
 
 
-async def no_certificate(world: World) -> Row:
+@attack("no certificate", "a TLS client that trusts the fleet and shows nothing", "pi1's router: TLS handshake")
+async def no_certificate(row: Row, world: World) -> None:
     """Somebody believes the fleet's authority and shows no certificate."""
-    row = Row("no certificate", "a TLS client that trusts the fleet and shows nothing", "pi1's router: TLS handshake")
     settings = world.fleet.tls("pi3").settings()
     config = session_config("client", world.fleet.link("pi1"), "attack")
     config.insert_json5("transport/link/tls/root_ca_certificate", f'"{settings["root_ca_certificate"]}"')
     row.expect(not await asyncio.to_thread(_opens, config), "no session without a certificate")
     await _comes_in(row, world)
     row.seen.append("attacker: `Unable to connect`, without a reason")
-    return row
 
 
-async def plain_tcp(world: World) -> Row:
+@attack("plain TCP", "a Zenoh client by `tcp/` at pi1's port", "pi1's router: it speaks TLS alone")
+async def plain_tcp(row: Row, world: World) -> None:
     """Somebody speaks Zenoh without TLS."""
-    row = Row("plain TCP", "a Zenoh client by `tcp/` at pi1's port", "pi1's router: it speaks TLS alone")
     config = session_config("client", world.fleet.link("pi1").replace("tls/", "tcp/"), "attack")
     row.expect(not await asyncio.to_thread(_opens, config), "no session by plain TCP")
     await _comes_in(row, world)
     why = await why_not(world.fleet.link("pi1").replace("tls/", "tcp/"), None)
     row.seen.append(f"attacker: `Unable to connect`; Argosy's commands add: {why}")
-    return row
 
 
-async def another_boards_certificate(world: World) -> Row:
+@attack(
+    "another board's certificate",
+    "pi3's certificate from another place: puts on `b/percept/x` (pi2's agent) at pi1, holds `pi2/alive/..`",
+    "pi1's router: access rules for `pi3`",
+)
+async def another_boards_certificate(row: Row, world: World) -> None:
     """A board speaks for another one's agent, at a third."""
-    row = Row(
-        "another board's certificate",
-        "pi3's certificate from another place: puts on `b/percept/x` (pi2's agent) at pi1, holds `pi2/alive/..`",
-        "pi1's router: access rules for `pi3`",
-    )
     async with world.member("pi1") as listener, world.machine("pi3", "pi1") as attacker:
         heard: list[str] = []
         listener.subscribe(keys.percept(NAME, "*", "*"), Perception, lambda key, _: heard.append(key))
@@ -78,14 +75,11 @@ async def another_boards_certificate(world: World) -> Row:
             tokens = await listener.tokens(keys.alive(NAME, "*", "*", "*"))
         row.expect(keys.alive(NAME, "pi2", "commd", "feedbeef") not in tokens, "no token of pi2 from pi3")
         row.seen.append("what is pi3's own (`c/percept/x`, its token) arrived in the same second")
-    return row
 
 
-async def another_boards_keys_on_a_board(world: World) -> Row:
+@attack("another board's keys on a board", "pi1's commd started with pi3's folder of keys", "commd of pi1, at start")
+async def another_boards_keys_on_a_board(row: Row, world: World) -> None:
     """A board is given another one's folder of keys."""
-    row = Row(
-        "another board's keys on a board", "pi1's commd started with pi3's folder of keys", "commd of pi1, at start"
-    )
     settings = world.fleet.settings("pi1")
     settings["transport"]["link"]["tls"] = world.fleet.tls("pi3").settings()
     settings["listen"]["endpoints"] = [f"unixsock-stream/{world.fleet.folder}/other.sock"]
@@ -99,16 +93,15 @@ async def another_boards_keys_on_a_board(world: World) -> Row:
     said = "the keys are those of `pi3`, and this is board `pi1`"
     row.expect(said in daemon.text, f"it says `{said}`: {daemon.text[-200:]}")
     row.seen.append(f"commd: ``{said}``")
-    return row
 
 
-async def impostor_router(world: World) -> Row:
+@attack(
+    "a router in another board's place",
+    "pi3's certificate listens where `pi2` is dialled, and serves pi2's mailbox and percepts",
+    "the dialling router: access rules for who is really there",
+)
+async def impostor_router(row: Row, world: World) -> None:
     """A machine of the fleet listens where another board is expected."""
-    row = Row(
-        "a router in another board's place",
-        "pi3's certificate listens where `pi2` is dialled, and serves pi2's mailbox and percepts",
-        "the dialling router: access rules for who is really there",
-    )
     port, folder = free_port(), world.fleet.folder
     settings = world.fleet.settings("pi1")
     settings["listen"]["endpoints"] = [f"unixsock-stream/{folder}/dialler.sock"]
@@ -139,16 +132,15 @@ async def impostor_router(world: World) -> Row:
                     await until(lambda: _matching(to_c), "what it may serve is known")
                     row.expect(not _matching(to_b), "b's mailbox is not known from there")
     row.seen.append("no mail for `b` goes there: nobody serves it; the lane says `pi2 is away`")
-    return row
 
 
-async def stolen_relay(world: World) -> Row:
+@attack(
+    "by way of a third board",
+    "a member of pi3 puts on `b/percept/x` and asks `b/mail/a` at pi3's own socket",
+    "pi3's own router: rules for its members",
+)
+async def stolen_relay(row: Row, world: World) -> None:
     """A board hands what it says in another's name to a third one, to be passed on."""
-    row = Row(
-        "by way of a third board",
-        "a member of pi3 puts on `b/percept/x` and asks `b/mail/a` at pi3's own socket",
-        "pi3's own router: rules for its members",
-    )
     async with world.member("pi1") as listener, world.member("pi3") as attacker:
         heard: list[str] = []
         listener.subscribe(keys.percept(NAME, "*", "*"), Perception, lambda key, _: heard.append(key))
@@ -156,16 +148,15 @@ async def stolen_relay(world: World) -> Row:
         row.expect(keys.percept(NAME, "b", "x") not in heard, "no percept of b by way of pi3")
         row.expect(await ask(attacker, keys.mail(NAME, "b", "a"), letter("a", "b"), Receipt) == [], "no receipt")
     row.seen.append("attacker: no reply, and nobody tells: Zenoh drops without a word what its rules deny")
-    return row
 
 
-async def admin_space(world: World) -> Row:
+@attack(
+    "a router's own settings",
+    "pi3 asks `@/*/router` of pi1; a member of pi1 puts on `@/*/router/config/**` and lists `@/*/router/token/**`",
+    "pi1's router: rules, and `adminspace.permissions.write: false`",
+)
+async def admin_space(row: Row, world: World) -> None:
     """A machine asks a router for what it knows, and changes its configuration."""
-    row = Row(
-        "a router's own settings",
-        "pi3 asks `@/*/router` of pi1; a member of pi1 puts on `@/*/router/config/**` and lists `@/*/router/token/**`",
-        "pi1's router: rules, and `adminspace.permissions.write: false`",
-    )
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1") as member:
         row.expect(await attacker.raw.look_up("@/*/router", 2) == [], "a board learns nothing of another's router")
         mine = await member.raw.look_up("@/*/router", 2)
@@ -178,16 +169,15 @@ async def admin_space(world: World) -> Row:
         await put_until(attacker, heard, keys.percept(NAME, "b", "x"), keys.percept(NAME, "c", "x"))
         row.expect(keys.percept(NAME, "b", "x") not in heard, "access control is still there")
     row.seen.append("pi3: no reply; after the put the rules hold as before")
-    return row
 
 
-async def people(world: World) -> Row:
+@attack(
+    "an observer or operator who does more",
+    "`eye` asks `r1/stop`, `c/mail/a`, lists mailboxes and puts; `ops` puts a percept",
+    "pi1's router: rules for observers and operators",
+)
+async def people(row: Row, world: World) -> None:
     """An observer acts, an operator perceives for an agent."""
-    row = Row(
-        "an observer or operator who does more",
-        "`eye` asks `r1/stop`, `c/mail/a`, lists mailboxes and puts; `ops` puts a percept",
-        "pi1's router: rules for observers and operators",
-    )
     stop = StopOrder(order="hold")
     async with world.machine("eye", "pi1") as eye, world.machine("ops", "pi1") as ops, world.member("pi1") as member:
         row.expect(await ask(eye, keys.stop(NAME, "r1"), stop, Outcome) == [], "an observer stops nothing")
@@ -205,16 +195,15 @@ async def people(world: World) -> Row:
         row.expect(keys.percept(NAME, "a", "x") not in heard, "neither puts a percept")
         row.expect(await ask(eye, keys.mind(NAME, "a"), None, MindView) == [], "nobody serves a mind here")
     row.seen.append("eye: no replies, but three boards' services; ops: the robot's `Outcome`")
-    return row
 
 
-async def half_open(world: World) -> Row:
+@attack(
+    "many half-open connections",
+    f"{HALF_OPEN} TCP connections to pi1's port that say nothing",
+    "commd of pi1: who says no ClientHello within 5 s is closed, and the router never hears of it",
+)
+async def half_open(row: Row, world: World) -> None:
     """Connections that never say who they are."""
-    row = Row(
-        "many half-open connections",
-        f"{HALF_OPEN} TCP connections to pi1's port that say nothing",
-        "commd of pi1: who says no ClientHello within 5 s is closed, and the router never hears of it",
-    )
     knocks = [socket.create_connection(("127.0.0.1", world.fleet.ports["pi1"]), 5) for _ in range(HALF_OPEN)]
     try:
         async with world.member("pi1") as member:
@@ -229,7 +218,6 @@ async def half_open(world: World) -> Row:
     await _comes_in(row, world, patience=30)
     took = time.monotonic() - began
     row.seen.append(f"pi3 comes in anew {took:.1f} s after them")
-    return row
 
 
 async def _stays_out(row: Row, world: World, tls: Tls) -> None:

@@ -15,7 +15,7 @@ from schemas.wire.mind_records import ActivityEvent, MindActivity, MindDecisions
 from schemas.wire.records import ActionStatus, Health, Mail, Message, Receipt
 from schemas.wire.term_text import write
 from schemas.wire.terms import Atom, Structure
-from tests.attacks.world import NAME, Attack, Row, World, ask, health_of
+from tests.attacks.world import NAME, Attack, Row, World, ask, attack, health_of
 from tests.commd.old_comm import OldCommNode
 from tests.support.buses import until
 from tests.support.ports import free_port
@@ -39,14 +39,14 @@ MEMBER = "a member of pi3"
 PLAN = "+!go <- cmd_vel(1, 0, 0)."
 
 
-async def plans_by_mail(_: World) -> Row:
+@attack(
+    "remote control by mail",
+    "`hunter` of pi3 tells `a` of pi1 how to `go` (a plan that moves r1) and lets it `achieve` that; a gateway "
+    "node of no key sends `achieve`; pi3 sends it as `mail`. The same to `willing`, which names them in `accepts`",
+    "agentd of `a`: `tellHow` is for its own board, a node's mail and the notices of `mail` are no orders",
+)
+async def plans_by_mail(row: Row, _: World) -> None:
     """A board teaches an agent of another board a plan and has it carried out; so do a datagram and a notice."""
-    row = Row(
-        "remote control by mail",
-        "`hunter` of pi3 tells `a` of pi1 how to `go` (a plan that moves r1) and lets it `achieve` that; a gateway "
-        "node of no key sends `achieve`; pi3 sends it as `mail`. The same to `willing`, which names them in `accepts`",
-        "agentd of `a`: `tellHow` is for its own board, a node's mail and the notices of `mail` are no orders",
-    )
     node = OldCommNode()
     listen = f"127.0.0.1:{free_port()}"
     text = FLEET.replace("LISTEN", listen).replace("NODE", node.address)
@@ -99,17 +99,16 @@ async def plans_by_mail(_: World) -> Row:
     told = next(one for one in node.heard if "undelivered(a," in one)
     row.seen.append('hunter: `undelivered(a, tellHow, _, "not_accepted")`, and `go` has no plan; r1 stood')
     row.seen.append(f"node: `{told}`; agentd: `mail_not_accepted` 3 in the health of `a`; r2 of `willing` moved twice")
-    return row
 
 
-async def reading_mail(world: World) -> Row:
+@attack(
+    "reading others' mail",
+    "`a` of pi1 was told a secret, which is in its mind and its trace. `eye` (telemetry), `mate` (minds), `judge` "
+    "(mail), pi3 and a member of pi3 subscribe to `argosy/**`, and ask `a/mind`, `*/mind` and `a/trace/inputs`",
+    "pi1's router: what is beyond a right is not told, and may not be asked; boards have `telemetry` of others",
+)
+async def reading_mail(row: Row, world: World) -> None:
     """A board and observers read the mail of another board: in a mind, in a trace, by a wide subscription."""
-    row = Row(
-        "reading others' mail",
-        "`a` of pi1 was told a secret, which is in its mind and its trace. `eye` (telemetry), `mate` (minds), `judge` "
-        "(mail), pi3 and a member of pi3 subscribe to `argosy/**`, and ask `a/mind`, `*/mind` and `a/trace/inputs`",
-        "pi1's router: what is beyond a right is not told, and may not be asked; boards have `telemetry` of others",
-    )
     mind, inputs, decisions, activity = keys.mind(NAME, "a"), *(keys.trace(NAME, "a", part) for part in TRACE)
     minds, mail = {decisions, mind}, {inputs, activity}
     rights = {"ops": minds | mail, "judge": minds | mail, "mate": minds, "eye": set(), "pi3": set(), MEMBER: set()}
@@ -147,7 +146,6 @@ async def reading_mail(world: World) -> Row:
     row.seen.append(
         "mate: the mind and `trace/decisions`; judge and the operator: `trace/inputs` and `trace/activity`, too"
     )
-    return row
 
 
 def _listen(bus: Bus, seen: set[str], told: set[str]) -> None:

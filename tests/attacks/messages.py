@@ -22,7 +22,19 @@ from schemas.wire.records import (
     ServiceRequest,
     StopOrder,
 )
-from tests.attacks.world import NAME, Attack, Row, World, ask, health_of, letter, put_until, raw_session, waiting_for
+from tests.attacks.world import (
+    NAME,
+    Attack,
+    Row,
+    World,
+    ask,
+    attack,
+    health_of,
+    letter,
+    put_until,
+    raw_session,
+    waiting_for,
+)
 from tests.support.buses import served, until
 
 FLOOD = 3.0
@@ -30,14 +42,14 @@ FLOOD = 3.0
 MOVE = Action(header=Header(source="a"), id="a:attacked:1", parameters=(1.0, 0.0, 0.0))
 
 
-async def forged_sender(world: World) -> Row:
+@attack(
+    "a forged sender in mail",
+    "pi3 asks `b/mail/a` at pi2 with a message of `a`; a member of pi3 hands a message of `a` into `c/outbox`, "
+    "and asks `a/outbox`",
+    "pi2's router: `pi3` may ask `*/mail/c` alone; commd of pi3; pi3's router",
+)
+async def forged_sender(row: Row, world: World) -> None:
     """A board sends mail in the name of an agent of another board."""
-    row = Row(
-        "a forged sender in mail",
-        "pi3 asks `b/mail/a` at pi2 with a message of `a`; a member of pi3 hands a message of `a` into `c/outbox`, "
-        "and asks `a/outbox`",
-        "pi2's router: `pi3` may ask `*/mail/c` alone; commd of pi3; pi3's router",
-    )
     async with (
         world.machine("pi3", "pi2") as attacker,
         world.member("pi3", "c") as member,
@@ -59,16 +71,15 @@ async def forged_sender(world: World) -> Row:
         turned = (await health_of(ops, "pi2", "commd")).counters["turned_away"]
     row.seen.append("attacker: no reply (`b/mail/a`, `a/outbox`); `it came as mail from c to b`; `its sender is not c`")
     row.seen.append(f"commd of pi2: `turned_away` {turned:g} in its health; `argosy mail`: nothing of `a`")
-    return row
 
 
-async def run_time_name(world: World) -> Row:
+@attack(
+    "a name made at run time elsewhere",
+    "pi3 sends mail as `pi1_x` and asks pi1 to let `pi1_x` join; a member of pi1 joins as `kid`",
+    "pi2's and pi1's routers: `pi3_*` alone; commd of pi1",
+)
+async def run_time_name(row: Row, world: World) -> None:
     """A board takes a name that another board may make at run time, or joins an agent there."""
-    row = Row(
-        "a name made at run time elsewhere",
-        "pi3 sends mail as `pi1_x` and asks pi1 to let `pi1_x` join; a member of pi1 joins as `kid`",
-        "pi2's and pi1's routers: `pi3_*` alone; commd of pi1",
-    )
     async with world.machine("pi3", "pi2") as at2, world.machine("pi3", "pi1") as at1, world.member("pi1") as member:
         row.expect(await ask(at2, keys.mail(NAME, "b", "pi1_x"), letter("pi1_x", "b"), Receipt) == [], "no receipt")
         join = ServiceRequest(agent="pi1_x", do="join")
@@ -81,17 +92,16 @@ async def run_time_name(world: World) -> Row:
         word = kid[0].problem if kid and isinstance(kid[0], BoardServices) else ""
         row.expect(word == "names made on board pi1 begin with `pi1_`, such as `pi1_kid`", "kid is told so")
     row.seen.append(f"attacker: no reply; member of pi1: ``{word}``")
-    return row
 
 
-async def told_names(world: World) -> Row:
+@attack(
+    "names of others told as one's own",
+    "pi3 puts on `pi3/services` that it has `pi1_kid`, `ops` and `r1` besides `pi3_kid`, and holds the token "
+    "`pi3_$*/alive/**`; a member of pi1 joins as `pi1_kid`",
+    "commd of pi1: of pi3 it takes names that begin with `pi3_`, and the mission's",
+)
+async def told_names(row: Row, world: World) -> None:
     """A board says of itself that it has the agents that another board is to make, and holds tokens of no meaning."""
-    row = Row(
-        "names of others told as one's own",
-        "pi3 puts on `pi3/services` that it has `pi1_kid`, `ops` and `r1` besides `pi3_kid`, and holds the token "
-        "`pi3_$*/alive/**`; a member of pi1 joins as `pi1_kid`",
-        "commd of pi1: of pi3 it takes names that begin with `pi3_`, and the mission's",
-    )
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "pi1_kid") as kid:
         names: dict[str, tuple[str, ...]] = {"pi1_kid": (), "ops": (), "r1": (), "pi3_kid": ()}
         said = BoardServices(header=attacker.header("services"), board="pi3", version=1000, agents=names)
@@ -114,17 +124,16 @@ async def told_names(world: World) -> Row:
     told = [line.partition("directory ")[2] for line in lines if "accepted in part" in line]
     row.expect(told, "commd says so")
     row.seen.append(f"commd of pi1: `{told[-1] if told else ''}`; `pi1_kid` joins pi1, and is nowhere else")
-    return row
 
 
-async def percept_injection(world: World) -> Row:
+@attack(
+    "percept injection",
+    "pi3 puts on `a/percept/pose` and on `*/percept/pose` at pi1, and serves `a/percept/**` and `*/percept/**` for "
+    "when `a` asks what it missed",
+    "pi1's router: `pi3` may put and serve for `c` alone",
+)
+async def percept_injection(row: Row, world: World) -> None:
     """A board tells an agent of another board what it perceives."""
-    row = Row(
-        "percept injection",
-        "pi3 puts on `a/percept/pose` and on `*/percept/pose` at pi1, and serves `a/percept/**` and `*/percept/**` for "
-        "when `a` asks what it missed",
-        "pi1's router: `pi3` may put and serve for `c` alone",
-    )
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "a") as agent:
         heard: list[tuple[str, str]] = []
         names: list[str] = []
@@ -150,16 +159,15 @@ async def percept_injection(world: World) -> Row:
         sources = {one.header.source for one in told if isinstance(one, Perception)}
         row.expect("pi3" not in sources and sources, "what a asks for is answered by its bridge alone")
     row.seen.append(f"agent `a`: percepts of {', '.join(sorted(sources))} alone; pi3's own `c/percept/x` arrived")
-    return row
 
 
-async def action_injection(world: World) -> Row:
+@attack(
+    "action injection",
+    "pi3 asks `a/action/cmd_vel`, `a/cancel` and `r1/stop` at pi1",
+    "pi1's router: `pi3` may ask actions of `c` alone, orders of nobody",
+)
+async def action_injection(row: Row, world: World) -> None:
     """A board moves, stops or cancels for a robot of another board."""
-    row = Row(
-        "action injection",
-        "pi3 asks `a/action/cmd_vel`, `a/cancel` and `r1/stop` at pi1",
-        "pi1's router: `pi3` may ask actions of `c` alone, orders of nobody",
-    )
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "a") as agent:
         key = keys.action(NAME, "a", "cmd_vel")
         await served(agent, key)
@@ -175,16 +183,15 @@ async def action_injection(world: World) -> Row:
         await until(lambda: bool(ended), "its end is told to observers")
         row.expect(ended == {own[-1].id}, f"one action was carried out, a's: {ended}")
     row.seen.append("attacker: no reply; status records of `a`: one `cmd_vel`, asked for by `a`")
-    return row
 
 
-async def replayed_action(world: World) -> Row:
+@attack(
+    "a replayed action",
+    "the same `Action` record of `a`, id and all, asked three times more at pi1; once by pi3",
+    "the bridge's ledger: an id is carried out once; pi1's router for pi3",
+)
+async def replayed_action(row: Row, world: World) -> None:
     """What was asked once is asked again, word for word."""
-    row = Row(
-        "a replayed action",
-        "the same `Action` record of `a`, id and all, asked three times more at pi1; once by pi3",
-        "the bridge's ledger: an id is carried out once; pi1's router for pi3",
-    )
     async with world.machine("pi3", "pi1") as attacker, world.member("pi1", "a") as agent:
         key = keys.action(NAME, "a", "cmd_vel")
         await served(agent, key)
@@ -204,16 +211,15 @@ async def replayed_action(world: World) -> Row:
         await asyncio.sleep(0.3)
         row.expect(begun.count("a:replayed:1 succeeded") == 1, "and told once")
     row.seen.append("asker: the remembered final status each time; observers: one `succeeded` for the id")
-    return row
 
 
-async def flood(world: World) -> Row:
+@attack(
+    "flood",
+    f"pi3 puts 1 kB percepts and asks `*/mind` at pi1 for {FLOOD:g} s as fast as it can",
+    "nobody: it is pi3's right; bounded queues drop, others go on",
+)
+async def flood(row: Row, world: World) -> None:
     """A board puts and asks as fast as it can, in its own name."""
-    row = Row(
-        "flood",
-        f"pi3 puts 1 kB percepts and asks `*/mind` at pi1 for {FLOOD:g} s as fast as it can",
-        "nobody: it is pi3's right; bounded queues drop, others go on",
-    )
     async with world.member("pi1", "a") as agent, world.machine("ops", "pi1") as slow:
         key = keys.mail(NAME, "b", "a")
         await served(agent, key)
@@ -254,16 +260,15 @@ async def flood(world: World) -> Row:
     row.seen.append(
         f"a subscriber of them all: {taken:,} taken, `drops` {dropped:,} in health, the rest dropped by routers"
     )
-    return row
 
 
-async def oversized(world: World) -> Row:
+@attack(
+    "oversized payloads",
+    "pi3 puts 5 MiB and 16 MiB at pi1 on its own key; mail of 2 MiB in one message; an action of 200 kB",
+    "pi1's router: 4 MiB a record, and the link is closed at 8 MiB; commd; the bridge",
+)
+async def oversized(row: Row, world: World) -> None:
     """Payloads larger than any record."""
-    row = Row(
-        "oversized payloads",
-        "pi3 puts 5 MiB and 16 MiB at pi1 on its own key; mail of 2 MiB in one message; an action of 200 kB",
-        "pi1's router: 4 MiB a record, and the link is closed at 8 MiB; commd; the bridge",
-    )
     async with world.member("pi1", "a") as agent, world.machine("pi3", "pi2") as mailer:
         sizes: list[int] = []
         with (
@@ -289,16 +294,15 @@ async def oversized(world: World) -> Row:
     row.seen.append(
         f"commd of pi2: `message_too_large`; bridge: `{str(told[0])[:60]}`, `bad_input` {before} in its health"
     )
-    return row
 
 
-async def nested(world: World) -> Row:
+@attack(
+    "deeply nested payloads",
+    "pi3 sends mail, and a member of pi1 an action, of 100,000 opening brackets; a percept of them too",
+    "the codec: refused before anything is made of it",
+)
+async def nested(row: Row, world: World) -> None:
     """Payloads that are nested more deeply than a decoder can follow."""
-    row = Row(
-        "deeply nested payloads",
-        "pi3 sends mail, and a member of pi1 an action, of 100,000 opening brackets; a percept of them too",
-        "the codec: refused before anything is made of it",
-    )
     deep = b"[" * 100_000
     async with (
         world.member("pi1", "a") as agent,
@@ -325,7 +329,6 @@ async def nested(world: World) -> Row:
         f"mail: `{answer[:80]}`; bridge: `{_problem(action)[:80]}`; "
         "subscriber: `bad_input` in health, the next percept is taken"
     )
-    return row
 
 
 def _problem(text: str) -> str:

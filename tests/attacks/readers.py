@@ -9,7 +9,7 @@ from itertools import pairwise
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import Health
-from tests.attacks.world import NAME, Attack, Row, World, ask, health_of
+from tests.attacks.world import NAME, Attack, Row, World, ask, attack, health_of
 from tests.support.buses import until
 from tests.support.ports import free_port
 from tests.support.promises import in_time, slowness
@@ -47,14 +47,14 @@ PROGRAM = """
 """
 
 
-async def silent_readers(world: World) -> Row:
+@attack(
+    "an observer that does not read",
+    f"{SESSIONS} sessions of `eye` each ask for the mind and the trace of `a` 20 times a second for "
+    f"{SECONDS:g} s, and read no answer, while `a` flies a simulated copter round two points",
+    "commd of pi1: who takes nothing for 0.5 s loses the session, an observer gets none for 10 s",
+)
+async def silent_readers(row: Row, world: World) -> None:
     """An observer asks for much and reads nothing, while the agent flies its robot."""
-    row = Row(
-        "an observer that does not read",
-        f"{SESSIONS} sessions of `eye` each ask for the mind and the trace of `a` 20 times a second for "
-        f"{SECONDS:g} s, and read no answer, while `a` flies a simulated copter round two points",
-        "commd of pi1: who takes nothing for 0.5 s loses the session, an observer gets none for 10 s",
-    )
     port = free_port()
     silence = 5 * slowness()
     with Secured(MISSION.replace("PORT", str(port)).replace("SILENCE", f"{silence:.0f}")) as fleet:
@@ -99,7 +99,6 @@ async def silent_readers(world: World) -> Row:
         row.seen.append(f"`other`, who reads, had each mind within {asked:.1f} s")
         told = next((line for line in commd.lines if "does not read" in line), "")
         row.seen.append(f"health of pi1: `stalled` {counters.get('stalled', 0):g}; its log: `{told}`")
-    return row
 
 
 READERS: tuple[Attack, ...] = (silent_readers,)

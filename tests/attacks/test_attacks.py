@@ -24,7 +24,7 @@ from tests.attacks.readers import READERS
 from tests.attacks.text_and_files import TEXT_AND_FILES
 from tests.attacks.vehicle import VEHICLE
 from tests.attacks.world import NAME, TEXT, Attack, World
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.secured import Secured
 
 
@@ -109,50 +109,45 @@ def test_a_daemon_that_its_router_denies_ends_at_once_and_says_what_and_by_whom(
         assert "by its rules they are not of its board; `argosy units` writes new rules" in daemon.text
 
 
-def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(
+@async_test
+async def test_what_is_denied_later_is_noted_and_forgotten_when_it_is_taken_back(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(access_probe, "SETTLING", 0.05)
     monkeypatch.setattr(access_probe, "PATIENCE", 0.3)
-
-    async def body() -> None:
-        async with world.member("pi1", "a") as bus:
-            bus.serve(keys.mind(NAME, "a"), MindView, _nothing)
-            await bus.permitted(puts=[keys.health(NAME, "a", "agentd")])
-            with pytest.raises(
-                AccessDenied, match="denies agentd of `a`: to put on argosy/three/b/health/agentd: by its rules"
-            ):
-                await bus.permitted(puts=[keys.health(NAME, "b", "agentd"), keys.health(NAME, "a", "agentd")])
-            withdraw = bus.serve(keys.mind(NAME, "b"), MindView, _nothing)
-            await until(lambda: "to serve argosy/three/b/mind" in bus.access.note, "it is noted")
-            withdraw()
-            await until(lambda: bus.access.note == "", "it is forgotten")
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    async with world.member("pi1", "a") as bus:
+        bus.serve(keys.mind(NAME, "a"), MindView, _nothing)
+        await bus.permitted(puts=[keys.health(NAME, "a", "agentd")])
+        with pytest.raises(
+            AccessDenied, match="denies agentd of `a`: to put on argosy/three/b/health/agentd: by its rules"
+        ):
+            await bus.permitted(puts=[keys.health(NAME, "b", "agentd"), keys.health(NAME, "a", "agentd")])
+        withdraw = bus.serve(keys.mind(NAME, "b"), MindView, _nothing)
+        await until(lambda: "to serve argosy/three/b/mind" in bus.access.note, "it is noted")
+        withdraw()
+        await until(lambda: bus.access.note == "", "it is forgotten")
 
 
-def test_a_client_in_a_secured_fleet_has_a_name_of_its_board(world: World) -> None:
+@async_test
+async def test_a_client_in_a_secured_fleet_has_a_name_of_its_board(world: World) -> None:
     fleet = world.fleet
 
     def joined(name: str, board: str) -> AbstractAsyncContextManager[Client]:
         return join(name, mission=fleet.mission, board=board, router=fleet.socket(board))
 
-    async def body() -> None:
-        with pytest.raises(NotJoined, match="join kid: names made on board pi1 begin with `pi1_`, such as `pi1_kid`"):
-            async with joined("kid", "pi1"):
-                pass
-        async with joined("pi1_kid", "pi1") as kid, joined("pi2_kid", "pi2") as other:
-            while True:
-                try:
-                    await kid.send("pi2_kid", "tell", 1)
-                    break
-                except UnknownReceiver:
-                    await asyncio.sleep(0.05)
-            async for message in other.messages():
-                assert (message.sender, message.content) == ("pi1_kid", 1)
+    with pytest.raises(NotJoined, match="join kid: names made on board pi1 begin with `pi1_`, such as `pi1_kid`"):
+        async with joined("kid", "pi1"):
+            pass
+    async with joined("pi1_kid", "pi1") as kid, joined("pi2_kid", "pi2") as other:
+        while True:
+            try:
+                await kid.send("pi2_kid", "tell", 1)
                 break
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+            except UnknownReceiver:
+                await asyncio.sleep(0.05)
+        async for message in other.messages():
+            assert (message.sender, message.content) == ("pi1_kid", 1)
+            break
 
 
 async def _nothing(query: object) -> None:

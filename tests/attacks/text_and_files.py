@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 from tests.argosy.ui.test_malformed_http import MALFORMED
 from tests.argosy.watch.hostile import RAW, saying
 from tests.argosy.watch.terminal import Terminal
-from tests.attacks.world import NAME, TEXT, Attack, Row, World
+from tests.attacks.world import NAME, TEXT, Attack, Row, World, attack
 from tests.support.processes import Daemon
 from tests.support.secured import Secured
 
@@ -24,15 +24,15 @@ REFUSED = 20.0
 """Seconds in which a program that is no file is refused; most of it is the start of Python."""
 
 
-async def commands_to_terminals(world: World) -> Row:
+@attack(
+    "text that commands a terminal",
+    "a member of pi3 says OSC titles, cursor moves, C1 codes, line breaks and marks of writing direction as mind, "
+    "beliefs, mail, health notes, percepts and actions of `c` and `r3`; the operator looks by `argosy status`, "
+    "`why`, `echo` and `watch`, each in a terminal",
+    "`argosy`: text of others is escaped where it is shown",
+)
+async def commands_to_terminals(row: Row, world: World) -> None:
     """Say what a terminal takes for commands in every text of an agent's and a robot's records."""
-    row = Row(
-        "text that commands a terminal",
-        "a member of pi3 says OSC titles, cursor moves, C1 codes, line breaks and marks of writing direction as mind, "
-        "beliefs, mail, health notes, percepts and actions of `c` and `r3`; the operator looks by `argosy status`, "
-        "`why`, `echo` and `watch`, each in a terminal",
-        "`argosy`: text of others is escaped where it is shown",
-    )
     ops = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")))
     looks = {
         "status": ["status", *ops[1:]],
@@ -51,7 +51,6 @@ async def commands_to_terminals(world: World) -> Row:
                 found = re.search(rb"\]0;PWNED[^\r\n]{0,40}", output)
                 row.seen.append(f"`argosy why c`: `{found[0].decode() if found else ''}`")
     row.seen.append(f"none of {len(RAW)} sequences in the output of {', '.join(looks)}")
-    return row
 
 
 def _output(arguments: list[str]) -> bytes:
@@ -64,13 +63,13 @@ def _output(arguments: list[str]) -> bytes:
         return terminal.output
 
 
-async def state_under_an_open_umask(_: World) -> Row:
+@attack(
+    "state that everybody may read",
+    "`commd`, `bridged` and `agentd` of a board started by hand under umask 0",
+    "the daemons: folders 0700 and files 0600, whatever the umask",
+)
+async def state_under_an_open_umask(row: Row, _: World) -> None:
     """Start the daemons of a board by hand, in a shell whose umask is 0."""
-    row = Row(
-        "state that everybody may read",
-        "`commd`, `bridged` and `agentd` of a board started by hand under umask 0",
-        "the daemons: folders 0700 and files 0600, whatever the umask",
-    )
     before = os.umask(0)
     try:
         fleet = Secured(TEXT)
@@ -85,7 +84,6 @@ async def state_under_an_open_umask(_: World) -> Row:
     kinds = {path.suffix or path.name for path in modes if not path.is_dir()}
     row.expect({".mail", ".sqlite", ".actions"} <= kinds, f"mail, minds and the ledger are among {kinds}")
     row.seen.append(f"{len(modes)} files and folders of state, none of which group or others may read or write")
-    return row
 
 
 def _serve(fleet: Secured) -> None:
@@ -107,14 +105,14 @@ LEAVES = """
 """
 
 
-async def files_outside(world: World) -> Row:
+@attack(
+    "files outside of the project",
+    "`agentd run` of a program that includes `/etc/passwd`, `../other.asl` and a link there, and saves itself at "
+    "`../saved.asl` and below a link to a folder",
+    "`.include` and `.save_agent`: within the project's folders, links resolved; `--allow-folder` allows others",
+)
+async def files_outside(row: Row, world: World) -> None:
     """Run a program that reads and writes files outside of its folder, by paths and by links."""
-    row = Row(
-        "files outside of the project",
-        "`agentd run` of a program that includes `/etc/passwd`, `../other.asl` and a link there, and saves itself at "
-        "`../saved.asl` and below a link to a folder",
-        "`.include` and `.save_agent`: within the project's folders, links resolved; `--allow-folder` allows others",
-    )
     outside = world.fleet.folder / "files"
     project = outside / "project"
     project.mkdir(parents=True)
@@ -130,16 +128,15 @@ async def files_outside(world: World) -> Row:
     row.expect({path.name for path in outside.iterdir()} == {"project", "other.asl"}, "nothing was written elsewhere")
     row.seen += [f"`{text.replace(str(project), 'project')}`" for text in refused[:1]]
     row.seen.append(f"{len(refused)} refused; its own file included, and it saved there")
-    return row
 
 
-async def values_that_double(world: World) -> Row:
+@attack(
+    "values that double",
+    "`agentd run` of a program that concatenates a text to itself without end, and then a list",
+    "`.concat`: 16,000,000 characters or 1,000,000 members; beyond, the plan fails",
+)
+async def values_that_double(row: Row, world: World) -> None:
     """Let a program concatenate a text and a list to themselves without end."""
-    row = Row(
-        "values that double",
-        "`agentd run` of a program that concatenates a text to itself without end, and then a list",
-        "`.concat`: 16,000,000 characters or 1,000,000 members; beyond, the plan fails",
-    )
     folder = world.fleet.folder / "doubles"
     folder.mkdir()
     (folder / "doubles.asl").write_text(
@@ -151,16 +148,15 @@ async def values_that_double(world: World) -> Row:
     row.expect(code == 0 and len(told) == 2, f"two plans fail, not {text[-500:]}")
     row.expect("Traceback" not in text, "no traceback")
     row.seen += [f"`{line}`" for line in told]
-    return row
 
 
-async def programs_that_are_no_files(world: World) -> Row:
+@attack(
+    "a pipe or a device as a program",
+    "`agentd run` and `argosy check` with a named pipe that nobody writes to, and with `/dev/zero`",
+    "whoever reads: a program is a regular file of at most 16 MB",
+)
+async def programs_that_are_no_files(row: Row, world: World) -> None:
     """Name a named pipe and a device as programs, for `agentd run` and in a mission for `argosy check`."""
-    row = Row(
-        "a pipe or a device as a program",
-        "`agentd run` and `argosy check` with a named pipe that nobody writes to, and with `/dev/zero`",
-        "whoever reads: a program is a regular file of at most 16 MB",
-    )
     folder = world.fleet.folder / "pipes"
     folder.mkdir()
     os.mkfifo(folder / "pipe.asl")
@@ -176,17 +172,16 @@ async def programs_that_are_no_files(world: World) -> Row:
             if command[0] == "agentd":
                 line = text.replace(f"{folder}/", "").strip().splitlines()[0]
                 row.seen.append(f"`{line}`")
-    return row
 
 
-async def malformed_http(world: World) -> Row:
+@attack(
+    "what is no HTTP",
+    f"{len(MALFORMED)} malformed requests at the port of `argosy ui` of an operator: bytes, overlong lines, bad "
+    "lengths, control characters in headers",
+    "`argosy ui`: refused and counted, in one line for the 1st, 2nd, 4th, 8th",
+)
+async def malformed_http(row: Row, world: World) -> None:
     """Send what is no HTTP to the page of an operator."""
-    row = Row(
-        "what is no HTTP",
-        f"{len(MALFORMED)} malformed requests at the port of `argosy ui` of an operator: bytes, overlong lines, bad "
-        "lengths, control characters in headers",
-        "`argosy ui`: refused and counted, in one line for the 1st, 2nd, 4th, 8th",
-    )
     keys = ("--mission", str(world.fleet.path), "--keys", str(world.fleet.keys("ops")), "--port", "0")
     page = world.fleet.run("argosy", "ui", *keys)
     try:
@@ -204,7 +199,6 @@ async def malformed_http(world: World) -> Row:
         row.seen.append(f"`{counted[-1].removeprefix('argosy ui: ')}`")
     finally:
         page.kill()
-    return row
 
 
 def _answer(port: int, sent: bytes, ends: bool = True) -> bytes:

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.signing import Signing, key_of
 from schemas.wire.records import Note
-from tests.attacks.world import Attack, Row, World
+from tests.attacks.world import Attack, Row, World, attack
 from tests.bridged.radio import COPTER, Ride, Speaker, place, riding
 from tests.support.buses import until
 from tests.support.ports import free_port
@@ -20,14 +20,14 @@ GUIDED = dialect.MAVLink_heartbeat_message(2, 3, 129 | 8, 4, 4, 3)
 """Of an armed copter that takes targets."""
 
 
-async def telemetry_from_elsewhere(world: World) -> Row:
+@attack(
+    "telemetry in the vehicle's name from a second port",
+    "positions at the goal, acknowledgements and HEARTBEATs of 1/1 at the bridge's `udpin` port, from another port "
+    "than the vehicle's, during a `goto`; no signing",
+    "the bridge: a vehicle is a system id and the address that its HEARTBEATs come from",
+)
+async def telemetry_from_elsewhere(row: Row, world: World) -> None:
     """Somebody on the network of a vehicle says in its name where it is, and that it obeys."""
-    row = Row(
-        "telemetry in the vehicle's name from a second port",
-        "positions at the goal, acknowledgements and HEARTBEATs of 1/1 at the bridge's `udpin` port, from another port "
-        "than the vehicle's, during a `goto`; no signing",
-        "the bridge: a vehicle is a system id and the address that its HEARTBEATs come from",
-    )
     port = free_port()
     async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
         vehicle, forger = Speaker(port), Speaker(port)
@@ -59,17 +59,16 @@ async def telemetry_from_elsewhere(world: World) -> Row:
         forger.close()
     row.seen.append(f"60 packets not taken, `goto` goes on; health, `foreign_packets`: `{told.text if told else ''}`")
     row.seen.append(f"with HEARTBEATs as well: `{two.text if two else ''}`; neither is armed or moved meanwhile")
-    return row
 
 
-async def signed_packets_again(world: World) -> Row:
+@attack(
+    "signed packets of before a restart of the bridge",
+    "5 HEARTBEATs of an armed vehicle, rightly signed, are taken; then sent again, from another port, to a bridge "
+    "with the state folder that was left in order, and to one with that of the middle of the work, as of kill -9",
+    "the bridge: the last timestamps of the vehicle's streams are kept, written ahead",
+)
+async def signed_packets_again(row: Row, world: World) -> None:
     """Somebody records what a signed vehicle sends, and sends it to the bridge once it was restarted."""
-    row = Row(
-        "signed packets of before a restart of the bridge",
-        "5 HEARTBEATs of an armed vehicle, rightly signed, are taken; then sent again, from another port, to a bridge "
-        "with the state folder that was left in order, and to one with that of the middle of the work, as of kill -9",
-        "the bridge: the last timestamps of the vehicle's streams are kept, written ahead",
-    )
     with TemporaryDirectory() as folder:
         kept, crashed = Path(folder) / "kept", Path(folder) / "crashed"
         phrase = Path(folder) / "phrase"
@@ -102,7 +101,6 @@ async def signed_packets_again(world: World) -> Row:
                 )
                 replayer.close()
         vehicle.close()
-    return row
 
 
 def _told(ride: Ride, code: str) -> Note | None:

@@ -87,6 +87,21 @@ class World:
 Attack: TypeAlias = Callable[[World], Awaitable[Row]]
 
 
+def attack(name: str, tried: str, refused: str) -> Callable[[Callable[[Row, World], Awaitable[None]]], Attack]:
+    """Make an attack of what notes in its row what came of it."""
+
+    def decorate(body: Callable[[Row, World], Awaitable[None]]) -> Attack:
+        async def make(world: World) -> Row:
+            row = Row(name, tried, refused)
+            await body(row, world)
+            return row
+
+        make.__name__, make.__doc__ = body.__name__, body.__doc__
+        return make
+
+    return decorate
+
+
 def letter(sender: str, receiver: str, number: int = 1, content: Any = 1) -> Mail:
     """One message as mail."""
     one = Message(

@@ -11,10 +11,11 @@ from tests.faults.mail import MAIL_INPUT
 from tests.faults.mail_files import AS_ROOT, MAIL_FILES
 from tests.faults.poison import POISON
 from tests.faults.real import REAL
-from tests.faults.rows import Row, table, table_of_mail
+from tests.faults.rows import Row, of_actions, of_mail
 from tests.faults.virtual import VIRTUAL
 from tests.soak.report import ROOT, here
 
+FLOWN = (*VIRTUAL, *REAL)
 PAGE = ROOT / "docs/measurements/faults.md"
 HEAD = """\
 # Faults
@@ -38,8 +39,7 @@ def main() -> int:
     if os.geteuid():
         print("rows that need a file system of their own need root", file=sys.stderr)
         return 2
-    of_actions = (*VIRTUAL, *REAL)
-    for make in (*of_actions, *MAIL_INPUT, *MAIL_FILES, *POISON, *AS_ROOT):
+    for make in (*FLOWN, *MAIL_INPUT, *MAIL_FILES, *POISON, *AS_ROOT):
         with tempfile.TemporaryDirectory() as folder:
             rows.append(make(Path(folder)))
         row = rows[-1]
@@ -49,11 +49,9 @@ def main() -> int:
     failed = [row for row in rows if row.wrong()]
     print(f"{len(rows) - len(failed)} of {len(rows)} hold")
     if not failed:
-        count = len(of_actions)
-        PAGE.write_text(
-            "\n".join([HEAD, f"On {here()}.\n", *table(rows[:count]), MAIL_HEAD, *table_of_mail(rows[count:]), ""]),
-            encoding="utf-8",
-        )
+        count = len(FLOWN)
+        lines = [HEAD, f"On {here()}.\n", *of_actions(rows[:count]), MAIL_HEAD, *of_mail(rows[count:]), ""]
+        PAGE.write_text("\n".join(lines), encoding="utf-8")
     return 1 if failed else 0
 
 

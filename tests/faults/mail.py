@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import random
 import socket
-from collections.abc import Callable
 from pathlib import Path
 
 import zenoh
@@ -14,9 +13,9 @@ from commd.bus.bus import Bus
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.records import Mail, Message, Receipt
-from tests.faults.office import FLEET, MISSION, Office, expect_all, grown, held, read, row_of, waits
+from tests.faults.office import FLEET, MISSION, Office, expect_all, grown, held, in_office, read, row_of, waits
 from tests.faults.real import resident
-from tests.faults.rows import Row
+from tests.faults.rows import Maker, Row
 from tests.support.buses import served, until
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
@@ -82,37 +81,32 @@ def _malformed(chance: random.Random) -> bytes:
             return b"<m1,o<d,te>l,ann,\xff\xfe" + chance.randbytes(9) + b">"
 
 
-def records(state: Path) -> Row:
+@in_office(
+    "malformed mail records", f"real Zenoh: {RECORDS} queries with broken payloads on outbox, mail and inbox keys"
+)
+async def records(row: Row, office: Office) -> None:
     """Payloads that are no mail come on every key of the mail, with good ones among them."""
-    row = Row(
-        "malformed mail records", f"real Zenoh: {RECORDS} queries with broken payloads on outbox, mail and inbox keys"
-    )
-
-    async def body(office: Office) -> None:
-        for board in ("pi1", "pi2"):
-            await office.start(board)
-        daemon = office.daemons["pi1"]
-        before, chance = resident(daemon), random.Random(7)
-        async with office.bus() as bus, office.program("ann") as ann, office.program("bob") as bob:
-            refused = 0
-            targets = [keys.outbox(FLEET, "ann"), keys.mail(FLEET, "ann", "bob"), keys.inbox(FLEET, "bob")]
-            for target in targets:
-                await served(bus, target)
-            for key in targets:
-                await served(bus, key)
-            for number in range(RECORDS):
-                errors = await _ask(bus, targets[number % 3], _broken(chance))
-                refused += any(errors)
-                if number % 30 == 0:
-                    await ann.send("bob", "tell", number)
-            expect_all(row, await read(bob, RECORDS // 30), list(range(0, RECORDS, 30)))
-            row.expect(refused == RECORDS, f"each is answered with an error, {refused} of {RECORDS} were")
-            row.seen.append(f"{refused} answered with an error in words")
-        held(daemon)
-        grown(row, daemon, before)
-
-    row_of(body, state)
-    return row
+    for board in ("pi1", "pi2"):
+        await office.start(board)
+    daemon = office.daemons["pi1"]
+    before, chance = resident(daemon), random.Random(7)
+    async with office.bus() as bus, office.program("ann") as ann, office.program("bob") as bob:
+        refused = 0
+        targets = [keys.outbox(FLEET, "ann"), keys.mail(FLEET, "ann", "bob"), keys.inbox(FLEET, "bob")]
+        for target in targets:
+            await served(bus, target)
+        for key in targets:
+            await served(bus, key)
+        for number in range(RECORDS):
+            errors = await _ask(bus, targets[number % 3], _broken(chance))
+            refused += any(errors)
+            if number % 30 == 0:
+                await ann.send("bob", "tell", number)
+        expect_all(row, await read(bob, RECORDS // 30), list(range(0, RECORDS, 30)))
+        row.expect(refused == RECORDS, f"each is answered with an error, {refused} of {RECORDS} were")
+        row.seen.append(f"{refused} answered with an error in words")
+    held(daemon)
+    grown(row, daemon, before)
 
 
 def _broken(chance: random.Random) -> tuple[bytes, str]:
@@ -144,87 +138,77 @@ async def _ask(bus: Bus, key: str, sent: tuple[bytes, str]) -> list[str]:
     return await asyncio.to_thread(ask)
 
 
-def other_version(state: Path) -> Row:
+@in_office(
+    "a peer with another schema version",
+    "real Zenoh: it asks with Mail of version 2, and answers ann's mail to bob with receipts of version 2",
+)
+async def other_version(row: Row, office: Office) -> None:
     """A board with another major version of the records stands where bob's should be, until the right one comes."""
-    row = Row(
-        "a peer with another schema version",
-        "real Zenoh: it asks with Mail of version 2, and answers ann's mail to bob with receipts of version 2",
-    )
+    daemon = await office.start("pi1")
+    foreign = codec(Mail).encoding("json").replace("/1", "/2")
+    receipts = codec(Receipt).encoding("json").replace("/1", "/2")
+    row.expect("/2" in foreign and "/2" in receipts, "the encoding carries a version")
+    async with office.bus() as bus, office.program("ann") as ann:
+        errors = await _ask(bus, keys.outbox(FLEET, "ann"), (b'{"messages":[]}', foreign))
+        row.expect(errors and "version" in errors[0], f"the answer names the version, it is {errors}")
+        row.seen.append(f"its question is answered: `{errors[0]}`" if errors else "no answer")
+        asked: list[int] = []
 
-    async def body(office: Office) -> None:
-        daemon = await office.start("pi1")
-        foreign = codec(Mail).encoding("json").replace("/1", "/2")
-        receipts = codec(Receipt).encoding("json").replace("/1", "/2")
-        row.expect("/2" in foreign and "/2" in receipts, "the encoding carries a version")
-        async with office.bus() as bus, office.program("ann") as ann:
-            errors = await _ask(bus, keys.outbox(FLEET, "ann"), (b'{"messages":[]}', foreign))
-            row.expect(errors and "version" in errors[0], f"the answer names the version, it is {errors}")
-            row.seen.append(f"its question is answered: `{errors[0]}`" if errors else "no answer")
-            asked: list[int] = []
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                asked.append(1)
+                query.reply(str(query.key_expr), b'{"taken":20}', encoding=receipts)
 
-            def answer(query: zenoh.Query) -> None:
-                with query:
-                    asked.append(1)
-                    query.reply(str(query.key_expr), b'{"taken":20}', encoding=receipts)
-
-            queryable = bus._session.declare_queryable(keys.mail(FLEET, "bob", "*"), answer)
-            token = bus.token(keys.alive(FLEET, "pi2", "commd", "foreign"))
-            for number in range(20):
-                await ann.send("bob", "tell", number)
-            await until(lambda: len(asked) > 1, "its mail is offered, and offered again")
-            kept = await waits(bus, "pi1", 20)
-            row.seen.append(f"its receipts are not believed: 20 messages wait, `{kept.queues[0].state}`")
-            queryable.undeclare()  # type: ignore[no-untyped-call]
-            bus.withdraw(token)
-            await office.start("pi2")
-            async with office.program("bob") as bob:
-                expect_all(row, await read(bob, 20), list(range(20)))
-        held(daemon)
-        row.bound = "-"
-
-    row_of(body, state)
-    return row
+        queryable = bus._session.declare_queryable(keys.mail(FLEET, "bob", "*"), answer)
+        token = bus.token(keys.alive(FLEET, "pi2", "commd", "foreign"))
+        for number in range(20):
+            await ann.send("bob", "tell", number)
+        await until(lambda: len(asked) > 1, "its mail is offered, and offered again")
+        kept = await waits(bus, "pi1", 20)
+        row.seen.append(f"its receipts are not believed: 20 messages wait, `{kept.queues[0].state}`")
+        queryable.undeclare()  # type: ignore[no-untyped-call]
+        bus.withdraw(token)
+        await office.start("pi2")
+        async with office.program("bob") as bob:
+            expect_all(row, await read(bob, 20), list(range(20)))
+    held(daemon)
+    row.bound = "-"
 
 
-def clock_jumps(state: Path) -> Row:
+@in_office(
+    "clock jumps", "real processes: `time.time` of pi2's commd is a year behind, then, after kill -9, a year ahead"
+)
+async def clock_jumps(row: Row, office: Office) -> None:
     """The wall clocks of a board's daemon are a year behind, and in its next life a year ahead."""
-    row = Row(
-        "clock jumps", "real processes: `time.time` of pi2's commd is a year behind, then, after kill -9, a year ahead"
-    )
+    await office.start("pi1")
+    command = office.command("pi2")
 
-    async def body(office: Office) -> None:
-        await office.start("pi1")
-        command = office.command("pi2")
+    async def shifted(shift: float) -> Daemon:
+        script = office.folder / "shifted.py"
+        script.write_text(_SHIFTED.format(shift=shift, arguments=list(command), module=command[0]))
+        return await office.start("pi2", "tests.faults.script", str(script))
 
-        async def shifted(shift: float) -> Daemon:
-            script = office.folder / "shifted.py"
-            script.write_text(_SHIFTED.format(shift=shift, arguments=list(command), module=command[0]))
-            return await office.start("pi2", "tests.faults.script", str(script))
-
-        await shifted(-YEAR)
-        async with office.program("ann") as ann:
-            for number in range(10):
-                await ann.send("bob", "tell", number, ttl=60.0)
-            async with office.bus() as bus:
-                await waits(bus, "pi2", 10)
-            office.daemons["pi2"].kill()
-            for number in range(10, 20):
-                await ann.send("bob", "tell", number, ttl=60.0)
-            late = await shifted(+YEAR)
-            async with office.bus() as bus:
-                await waits(bus, "pi2", 20)
-            await ann.send("bob", "tell", "too late", ttl=0.5)
-            await asyncio.sleep(1.5)
-            async with office.program("bob") as bob:
-                expect_all(row, await read(bob, 20), list(range(20)))
-            told = await read(ann, 1)
-            row.expect(len(told) == 1 and "expired" in str(told[0]), f"what lived for 0.5 s is given up, told {told}")
-            row.seen.append("`ttl` of 60 s outlived both jumps; one of 0.5 s was over after 0.5 s, and its sender told")
-        held(late)
-        row.bound = "-"
-
-    row_of(body, state)
-    return row
+    await shifted(-YEAR)
+    async with office.program("ann") as ann:
+        for number in range(10):
+            await ann.send("bob", "tell", number, ttl=60.0)
+        async with office.bus() as bus:
+            await waits(bus, "pi2", 10)
+        office.daemons["pi2"].kill()
+        for number in range(10, 20):
+            await ann.send("bob", "tell", number, ttl=60.0)
+        late = await shifted(+YEAR)
+        async with office.bus() as bus:
+            await waits(bus, "pi2", 20)
+        await ann.send("bob", "tell", "too late", ttl=0.5)
+        await asyncio.sleep(1.5)
+        async with office.program("bob") as bob:
+            expect_all(row, await read(bob, 20), list(range(20)))
+        told = await read(ann, 1)
+        row.expect(len(told) == 1 and "expired" in str(told[0]), f"what lived for 0.5 s is given up, told {told}")
+        row.seen.append("`ttl` of 60 s outlived both jumps; one of 0.5 s was over after 0.5 s, and its sender told")
+    held(late)
+    row.bound = "-"
 
 
-MAIL_INPUT: tuple[Callable[[Path], Row], ...] = (datagrams, records, other_version, clock_jumps)
+MAIL_INPUT: tuple[Maker, ...] = (datagrams, records, other_version, clock_jumps)

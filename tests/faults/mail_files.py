@@ -7,7 +7,6 @@ import random
 import shutil
 import sqlite3
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -17,9 +16,9 @@ from commd.mail.age_clock import WENT_BACK
 from schemas.wire import keys
 from schemas.wire.records import BoardServices, MailSeen
 from tests.boards.disk import Disk
-from tests.faults.office import FLEET, Office, expect_all, grown, held, read, row_of, waits
+from tests.faults.office import FLEET, Office, expect_all, grown, held, in_office, read, row_of, waits
 from tests.faults.real import resident
-from tests.faults.rows import Row
+from tests.faults.rows import Maker, Row
 from tests.support.ports import free_port
 from tests.support.processes import running
 
@@ -36,40 +35,35 @@ _AGENT = """\
 """
 
 
-def corrupt_mail(state: Path) -> Row:
+@in_office("corrupt database of commd", "real file: noise over its pages after kill -9, then restart")
+async def corrupt_mail(row: Row, office: Office) -> None:
     """A board's mail file is overwritten with noise while its commd is dead."""
-    row = Row("corrupt database of commd", "real file: noise over its pages after kill -9, then restart")
-
-    async def body(office: Office) -> None:
-        for board in ("pi1", "pi2"):
-            await office.start(board)
-        async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
-            for number in range(5):
-                await ann.send("cid", "tell", number)  # these wait at pi1, where the file will be lost
-                await bob.send("cid", "tell", number)
-            await waits(bus, "pi1", 10)
-            await asyncio.to_thread(office.daemons["pi1"].kill)
-            for number in range(5, 10):
-                await bob.send("cid", "tell", number)  # these wait at pi2
-            _noise(office.file("pi1"))
-            daemon = await office.start("pi1")
-            aside = sorted(one.name for one in office.file("pi1").parent.glob("*.corrupt-1"))
-            row.expect(aside == ["pi1.mail.corrupt-1"], f"the file is set aside, found {aside}")
-            row.expect("mail_store_corrupt" in daemon.text, "the log tells of it")
-            health = await office.told(
-                "pi1", lambda it: it.notes[:1] and it.notes[0].code == "mail_file_set_aside", "a note"
-            )
-            row.seen.append(f"set aside, and told: `{health.notes[0].text}`")
-            async with office.program("cid") as cid:
-                expect_all(row, await read(cid, 5), list(range(5, 10)))
-                await ann.send("cid", "tell", "after")
-                row.expect(await read(cid, 1) == ["after"], "mail goes on")
-            row.seen.append("the other board's mail and what came after is delivered")
-        held(daemon)
-        row.bound = "-"
-
-    row_of(body, state)
-    return row
+    for board in ("pi1", "pi2"):
+        await office.start(board)
+    async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
+        for number in range(5):
+            await ann.send("cid", "tell", number)  # these wait at pi1, where the file will be lost
+            await bob.send("cid", "tell", number)
+        await waits(bus, "pi1", 10)
+        await asyncio.to_thread(office.daemons["pi1"].kill)
+        for number in range(5, 10):
+            await bob.send("cid", "tell", number)  # these wait at pi2
+        _noise(office.file("pi1"))
+        daemon = await office.start("pi1")
+        aside = sorted(one.name for one in office.file("pi1").parent.glob("*.corrupt-1"))
+        row.expect(aside == ["pi1.mail.corrupt-1"], f"the file is set aside, found {aside}")
+        row.expect("mail_store_corrupt" in daemon.text, "the log tells of it")
+        health = await office.told(
+            "pi1", lambda it: it.notes[:1] and it.notes[0].code == "mail_file_set_aside", "a note"
+        )
+        row.seen.append(f"set aside, and told: `{health.notes[0].text}`")
+        async with office.program("cid") as cid:
+            expect_all(row, await read(cid, 5), list(range(5, 10)))
+            await ann.send("cid", "tell", "after")
+            row.expect(await read(cid, 1) == ["after"], "mail goes on")
+        row.seen.append("the other board's mail and what came after is delivered")
+    held(daemon)
+    row.bound = "-"
 
 
 def _noise(path: Path) -> None:
@@ -82,50 +76,45 @@ def _noise(path: Path) -> None:
             one.write_bytes(bytes(data))
 
 
-def mail_restored(state: Path) -> Row:
+@in_office("mail file that goes back in time", "real files: a copy of the board's folder put back after kill -9")
+async def mail_restored(row: Row, office: Office) -> None:
     """A board's folder is put back to a copy of before it has taken and sent more mail."""
-    row = Row("mail file that goes back in time", "real files: a copy of the board's folder put back after kill -9")
-
-    async def body(office: Office) -> None:
-        folder, copy = office.file("pi1").parent, state / "copy"
-        for board in ("pi1", "pi2"):
-            await office.start(board)
-        async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
-            for number in range(3):
-                await ann.send("bob", "tell", number)
-            expect_all(row, await read(bob, 3), [0, 1, 2])
-            await ann.send("cid", "tell", "before")
-            await asyncio.to_thread(office.daemons["pi1"].kill)
-            shutil.copytree(folder, copy)
-            await office.start("pi1")
-            await _seen(bus, "pi1")
-            for number in range(3, 6):
-                await ann.send("bob", "tell", number)
-            expect_all(row, await read(bob, 3), [3, 4, 5])
-            await ann.send("cid", "tell", "after")
-            await asyncio.to_thread(office.daemons["pi1"].kill)
-            shutil.rmtree(folder)
-            shutil.copytree(copy, folder)
-            daemon = await office.start("pi1")
-            health = await office.told("pi1", lambda it: [note.code for note in it.notes] == [WENT_BACK], "a note")
-            row.seen.append(f"told in health, code `{WENT_BACK}`: `{health.notes[0].text}`")
-            row.expect(f"event={WENT_BACK} board=pi1 " in daemon.text, "the log tells of it")
-            for number in range(6, 8):
-                await ann.send("bob", "tell", number)
-            expect_all(row, await read(bob, 2), [6, 7])
-            async with office.program("cid") as cid:
-                found = await read(cid, 1)
-                row.expect(found == ["before"], f"what the copy holds is delivered, got {found}")
-            row.seen.append("mail for cid: 1 of before the copy arrives, 1 of after it is lost")
-            await asyncio.to_thread(daemon.kill)
-            daemon = await office.start("pi1")
-            await _seen(bus, "pi1")
-            row.expect(f"event={WENT_BACK}" not in daemon.text, "the next life does not tell it again")
-        held(daemon)
-        row.bound = "-"
-
-    row_of(body, state)
-    return row
+    folder, copy = office.file("pi1").parent, office.folder / "copy"
+    for board in ("pi1", "pi2"):
+        await office.start(board)
+    async with office.bus("pi2") as bus, office.program("ann") as ann, office.program("bob") as bob:
+        for number in range(3):
+            await ann.send("bob", "tell", number)
+        expect_all(row, await read(bob, 3), [0, 1, 2])
+        await ann.send("cid", "tell", "before")
+        await asyncio.to_thread(office.daemons["pi1"].kill)
+        shutil.copytree(folder, copy)
+        await office.start("pi1")
+        await _seen(bus, "pi1")
+        for number in range(3, 6):
+            await ann.send("bob", "tell", number)
+        expect_all(row, await read(bob, 3), [3, 4, 5])
+        await ann.send("cid", "tell", "after")
+        await asyncio.to_thread(office.daemons["pi1"].kill)
+        shutil.rmtree(folder)
+        shutil.copytree(copy, folder)
+        daemon = await office.start("pi1")
+        health = await office.told("pi1", lambda it: [note.code for note in it.notes] == [WENT_BACK], "a note")
+        row.seen.append(f"told in health, code `{WENT_BACK}`: `{health.notes[0].text}`")
+        row.expect(f"event={WENT_BACK} board=pi1 " in daemon.text, "the log tells of it")
+        for number in range(6, 8):
+            await ann.send("bob", "tell", number)
+        expect_all(row, await read(bob, 2), [6, 7])
+        async with office.program("cid") as cid:
+            found = await read(cid, 1)
+            row.expect(found == ["before"], f"what the copy holds is delivered, got {found}")
+        row.seen.append("mail for cid: 1 of before the copy arrives, 1 of after it is lost")
+        await asyncio.to_thread(daemon.kill)
+        daemon = await office.start("pi1")
+        await _seen(bus, "pi1")
+        row.expect(f"event={WENT_BACK}" not in daemon.text, "the next life does not tell it again")
+    held(daemon)
+    row.bound = "-"
 
 
 async def _seen(bus: Bus, board: str) -> None:
@@ -245,6 +234,6 @@ def _team(folder: Path) -> str:
     return str(folder / "office.yaml")
 
 
-MAIL_FILES: tuple[Callable[[Path], Row], ...] = (corrupt_mail, mail_restored, corrupt_checkpoint, newer_version)
-AS_ROOT: tuple[Callable[[Path], Row], ...] = (full_disk,)
+MAIL_FILES: tuple[Maker, ...] = (corrupt_mail, mail_restored, corrupt_checkpoint, newer_version)
+AS_ROOT: tuple[Maker, ...] = (full_disk,)
 """Rows that need a file system of their own."""

@@ -15,7 +15,7 @@ from commd.client import Client, join
 from schemas.wire import keys
 from schemas.wire.records import Health, Mailboxes
 from tests.faults.real import resident
-from tests.faults.rows import Row
+from tests.faults.rows import Maker, Row
 from tests.support.buses import until
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
@@ -152,3 +152,18 @@ def row_of(body: Callable[[Office], Coroutine[Any, Any, None]], folder: Path, mi
             await body(Office(folder, stack, mission))
 
     asyncio.run(run())
+
+
+def in_office(fault: str, injected: str) -> Callable[[Callable[[Row, Office], Coroutine[Any, Any, None]]], Maker]:
+    """Make a row of what is done in an office of its own."""
+
+    def decorate(body: Callable[[Row, Office], Coroutine[Any, Any, None]]) -> Maker:
+        def make(state: Path) -> Row:
+            row = Row(fault, injected)
+            row_of(lambda office: body(row, office), state)
+            return row
+
+        make.__name__, make.__doc__ = body.__name__, body.__doc__
+        return make
+
+    return decorate

@@ -7,13 +7,12 @@ import os
 import shutil
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from agentd.persistence.poison_inputs import DEATHS, FILE, KEPT
 from commd.client import join, parse
 from tests.faults.office import read
-from tests.faults.rows import Row
+from tests.faults.rows import Maker, Row
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 
@@ -149,4 +148,4 @@ def _written_down(state: Path, daemon: Daemon) -> None:
         time.sleep(0.1)
 
 
-POISON: tuple[Callable[[Path], Row], ...] = (poison_message, backup_restored)
+POISON: tuple[Maker, ...] = (poison_message, backup_restored)

@@ -13,7 +13,7 @@ from typing import Any
 import zenoh
 
 from schemas.wire.records import ActionStatus, State
-from tests.faults.rows import Ended, Row
+from tests.faults.rows import Ended, Maker, Row
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 
@@ -136,7 +136,7 @@ def bridge_killed(state: Path) -> Row:
     return row
 
 
-REAL: tuple[Callable[[Path], Row], ...] = (flood, slow_agent, bridge_killed)
+REAL: tuple[Maker, ...] = (flood, slow_agent, bridge_killed)
 
 
 def _flooded(row: Row, state: Path, sleeps: tuple[int, int] = (0, 0), patience: float = 30) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from schemas.wire.records import ActionStatus
+from tests.soak.report import table
 
 
 @dataclass(frozen=True)
@@ -66,23 +68,18 @@ class Row:
         return [*self.problems, *(problem for ended in self.ended for problem in ended.problems)]
 
 
-Maker = Callable[[], Row]
+Maker = Callable[[Path], Row]
 
 
-def table(rows: Sequence[Row]) -> list[str]:
+def of_actions(rows: Sequence[Row]) -> list[str]:
     """The rows of actions as Markdown."""
-    lines = ["| fault | injected | what became of each action | what else was seen | memory |", "|---|---|---|---|---|"]
-    return lines + [
-        _line(row.fault, row.injected, "<br>".join(map(str, row.ended)), "<br>".join(row.seen), row.bound)
-        for row in rows
-    ]
+    return table(
+        "fault | injected | what became of each action | what else was seen | memory",
+        ((row.fault, row.injected, "<br>".join(map(str, row.ended)), "<br>".join(row.seen), row.bound) for row in rows),
+    )
 
 
-def table_of_mail(rows: Sequence[Row]) -> list[str]:
+def of_mail(rows: Sequence[Row]) -> list[str]:
     """The rows without actions as Markdown."""
-    lines = ["| fault | injected | what was seen | memory |", "|---|---|---|---|"]
-    return lines + [_line(row.fault, row.injected, "<br>".join(row.seen), row.bound) for row in rows]
-
-
-def _line(*cells: str) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"
+    cells = ((row.fault, row.injected, "<br>".join(row.seen), row.bound) for row in rows)
+    return table("fault | injected | what was seen | memory", cells)

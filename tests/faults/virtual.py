@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -10,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from schemas.wire.terms import Atom
 from tests.bridged.sky import Message
 from tests.faults.air import GOAL, BadAir, resident
-from tests.faults.rows import Row
+from tests.faults.rows import Maker, Row
 
 
 def _row(fault: str, injected: str) -> Row:
@@ -152,7 +151,7 @@ def _positions(sky: BadAir) -> int:
     return sky.driver.vehicle.positions
 
 
-VIRTUAL: tuple[Callable[[Path], Row], ...] = (
+VIRTUAL: tuple[Maker, ...] = (
     packet_loss,
     duplicates,
     garbage,

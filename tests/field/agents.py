@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 import signal
 import time
-from pathlib import Path
 
 from commd.bus.session import LEASE_MS
 from schemas.liveness import AGENT_GRACE, BUS_GRACE, ROUTER_GRACE, SILENT_AFTER
-from tests.boards.network import Network
 from tests.field.flight import Flight
 from tests.field.rows import MARGIN, Maker, Row
-from tests.field.scene import Scene
+from tests.field.scene import Scene, flown
 
 LEASE = LEASE_MS / 1000
 HOLD = 5.0
@@ -29,106 +27,91 @@ WATCHDOG = 10.0
 _BACK = 30.0
 
 
-def killed(folder: Path) -> Row:
+@flown("agentd, killed", "SIGKILL; nobody starts it again", restart=False)
+def killed(row: Row, scene: Scene) -> None:
     """agentd is killed, and nobody starts it again."""
-    row = Row("agentd, killed", "SIGKILL; nobody starts it again")
-    with Scene(folder, restart=False) as scene:
-        at = scene.thinker.signal(signal.SIGKILL)
-        safe(row, scene, at, *KILLED)
-    return row
+    at = scene.thinker.signal(signal.SIGKILL)
+    safe(row, scene, at, *KILLED)
 
 
-def killed_and_restarted(folder: Path) -> Row:
+@flown("agentd, killed", "SIGKILL; `Restart=on-failure`")
+def killed_and_restarted(row: Row, scene: Scene) -> None:
     """agentd is killed, and started again by its unit."""
-    row = Row("agentd, killed", "SIGKILL; `Restart=on-failure`")
-    with Scene(folder) as scene:
-        at = scene.thinker.signal(signal.SIGKILL)
-        ready = scene.thinker.happened.ready
-        scene.until(lambda: len(ready) > 1, "the daemon is ready again", _BACK)
-        returned(row, scene, at, ready[1] - at)
-        row.expect(scene.shows("RTL", at) is None, "rtl is left out, since the agent is back before it")
-    return row
+    at = scene.thinker.signal(signal.SIGKILL)
+    ready = scene.thinker.happened.ready
+    scene.until(lambda: len(ready) > 1, "the daemon is ready again", _BACK)
+    returned(row, scene, at, ready[1] - at)
+    row.expect(scene.shows("RTL", at) is None, "rtl is left out, since the agent is back before it")
 
 
-def stopped(folder: Path) -> Row:
+@flown("agentd, stopped", "SIGSTOP; no watchdog", restart=False, watchdog=False)
+def stopped(row: Row, scene: Scene) -> None:
     """agentd is stopped, and nobody looks."""
-    row = Row("agentd, stopped", "SIGSTOP; no watchdog")
-    with Scene(folder, restart=False, watchdog=False) as scene:
-        at = scene.thinker.signal(signal.SIGSTOP)
-        safe(row, scene, at, *STOPPED)
-    return row
+    at = scene.thinker.signal(signal.SIGSTOP)
+    safe(row, scene, at, *STOPPED)
 
 
-def stopped_and_watched(folder: Path) -> Row:
+@flown("agentd, stopped", "SIGSTOP; `WatchdogSec=10`, `Restart=on-failure`")
+def stopped_and_watched(row: Row, scene: Scene) -> None:
     """agentd is stopped; its watchdog ends it, and its unit starts it again."""
-    row = Row("agentd, stopped", "SIGSTOP; `WatchdogSec=10`, `Restart=on-failure`")
-    with Scene(folder) as scene:
-        at = scene.thinker.signal(signal.SIGSTOP)
-        row.figure("hold", scene.until_shown("BRAKE", at), *STOPPED)
-        watched(row, scene, at)
-    return row
+    at = scene.thinker.signal(signal.SIGSTOP)
+    row.figure("hold", scene.until_shown("BRAKE", at), *STOPPED)
+    watched(row, scene, at)
 
 
-def hung(folder: Path) -> Row:
+@flown(
+    "agentd, hung in a Python function", "its Zenoh threads keep its token; no watchdog", restart=False, watchdog=False
+)
+def hung(row: Row, scene: Scene) -> None:
     """A Python function of the program's does not return, and nobody looks."""
-    row = Row("agentd, hung in a Python function", "its Zenoh threads keep its token; no watchdog")
-    with Scene(folder, restart=False, watchdog=False) as scene:
-        at = scene.hang()
-        safe(row, scene, at, *HUNG)
-    return row
+    at = scene.hang()
+    safe(row, scene, at, *HUNG)
 
 
-def hung_and_watched(folder: Path) -> Row:
+@flown("agentd, hung in a Python function", "`WatchdogSec=10`, `Restart=on-failure`")
+def hung_and_watched(row: Row, scene: Scene) -> None:
     """A Python function of the program's does not return; the watchdog ends the process, its unit starts it again."""
-    row = Row("agentd, hung in a Python function", "`WatchdogSec=10`, `Restart=on-failure`")
-    with Scene(folder) as scene:
-        at = scene.hang()
-        row.figure("hold", scene.until_shown("BRAKE", at), *HUNG)
-        # It holds for the silence, not because the watchdog has ended the agent.
-        words = "it is present and has been silent for 5 s: it hangs"
-        scene.until(lambda: words in scene.daemons["bridged"].text, "the bridge says why", 90)
-        watched(row, scene, at)
-    return row
+    at = scene.hang()
+    row.figure("hold", scene.until_shown("BRAKE", at), *HUNG)
+    # It holds for the silence, not because the watchdog has ended the agent.
+    words = "it is present and has been silent for 5 s: it hangs"
+    scene.until(lambda: words in scene.daemons["bridged"].text, "the bridge says why", 90)
+    watched(row, scene, at)
 
 
-def cut(folder: Path) -> Row:
+@flown(
+    "the link between two boards", "the agent on pi1, its robot on pi2; pi1's cable is unplugged", boards=("pi1", "pi2")
+)
+def cut(row: Row, scene: Scene) -> None:
     """The link between the agent's board and the robot's is cut."""
-    row = Row("the link between two boards", "the agent on pi1, its robot on pi2; pi1's cable is unplugged")
-    with Network(("pi1", "pi2")) as network, Scene(folder, network=network) as scene:
-        at = time.monotonic()
-        network.unplug("pi1")
-        safe(row, scene, at, *CUT)
-        failed = scene.said("goto failed: ", at)
-        row.figure("the agent is told", None if failed is None else failed - at, *ASKER)
-        told = [line.partition("goto failed: ")[2] for _, line in scene.thinker.lines if "goto failed: " in line]
-        row.seen.append(f"the agent is told `{told[0] if told else ''}`")
-    return row
+    at = time.monotonic()
+    scene.network.unplug("pi1")
+    safe(row, scene, at, *CUT)
+    row.seen.append(f"the agent is told `{failure(row, scene, at, *ASKER)}`")
 
 
-def cut_for_a_moment(folder: Path) -> Row:
+@flown(f"the link between two boards, for {SHORT:g} s", "as above, and plugged in again", boards=("pi1", "pi2"))
+def cut_for_a_moment(row: Row, scene: Scene) -> None:
     """The link between the agent's board and the robot's is cut for less than the grace."""
-    row = Row(f"the link between two boards, for {SHORT:g} s", "as above, and plugged in again")
-    with Network(("pi1", "pi2")) as network, Scene(folder, network=network) as scene:
-        at = time.monotonic()
-        network.unplug("pi1")
-        time.sleep(SHORT)
-        network.plug("pi1")
-        time.sleep(CUT[0] + 4)
-        row.expect(not scene.shown(at), f"the flight goes on, shown: {scene.shown(at)}")
-        row.expect(scene.said("goto failed", at) is None, "the action goes on")
-        row.seen.append("no mode changes, the action goes on")
-    return row
+    at = time.monotonic()
+    scene.network.unplug("pi1")
+    time.sleep(SHORT)
+    scene.network.plug("pi1")
+    time.sleep(CUT[0] + 4)
+    row.expect(not scene.shown(at), f"the flight goes on, shown: {scene.shown(at)}")
+    row.expect(scene.said("goto failed", at) is None, "the action goes on")
+    row.seen.append("no mode changes, the action goes on")
 
 
-def landing(folder: Path) -> Row:
+@flown(
+    "agentd, killed", "`on_agent_loss: [land]`; SIGKILL, nobody starts it again", on_agent_loss="[land]", restart=False
+)
+def landing(row: Row, scene: Scene) -> None:
     """A mission that declares to land at once."""
-    row = Row("agentd, killed", "`on_agent_loss: [land]`; SIGKILL, nobody starts it again")
-    with Scene(folder, on_agent_loss="[land]", restart=False) as scene:
-        at = scene.thinker.signal(signal.SIGKILL)
-        row.figure("land", scene.until_shown("LAND", at), *KILLED)
-        scene.until(lambda: down(scene, at) is not None, "the vehicle is down", 60)
-        row.figure("on the ground, disarmed", down(scene, at))
-    return row
+    at = scene.thinker.signal(signal.SIGKILL)
+    row.figure("land", scene.until_shown("LAND", at), *KILLED)
+    scene.until(lambda: down(scene, at) is not None, "the vehicle is down", 60)
+    row.figure("on the ground, disarmed", down(scene, at))
 
 
 def safe(row: Row, scene: Scene, at: float, declared: float, why: str) -> None:
@@ -144,14 +127,34 @@ def down(scene: Scene, at: float) -> float | None:
 
 def watched(row: Row, scene: Scene, at: float) -> None:
     """Note when the watchdog has found the agent hung, and when it is back."""
-    unit = scene.thinker
-    scene.until(lambda: bool(unit.happened.watchdog), "the watchdog finds it hung", 30)
-    found = unit.happened.watchdog[0] - at
-    row.figure("ended by its watchdog", found)
-    row.expect(found <= WATCHDOG + MARGIN, f"the watchdog finds it within {WATCHDOG:g} s")
-    told = [line.partition("error: ")[2] for _, line in unit.lines if "ended by SIGABRT" in line]
+    ended_by_watchdog(row, scene, "agentd", at)
+    told = [line.partition("error: ")[2] for _, line in scene.thinker.lines if "ended by SIGABRT" in line]
     row.seen += [re.sub(r"/\S*/", "", line) for line in told]  # where the test's own files are is nobody's business
     back(row, scene, at)
+
+
+def ended_by_watchdog(row: Row, scene: Scene, daemon: str, at: float) -> None:
+    """Note when the watchdog has found a daemon hung."""
+    happened = scene.daemons[daemon].happened
+    scene.until(lambda: bool(happened.watchdog), "the watchdog finds it hung", 30)
+    found = happened.watchdog[0] - at
+    row.figure("ended by its watchdog", found)
+    row.expect(found <= WATCHDOG + MARGIN, f"the watchdog finds it within {WATCHDOG:g} s")
+
+
+def ready_again(row: Row, scene: Scene, daemon: str, at: float) -> None:
+    """Note when a daemon that was started again is ready."""
+    ready = scene.daemons[daemon].happened.ready
+    scene.until(lambda: len(ready) > 1, f"{daemon} is ready again", _BACK)
+    row.figure("ready again", ready[1] - at)
+
+
+def failure(row: Row, scene: Scene, at: float, declared: float, why: str) -> str:
+    """Note when the agent was told that its action has failed. Returns by which words."""
+    failed = scene.said("goto failed: ", at)
+    row.figure("the agent is told", None if failed is None else failed - at, declared, why)
+    words = [line.partition("goto failed: ")[2] for _, line in scene.thinker.lines if "goto failed: " in line]
+    return words[0] if words else ""
 
 
 def back(row: Row, scene: Scene, at: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Literal
@@ -13,7 +14,7 @@ from schemas.mission.model import load_mission
 from tests.field.agents import HOLD, STOPPED, WATCHDOG, returned
 from tests.field.bridges import FAILSAFE, ROUTER_STOPPED, goes_on
 from tests.field.flight import Flight
-from tests.field.rows import MARGIN, Maker, Row
+from tests.field.rows import MARGIN, Maker, Row, row_of
 from tests.support.booted import booted
 from tests.support.processes import Daemon
 
@@ -86,61 +87,60 @@ class Booted(Flight):
         return f"{self.machine.journal()}\n{self.vehicle.text}"
 
 
-def agent_killed(folder: Path) -> Row:
+def flown_by_units(
+    fault: str, injected: str, *, failsafe: bool = False, one_process: bool = False
+) -> Callable[[Callable[[Row, Booted], None]], Maker]:
+    """Make a row of what is done to a copter that flies by the units of its board."""
+    return row_of(fault, injected, lambda folder: Booted(folder, failsafe=failsafe, one_process=one_process))
+
+
+@flown_by_units("agentd, killed", "SIGKILL, under a real systemd")
+def agent_killed(row: Row, scene: Booted) -> None:
     """agentd is killed; systemd starts it again."""
-    row = Row("agentd, killed", "SIGKILL, under a real systemd")
-    with Booted(folder) as scene:
-        pid = scene.machine.main_pid(scene.unit("agentd"))
-        at = scene.kill("agentd", "KILL")
-        returned(row, scene, at, scene.ended("agentd", pid, at)[1])
-    return row
+    pid = scene.machine.main_pid(scene.unit("agentd"))
+    at = scene.kill("agentd", "KILL")
+    returned(row, scene, at, scene.ended("agentd", pid, at)[1])
 
 
-def agent_stopped(folder: Path) -> Row:
+@flown_by_units("agentd, stopped", "SIGSTOP, under a real systemd")
+def agent_stopped(row: Row, scene: Booted) -> None:
     """agentd is stopped; systemd's watchdog ends it."""
-    row = Row("agentd, stopped", "SIGSTOP, under a real systemd")
-    with Booted(folder) as scene:
-        pid = scene.machine.main_pid(scene.unit("agentd"))
-        at = scene.kill("agentd", "STOP")
-        row.figure("hold", scene.until_shown("BRAKE", at), *STOPPED)
-        row.figure("rtl", scene.until_shown("RTL", at), STOPPED[0] + HOLD, f"and `hold {HOLD:g}s`")
-        watched(row, scene, "agentd", pid, at)
-        row.figure("flown by its program again", scene.until_shown("GUIDED", at))
-    return row
+    pid = scene.machine.main_pid(scene.unit("agentd"))
+    at = scene.kill("agentd", "STOP")
+    row.figure("hold", scene.until_shown("BRAKE", at), *STOPPED)
+    row.figure("rtl", scene.until_shown("RTL", at), STOPPED[0] + HOLD, f"and `hold {HOLD:g}s`")
+    watched(row, scene, "agentd", pid, at)
+    row.figure("flown by its program again", scene.until_shown("GUIDED", at))
 
 
-def bridge_stopped(folder: Path) -> Row:
+@flown_by_units("bridged, stopped", "SIGSTOP, under a real systemd; `failsafe: {gcs: bridge}`", failsafe=True)
+def bridge_stopped(row: Row, scene: Booted) -> None:
     """bridged is stopped; the vehicle's own failsafe acts, systemd's watchdog ends the bridge."""
-    row = Row("bridged, stopped", "SIGSTOP, under a real systemd; `failsafe: {gcs: bridge}`")
-    with Booted(folder, failsafe=True) as scene:
-        pid = scene.machine.main_pid(scene.unit("bridged"))
-        at = scene.kill("bridged", "STOP")
-        row.figure("rtl", scene.until_shown("RTL", at), *FAILSAFE)
-        watched(row, scene, "bridged", pid, at)
-    return row
+    pid = scene.machine.main_pid(scene.unit("bridged"))
+    at = scene.kill("bridged", "STOP")
+    row.figure("rtl", scene.until_shown("RTL", at), *FAILSAFE)
+    watched(row, scene, "bridged", pid, at)
 
 
-def router_stopped(folder: Path) -> Row:
+@flown_by_units("commd, stopped", "SIGSTOP, under a real systemd")
+def router_stopped(row: Row, scene: Booted) -> None:
     """commd is stopped; systemd's watchdog ends it."""
-    row = Row("commd, stopped", "SIGSTOP, under a real systemd")
-    with Booted(folder) as scene:
-        pid = scene.machine.main_pid(scene.unit("commd"))
-        at = scene.kill("commd", "STOP")
-        row.figure("hold", scene.until_shown("BRAKE", at), *ROUTER_STOPPED)
-        watched(row, scene, "commd", pid, at)
-    return row
+    pid = scene.machine.main_pid(scene.unit("commd"))
+    at = scene.kill("commd", "STOP")
+    row.figure("hold", scene.until_shown("BRAKE", at), *ROUTER_STOPPED)
+    watched(row, scene, "commd", pid, at)
 
 
-def board_killed(folder: Path) -> Row:
+@flown_by_units(
+    "argosy board, killed", "SIGKILL, under a real systemd; `failsafe: {gcs: bridge}`", failsafe=True, one_process=True
+)
+def board_killed(row: Row, scene: Booted) -> None:
     """The one process of a board is killed; systemd starts it again."""
-    row = Row("argosy board, killed", "SIGKILL, under a real systemd; `failsafe: {gcs: bridge}`")
-    with Booted(folder, failsafe=True, one_process=True) as scene:
-        pid = scene.machine.main_pid(scene.unit("board"))
-        at = scene.kill("board", "KILL")
-        row.figure("ready again", scene.ended("board", pid, at)[1])
-        time.sleep(8)
-        goes_on(row, scene, at)
-    return row
+    pid = scene.machine.main_pid(scene.unit("board"))
+    at = scene.kill("board", "KILL")
+    row.figure("ready again", scene.ended("board", pid, at)[1])
+    time.sleep(8)
+    goes_on(row, scene, at)
 
 
 def watched(row: Row, scene: Booted, daemon: Which, pid: int, at: float) -> None:

@@ -5,8 +5,12 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
+
+from tests.soak.report import table as markdown
 
 MARGIN = 2.0
 """Seconds by which a figure may be later than declared: an order is given, taken and shown; two cores do everything."""
@@ -56,11 +60,30 @@ class Row:
 
 
 Maker = Callable[[Path], Row]
+S = TypeVar("S")
+
+
+def row_of(
+    fault: str, injected: str, opens: Callable[[Path], AbstractContextManager[S]]
+) -> Callable[[Callable[[Row, S], None]], Maker]:
+    """Make a row of what is done to a scene, which begins in a folder of its own and ends with the row."""
+
+    def decorate(body: Callable[[Row, S], None]) -> Maker:
+        def make(folder: Path) -> Row:
+            row = Row(fault, injected)
+            with opens(folder) as scene:
+                body(row, scene)
+            return row
+
+        make.__name__, make.__module__, make.__doc__ = body.__name__, body.__module__, body.__doc__
+        return make
+
+    return decorate
 
 
 def table(runs: Sequence[Sequence[Row]]) -> list[str]:
     """The rows as Markdown; of several runs of a row the median of each figure, and in brackets the extremes."""
-    lines = ["| what fails | how | seconds after it | declared | what else was seen |", "|---|---|---|---|---|"]
+    lines = []
     for rows in runs:
         first = rows[0]
         measured, declared = [], []
@@ -71,6 +94,5 @@ def table(runs: Sequence[Sequence[Row]]) -> list[str]:
             if figure.declared is not None:
                 declared.append(f"{figure.what} {figure.declared:g}: {figure.why}")
         seen = "<br>".join(first.seen)
-        cells = (first.fault, first.injected, "<br>".join(measured), "<br>".join(declared), seen)
-        lines.append("| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
-    return lines
+        lines.append((first.fault, first.injected, "<br>".join(measured), "<br>".join(declared), seen))
+    return markdown("what fails | how | seconds after it | declared | what else was seen", lines)

@@ -6,11 +6,14 @@ Times are the machine's monotonic seconds; the vehicle flies in real time unless
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from tests.boards.network import GROUND, Network
 from tests.field.flight import Flight
+from tests.field.rows import Maker, Row, row_of
 from tests.field.units import Managed, UnitFile
 from tests.support.ports import free_port
 from tests.support.processes import Daemon
@@ -66,7 +69,7 @@ class Scene(Flight):
         self,
         folder: Path,
         *,
-        network: Network | None = None,
+        boards: Sequence[str] = (),
         one_process: bool = False,
         on_agent_loss: str = "[hold 5s, rtl]",
         failsafe: bool = False,
@@ -74,24 +77,25 @@ class Scene(Flight):
         watchdog: bool = True,
         speed: float = 1.0,
     ) -> None:
-        """With a network the agent is on pi1 and the robot on pi2, else both on one board. With `failsafe` the vehicle
-        comes home by itself when it misses the heartbeats of the bridge."""
+        """With `boards` these are a network of their own, the agent on pi1 and the robot on pi2, else both are on one
+        board. With `failsafe` the vehicle comes home by itself when it misses the heartbeats of the bridge."""
         self.folder, self.speed = folder, speed
         self.daemons: dict[str, Managed] = {}
         """commd, bridged and agentd, or board; with a network commd-pi1 and commd-pi2."""
-        self._network, self._stack = network, ExitStack()
+        self._stack = ExitStack()
+        self._network = Network(boards) if boards else None
         self._parameters = ("FS_GCS_ENABLE=1",) if failsafe else ()
         self._restart, self._watchdog, self._one_process = restart, watchdog, one_process
-        port, boards = free_port(), ""
+        port, network, named = free_port(), self._network, ""
         if network is not None:
-            named = ", ".join(f"{name}: {{address: {address}}}" for name, address in network.addresses.items())
-            boards = f"boards: {{{named}}}\n"
+            addresses = ", ".join(f"{name}: {{address: {address}}}" for name, address in network.addresses.items())
+            named = f"boards: {{{addresses}}}\n"
         self._router = f"tcp/127.0.0.1:{free_port()}"
         self._link = f"udpout:{network.addresses['pi2'] if network else '127.0.0.1'}:{port}"
         (folder / "uav.asl").write_text(PROGRAM)
         (folder / "field.yaml").write_text(
             _MISSION.format(
-                boards=boards,
+                boards=named,
                 agent="pi1" if network else "local",
                 robot="pi2" if network else "local",
                 gcs="bridge" if failsafe else "none",
@@ -120,7 +124,15 @@ class Scene(Flight):
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
+    @property
+    def network(self) -> Network:
+        """The cables between its boards."""
+        assert self._network is not None
+        return self._network
+
     def _up(self) -> None:
+        if self._network is not None:
+            self._stack.enter_context(self._network)
         ground = self._network.within(GROUND) if self._network else ()
         self.vehicle = Daemon("tests.field.vehicle", self._link, f"{self.speed:g}", *self._parameters, within=ground)
         self._stack.callback(self.vehicle.kill)
@@ -172,3 +184,8 @@ class Scene(Flight):
         """All that was said."""
         texts = [f"--- {name}\n{managed.text}" for name, managed in self.daemons.items()]
         return "\n".join([*texts, f"--- vehicle\n{self.vehicle.text}"])
+
+
+def flown(fault: str, injected: str, **options: Any) -> Callable[[Callable[[Row, Scene], None]], Maker]:
+    """Make a row of what is done to a copter in flight; options are those of a `Scene`."""
+    return row_of(fault, injected, lambda folder: Scene(folder, **options))

@@ -19,7 +19,6 @@ BUSY = 25.0
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rows, "MARGIN", BUSY)
     monkeypatch.setattr(agents, "MARGIN", BUSY)
-    monkeypatch.setattr(bridges, "MARGIN", BUSY)
     monkeypatch.setattr(rows, "EARLY", 3.0)
 
 

@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.soak.report import ROOT, write_section
+from tests.soak.report import ROOT, table, write_section
 
 FLIGHTS = 10
 SPEED = 20
@@ -53,15 +53,12 @@ def main() -> int:
         f"The first mission flown {FLIGHTS} times in a row at {SPEED} times real time: "
         f"**{FLIGHTS - failed} of {FLIGHTS} done**.",
         "",
-        "| | median | most |",
-        "|---|---|---|",
-        f"| wall seconds | {statistics.median(took for took, _ in rows):.1f} | {max(took for took, _ in rows):.1f} |",
     ]
+    columns = {"wall seconds": [took for took, _ in rows]}
     for name in FIGURES:
-        values = [figures[name] for _, figures in rows if name in figures]
-        if values:
-            lines.append(f"| {name} (commd + bridged + agentd) | {statistics.median(values):.1f} | {max(values):.1f} |")
-    write_section("Flights", lines)
+        columns[f"{name} (commd + bridged + agentd)"] = [figures[name] for _, figures in rows if name in figures]
+    cells = ((name, f"{statistics.median(one):.1f}", f"{max(one):.1f}") for name, one in columns.items() if one)
+    write_section("Flights", [*lines, *table(" | median | most", cells)])
     return 1 if failed else 0
 
 

@@ -29,7 +29,7 @@ from bridged.bridge.action_log import decoded
 from commd.client import Client, join
 from schemas.mission.model import load_mission
 from schemas.wire.records import FINAL_STATES, State
-from tests.soak.report import write_section
+from tests.soak.report import table, write_section
 from tests.support.ports import neighbouring_ports
 from tests.support.processes import Daemon
 
@@ -341,11 +341,8 @@ def report(result: Result, seed: int) -> list[str]:
         asked = [key for key in result.asked if key[0] in askers]
         found = sorted(delay for key, delay in result.delays().items() if key[0] in askers)
         wrong = sum(line.split()[0] in askers for line in result.disagreements())
-        rows.append(
-            f"| {what} | {len(asked)} | {wrong} | {statistics.median(found):.2f} | {found[-1]:.2f} |"
-            if found
-            else f"| {what} | {len(asked)} | {wrong} | | |"
-        )
+        times = (f"{statistics.median(found):.2f}", f"{found[-1]:.2f}") if found else ("", "")
+        rows.append((what, len(asked), wrong, *times))
     return [
         f"**{len(result.asked)} actions**, half of agents and half of Python clients, seed {seed}, while the router's "
         f"process was killed (-9) {len(result.outages)} times, {UP[0]:g} to {UP[1]:g} s after each return, and gone "
@@ -353,9 +350,7 @@ def report(result: Result, seed: int) -> list[str]:
         f"asker heard, the bridge's ledger and the robot's journal, in which each was begun once; **{late} heard later "
         f"than {HEARD_WITHIN:g} s** after the end or, if it ended while the router was away, after its return.",
         "",
-        "| asker | actions | disagreements | heard after, median s | most s |",
-        "|---|---|---|---|---|",
-        *rows,
+        *table("asker | actions | disagreements | heard after, median s | most s", rows),
         "",
         f"{result.across()} of the actions met an outage while they were under way. Heard: "
         f"{', '.join(f'{count} {state}' for state, count in states.most_common())}. It took {result.seconds:.0f} s.",

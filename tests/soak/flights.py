@@ -25,7 +25,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.soak.report import ROOT, write_section
+from tests.soak.report import ROOT, table, write_section
 from tests.support.ports import free_port, neighbouring_ports
 
 FLIGHTS = 20
@@ -209,7 +209,7 @@ def report(courses: list[Course]) -> None:
         home = sorted(course.home_after for course in mine if course.home_after is not None)
         late = f"{home[len(home) // 2]:.1f} s, {home[-1]:.1f} s at most" if home else "-"
         name = "with `--restart`" if restart else "without"
-        rows.append(f"| {name} | {len(good)} of {len(mine)} | {done} | {len(home)} | {late} |")
+        rows.append((name, f"{len(good)} of {len(mine)}", done, len(home), late))
     kills = {daemon: sum(course.daemon == daemon for course in courses) for daemon in DAEMONS}
     lines = [
         f"`python -m tests.soak.flights --flights {len(courses) // 2}`: `missions/single_uav.yaml`, one daemon killed "
@@ -217,9 +217,10 @@ def report(courses: list[Course]) -> None:
         "vehicle's own second MAVLink link says whether it stands on the ground, disarmed, when the run ends; a run "
         "that ends by the mission's timeout counts as a failure.",
         "",
-        "| | on the ground, disarmed, not by timeout | missions done | in the air at the kill | from kill to ground |",
-        "|---|---|---|---|---|",
-        *rows,
+        *table(
+            " | on the ground, disarmed, not by timeout | missions done | in the air at the kill | from kill to ground",
+            rows,
+        ),
     ]
     write_section("One daemon killed in flight", lines)
 

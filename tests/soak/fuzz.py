@@ -17,7 +17,7 @@ from collections import Counter
 from pathlib import Path
 
 from tests.soak.fuzz_targets import GROWTH, TARGETS, Found, fuzz, mutant, read_one
-from tests.soak.report import write_section
+from tests.soak.report import table, write_section
 
 INPUTS = 100_000
 
@@ -32,19 +32,18 @@ def report(found: list[Found], seed: int, inputs: int) -> int:
         f"time), **{grown} grew** by {GROWTH / 1e6:g} MB or more after a tenth of the inputs. An input is made again "
         f"by `python -m tests.soak.fuzz --seed {seed} --only TARGET NUMBER`.",
         "",
-        "| target | read | refused | failures | slowest, s | growth, kB |",
-        "|---|---|---|---|---|---|",
-        *(
-            f"| {one.target} | {one.outcomes['read']:,} | {one.outcomes['refused']:,} | {len(one.failures)} "
-            f"| {one.slowest:.2f} | {one.growth / 1000:,.0f} |"
-            for one in found
-        ),
+        *table("target | read | refused | failures | slowest, s | growth, kB", map(_row, found)),
     ]
     for one in found:
         lines += [f"\n- {one.target}, input {number}: `{what}`" for number, what in one.failures[:5]]
     print("\n".join(lines))
     write_section("Fuzzed readers", lines)
     return failures + grown
+
+
+def _row(one: Found) -> tuple[object, ...]:
+    counts = (f"{one.outcomes[what]:,}" for what in ("read", "refused"))
+    return one.target, *counts, len(one.failures), f"{one.slowest:.2f}", f"{one.growth / 1000:,.0f}"
 
 
 def _kept(file: Path | None) -> dict[str, Found]:

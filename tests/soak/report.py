@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import platform
 import re
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -27,6 +28,14 @@ def write_section(title: str, lines: list[str], report: Path = REPORT) -> None:
 def _sections(text: str) -> dict[str, str]:
     parts = re.split(r"^## (.*)\n", text, flags=re.MULTILINE)[1:]
     return {title: body.strip() for title, body in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def table(head: str, rows: Iterable[Sequence[object]]) -> list[str]:
+    """Return a table in Markdown; `head` has the titles of its columns, such as `fault | seen`."""
+    lines = [f"| {head} |", "|" + "---|" * len(head.split("|"))]
+    for cells in rows:
+        lines.append("| " + " | ".join(str(cell).replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
+    return lines
 
 
 def here() -> str:

@@ -27,7 +27,7 @@ from typing import TextIO
 
 from argosy.simulate.referee import Verdict, judge_run
 from schemas.mission.model import load_mission
-from tests.soak.report import ROOT, write_section
+from tests.soak.report import ROOT, table, write_section
 from tests.support.ports import neighbouring_ports
 from tests.support.relay import Relay
 
@@ -72,6 +72,11 @@ class Course:
     def good(self) -> bool:
         """Whether the mission was done, as it says itself and as the referee says."""
         return self.code == 0 and self.verdict is not None and self.verdict.good
+
+    @property
+    def judged(self) -> str:
+        """The last line of the referee's verdict."""
+        return str(self.verdict).splitlines()[-1] if self.verdict is not None else "not judged"
 
 
 def write_mission(folder: Path, seed: int, links: list[int], victims: int | None = None) -> Path:
@@ -228,9 +233,8 @@ async def _watch(run: asyncio.subprocess.Process, troubles: Troubles, log: TextI
 def told(course: Course) -> str:
     """Return one line about a run."""
     happened = ", ".join(f"{count} {what}" for what, count in sorted(course.troubles.items())) or "no troubles"
-    verdict = str(course.verdict).splitlines()[-1] if course.verdict is not None else "not judged"
     ended = "done" if course.code == 0 else f"exit {course.code}: {course.why}"
-    return f"run {course.number}: {verdict}; {ended} in {course.seconds:.0f} s; {happened}"
+    return f"run {course.number}: {course.judged}; {ended} in {course.seconds:.0f} s; {happened}"
 
 
 def main() -> int:
@@ -267,17 +271,13 @@ def report(courses: list[Course]) -> list[str]:
         f"{cuts} cuts of links between boards, of {CUT[0]:g} to {CUT[1]:g} s: **in {good} of {len(courses)} the "
         "mission was done and each victim had exactly one buoy, within 5 m**.",
         "",
-        "| run | wall s | kills | aimed at a drop | freezes | cuts | referee | end |",
-        "|---|---|---|---|---|---|---|---|",
-        *map(_row, courses),
+        *table("run | wall s | kills | aimed at a drop | freezes | cuts | referee | end", map(_row, courses)),
     ]
 
 
-def _row(course: Course) -> str:
-    happened = " | ".join(str(course.troubles[what]) for what in ("kills", "aimed kills", "freezes", "cuts"))
-    judged = str(course.verdict).splitlines()[-1] if course.verdict is not None else "not judged"
-    end = "done" if course.code == 0 else course.why
-    return f"| {course.number} | {course.seconds:.0f} | {happened} | {judged} | {end} |"
+def _row(course: Course) -> tuple[object, ...]:
+    happened = (course.troubles[what] for what in ("kills", "aimed kills", "freezes", "cuts"))
+    return course.number, f"{course.seconds:.0f}", *happened, course.judged, "done" if course.code == 0 else course.why
 
 
 if __name__ == "__main__":

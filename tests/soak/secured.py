@@ -24,7 +24,7 @@ from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from schemas.wire.mind_records import MindView
 from schemas.wire.records import Mailboxes
-from tests.soak.report import write_section
+from tests.soak.report import table, write_section
 from tests.support.ports import free_port
 from tests.support.processes import ROOT, Daemon
 from tests.support.secured import Secured
@@ -146,10 +146,8 @@ def main() -> int:
         print(*flown.denied, sep="\n")
     good = all(one.verdict.good and not one.denied and not one.waiting for one in runs.values())
     if good:
-        lines = ["| boards linked by | mission done after |", "|---|---|"]
-        write_section(
-            "Search and rescue, secured", [*lines, *(f"| {name} | {told(one)} |" for name, one in runs.items())]
-        )
+        rows = ((name, told(one)) for name, one in runs.items())
+        write_section("Search and rescue, secured", table("boards linked by | mission done after", rows))
     return 0 if good else 1
 
 

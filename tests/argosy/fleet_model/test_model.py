@@ -26,6 +26,13 @@ def test_a_fleet_without_a_mission_is_known_by_its_tokens_and_by_what_its_bridge
     assert model.robots["uav1"].seen.mode == "GUIDED"
 
 
+def test_members_stand_in_the_order_of_their_numbers() -> None:
+    fleet = Fleet()
+    for number in (10, 2, 1):
+        fleet.comes(f"uav{number}", "bridged")
+    assert list(fleet.model.robots) == ["uav1", "uav2", "uav10"]
+
+
 def test_a_mission_says_who_should_be_there() -> None:
     model = Fleet(MISSION).comes("scout", "agentd").model
     assert model.agents["scout"].there

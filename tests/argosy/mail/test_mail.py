@@ -16,7 +16,7 @@ from schemas.wire import keys
 from schemas.wire.records import DeadLetter, Header, Mailboxes, Message, Queue, Receipt, Refusal
 from schemas.wire.terms import Atom, Structure
 from tests.commd.offices import Receiver, board, message, post
-from tests.support.buses import FLEET, Connect, on_a_bus, served, until
+from tests.support.buses import FLEET, Connect, bus_test, served, until
 
 MISSION = f"""\
 mission: {FLEET}
@@ -40,6 +40,11 @@ async def argosy(*arguments: str) -> int:
     return await asyncio.to_thread(main, list(arguments))
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return the files of a folder."""
+    return {one.name: one.read_bytes() for one in folder.iterdir()}
+
+
 async def known(connect: Connect, *boards: str) -> None:
     """Wait until whoever joins now can ask these boards for their mail."""
     bus = await connect("asker")
@@ -47,17 +52,15 @@ async def known(connect: Connect, *boards: str) -> None:
         await served(bus, keys.mailboxes(FLEET, one))
 
 
-def test_what_waits_on_every_board_is_shown_with_its_age_and_its_reason(
-    endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
+@bus_test
+async def test_what_waits_on_every_board_is_shown_with_its_age_and_its_reason(
+    connect: Connect, endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path) as first, board(connect, "pi2", tmp_path) as second:
-            assert await post(await connect("a"), *map(message, (1, 2, 3))) == Receipt(taken=3)
-            await until(lambda: second.waiting == 3 and first.waiting == 0, "all wait at the receiver's board")
-            await known(connect, "pi1", "pi2")
-            assert await argosy("mail", mission, "--router", endpoint) == 0
-
-    on_a_bus(endpoint, body)
+    async with board(connect, "pi1", tmp_path) as first, board(connect, "pi2", tmp_path) as second:
+        assert await post(await connect("a"), *map(message, (1, 2, 3))) == Receipt(taken=3)
+        await until(lambda: second.waiting == 3 and first.waiting == 0, "all wait at the receiver's board")
+        await known(connect, "pi1", "pi2")
+        assert await argosy("mail", mission, "--router", endpoint) == 0
     one, two, queue = capsys.readouterr().out.splitlines()
     assert one == f"pi1: 0 messages waiting, 0 dead letters  ({tmp_path / 'pi1.mail'}, synchronous full)"
     assert two == f"pi2: 3 messages waiting, 0 dead letters  ({tmp_path / 'pi2.mail'}, synchronous full)"
@@ -65,38 +68,34 @@ def test_what_waits_on_every_board_is_shown_with_its_age_and_its_reason(
     assert " oldest " in queue
 
 
-def test_a_board_that_does_not_answer_is_named_and_the_others_are_shown(
-    endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
+@bus_test
+async def test_a_board_that_does_not_answer_is_named_and_the_others_are_shown(
+    connect: Connect, endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path):
-            await known(connect, "pi1")
-            assert await argosy("mail", mission, "--router", endpoint) == 1
-            assert await argosy("mail", mission, "--router", endpoint, "--board", "pi1") == 0
-            assert await argosy("mail", mission, "--router", endpoint, "--board", "pi2") == 1
-
-    on_a_bus(endpoint, body)
+    async with board(connect, "pi1", tmp_path):
+        await known(connect, "pi1")
+        assert await argosy("mail", mission, "--router", endpoint) == 1
+        assert await argosy("mail", mission, "--router", endpoint, "--board", "pi1") == 0
+        assert await argosy("mail", mission, "--router", endpoint, "--board", "pi2") == 1
     said = capsys.readouterr()
     assert said.err == "error: pi2: its commd does not answer\n" * 2
     assert [line.partition(":")[0] for line in said.out.splitlines()] == ["pi1", "pi1"]
 
 
-def test_dead_letters_are_counted_listed_and_told_as_json(
-    endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
+@bus_test
+async def test_dead_letters_are_counted_listed_and_told_as_json(
+    connect: Connect, endpoint: str, tmp_path: Path, mission: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuse(_: Any) -> Receipt:
         return Receipt(refused={0: Refusal(code="not_today", text="not today")})
 
-    async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
-            Receiver(await connect("b"), "b", refuse)
-            await post(await connect("a"), message(1, content=Structure("victim", (Atom("north"), 3))))
-            await until(lambda: second.health().counters["dead"] == 1, "it is given up")
-            await known(connect, "pi1", "pi2")
-            assert await argosy("mail", mission, "--router", endpoint, "--dead", "--board", "pi2") == 0
-            assert await argosy("mail", mission, "--router", endpoint, "--json") == 0
-
-    on_a_bus(endpoint, body)
+    async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
+        Receiver(await connect("b"), "b", refuse)
+        await post(await connect("a"), message(1, content=Structure("victim", (Atom("north"), 3))))
+        await until(lambda: second.health().counters["dead"] == 1, "it is given up")
+        await known(connect, "pi1", "pi2")
+        assert await argosy("mail", mission, "--router", endpoint, "--dead", "--board", "pi2") == 0
+        assert await argosy("mail", mission, "--router", endpoint, "--json") == 0
     out = capsys.readouterr().out
     head, dead = out.partition("{\n")[0].splitlines()[:2]
     assert head.startswith("pi2: 0 messages waiting, 1 dead letter  (")
@@ -108,21 +107,18 @@ def test_dead_letters_are_counted_listed_and_told_as_json(
     assert told["silent"] == []
 
 
-def test_a_boards_file_is_read_without_any_daemon_and_beside_it_and_not_changed(
-    endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@bus_test
+async def test_a_boards_file_is_read_without_any_daemon_and_beside_it_and_not_changed(
+    connect: Connect, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "pi2.mail"
-
-    async def body(connect: Connect) -> None:
-        async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
-            await post(await connect("a"), *map(message, (1, 2, 3)))
-            await until(lambda: second.waiting == 3, "all wait")
-            assert await argosy("mail", "--file", str(path)) == 0
-
-    on_a_bus(endpoint, body)
-    before = {one.name: one.read_bytes() for one in tmp_path.iterdir()}
-    assert main(["mail", "--file", str(path), "--json"]) == 0
-    assert {one.name: one.read_bytes() for one in tmp_path.iterdir()} == before
+    async with board(connect, "pi1", tmp_path), board(connect, "pi2", tmp_path) as second:
+        await post(await connect("a"), *map(message, (1, 2, 3)))
+        await until(lambda: second.waiting == 3, "all wait")
+        assert await argosy("mail", "--file", str(path)) == 0
+    before = contents(tmp_path)
+    assert await argosy("mail", "--file", str(path), "--json") == 0
+    assert contents(tmp_path) == before
     out = capsys.readouterr().out
     assert out.startswith(f"pi2: 3 messages waiting, 0 dead letters  ({path})\n  inbox  a > b  3 messages, ")
     (told,) = json.loads("{\n" + out.partition("{\n")[2])["boards"]

@@ -7,12 +7,14 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 from argosy.processes.process_table import Kind, Process
 from argosy.processes.supervisor import MAX_LINE, Child, Supervisor
 from schemas.wire import log_lines
 from schemas.wire.log_lines import LogLine
+from tests.argosy.given import given
 from tests.support.buses import until
 
 KIND = Kind("thing", lambda setup: [], lambda setup, subject: [])
@@ -23,106 +25,93 @@ def script(code: str) -> Process:
     return Process(KIND, "one", (sys.executable, "-S", "-c", code))
 
 
-def supervised(body: Callable[[Supervisor, list[str], list[Child]], Awaitable[None]]) -> None:
-    """Run `body(supervisor, lines, ended)` and close the supervisor."""
+class Supervised:
+    """A supervisor, the lines of its processes and those that have ended."""
 
-    async def run() -> None:
-        lines: list[str] = []
-        ended: list[Child] = []
-        supervisor = Supervisor(lambda child, line: lines.append(line.text), ended.append)
-        try:
-            async with asyncio.timeout(240):
-                await body(supervisor, lines, ended)
-        finally:
-            await supervisor.close()
-        assert all(not child.alive for child in supervisor.children)
-
-    asyncio.run(run())
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.ended: list[Child] = []
+        self.supervisor = Supervisor(lambda child, line: self.lines.append(line.text), self.ended.append)
 
 
-def test_lines_of_both_outputs_arrive_whole_and_without_what_no_text_is() -> None:
-    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        code = "import os; os.write(1, b'one\\ntw'); os.write(1, b'o\\n\\n'); os.write(2, b'caf\\xff\\nlast')"
-        await supervisor.start(script(code))
-        await until(lambda: bool(ended), "it has ended")
-        assert sorted(lines) == ["caf\ufffd", "last", "one", "two"]
-
-    supervised(body)
-
-
-def test_a_process_that_writes_without_end_cannot_fill_the_memory() -> None:
-    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        child = await supervisor.start(script("import os\nfor _ in range(300): os.write(1, b'x' * 100_000)"))
-        await until(lambda: bool(ended), "it has ended")
-        assert max(map(len, lines)) <= MAX_LINE
-        assert len(child.lines) <= 50
-        assert supervisor.cut_lines > 0
-
-    supervised(body)
+@asynccontextmanager
+async def supervised() -> AsyncIterator[Supervised]:
+    """Close the supervisor at the end of the block."""
+    one = Supervised()
+    try:
+        yield one
+    finally:
+        await one.supervisor.close()
+    assert all(not child.alive for child in one.supervisor.children)
 
 
-def test_a_process_that_ends_by_itself_is_dead_and_tells_its_last_error() -> None:
-    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        code = "import os; os.write(2, b'no such vehicle\\n'); os.write(1, b'bye\\n'); os._exit(7)"
-        await supervisor.start(script(code))
-        await until(lambda: bool(supervisor.dead()), "its end is seen")
-        assert supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: no such vehicle"
-
-    supervised(body)
+@given(supervised)
+async def test_lines_of_both_outputs_arrive_whole_and_without_what_no_text_is(one: Supervised) -> None:
+    code = "import os; os.write(1, b'one\\ntw'); os.write(1, b'o\\n\\n'); os.write(2, b'caf\\xff\\nlast')"
+    await one.supervisor.start(script(code))
+    await until(lambda: bool(one.ended), "it has ended")
+    assert sorted(one.lines) == ["caf\ufffd", "last", "one", "two"]
 
 
-def test_the_last_error_that_a_daemon_logged_tells_more_than_what_it_wrote_after_it() -> None:
-    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        error = log_lines.encode(LogLine(text="the disk is full", level="error"))
-        await supervisor.start(script(f"import os; os.write(2, {error!r} + b'\\nbye\\n'); os._exit(7)"))
-        await until(lambda: bool(supervisor.dead()), "its end is seen")
-        assert supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: the disk is full"
-        assert lines == ["the disk is full", "bye"]
-
-    supervised(body)
+@given(supervised)
+async def test_a_process_that_writes_without_end_cannot_fill_the_memory(one: Supervised) -> None:
+    child = await one.supervisor.start(script("import os\nfor _ in range(300): os.write(1, b'x' * 100_000)"))
+    await until(lambda: bool(one.ended), "it has ended")
+    assert max(map(len, one.lines)) <= MAX_LINE
+    assert len(child.lines) <= 50
+    assert one.supervisor.cut_lines > 0
 
 
-def test_a_process_that_is_told_to_leave_is_not_dead() -> None:
-    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        child = await supervisor.start(script("import time; print('up', flush=True); time.sleep(60)"))
-        await until(lambda: lines == ["up"], "it is up")
-        assert await supervisor.leave([child], 10.0, asyncio.Event()) == []
-        assert supervisor.dead() == []
-        assert child.how_it_ended() == "was killed by SIGTERM"
-
-    supervised(body)
+@given(supervised)
+async def test_a_process_that_ends_by_itself_is_dead_and_tells_its_last_error(one: Supervised) -> None:
+    code = "import os; os.write(2, b'no such vehicle\\n'); os.write(1, b'bye\\n'); os._exit(7)"
+    await one.supervisor.start(script(code))
+    await until(lambda: bool(one.supervisor.dead()), "its end is seen")
+    assert one.supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: no such vehicle"
 
 
-def test_a_process_that_does_not_leave_is_killed_when_its_time_is_over() -> None:
-    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        code = "import signal, time; signal.signal(15, signal.SIG_IGN); print('up', flush=True); time.sleep(60)"
-        child = await supervisor.start(script(code))
-        await until(lambda: lines == ["up"], "it is up")
-        hurry = asyncio.Event()
-        hurry.set()  # 1 s instead of 60
-        began = time.monotonic()
-        assert await supervisor.leave([child], 60.0, hurry) == [child]
-        assert 0.9 < time.monotonic() - began < 20
-        assert child.how_it_ended() == "was killed by SIGKILL"
-
-    supervised(body)
+@given(supervised)
+async def test_the_last_error_that_a_daemon_logged_tells_more_than_what_it_wrote_after_it(one: Supervised) -> None:
+    error = log_lines.encode(LogLine(text="the disk is full", level="error"))
+    await one.supervisor.start(script(f"import os; os.write(2, {error!r} + b'\\nbye\\n'); os._exit(7)"))
+    await until(lambda: bool(one.supervisor.dead()), "its end is seen")
+    assert one.supervisor.dead()[0].how_it_ended() == "ended by itself with exit code 7: the disk is full"
+    assert one.lines == ["the disk is full", "bye"]
 
 
-def test_a_command_that_does_not_exist_is_said_in_words() -> None:
-    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        child = await supervisor.start(Process(KIND, "one", ("/no/such/program",)))
-        await until(lambda: bool(ended), "it has ended")
-        assert "error: /no/such/program: No such file or directory" in child.how_it_ended()
+@given(supervised)
+async def test_a_process_that_is_told_to_leave_is_not_dead(one: Supervised) -> None:
+    child = await one.supervisor.start(script("import time; print('up', flush=True); time.sleep(60)"))
+    await until(lambda: one.lines == ["up"], "it is up")
+    assert await one.supervisor.leave([child], 10.0, asyncio.Event()) == []
+    assert one.supervisor.dead() == []
+    assert child.how_it_ended() == "was killed by SIGTERM"
 
-    supervised(body)
+
+@given(supervised)
+async def test_a_process_that_does_not_leave_is_killed_when_its_time_is_over(one: Supervised) -> None:
+    code = "import signal, time; signal.signal(15, signal.SIG_IGN); print('up', flush=True); time.sleep(60)"
+    child = await one.supervisor.start(script(code))
+    await until(lambda: one.lines == ["up"], "it is up")
+    hurry = asyncio.Event()
+    hurry.set()  # 1 s instead of 60
+    began = time.monotonic()
+    assert await one.supervisor.leave([child], 60.0, hurry) == [child]
+    assert 0.9 < time.monotonic() - began < 20
+    assert child.how_it_ended() == "was killed by SIGKILL"
 
 
-def test_each_process_leads_a_group_of_its_own_so_that_ctrl_c_reaches_only_argosy() -> None:
-    async def body(supervisor: Supervisor, lines: list[str], ended: list[Child]) -> None:
-        child = await supervisor.start(script("import time; print('up', flush=True); time.sleep(60)"))
-        await until(lambda: lines == ["up"], "it is up")
-        assert os.getpgid(child.pid) == child.pid
-        child.signal(signal.SIGKILL)
-        await until(lambda: bool(ended), "it has ended")
+@given(supervised)
+async def test_a_command_that_does_not_exist_is_said_in_words(one: Supervised) -> None:
+    child = await one.supervisor.start(Process(KIND, "one", ("/no/such/program",)))
+    await until(lambda: bool(one.ended), "it has ended")
+    assert "error: /no/such/program: No such file or directory" in child.how_it_ended()
 
-    supervised(body)
+
+@given(supervised)
+async def test_each_process_leads_a_group_of_its_own_so_that_ctrl_c_reaches_only_argosy(one: Supervised) -> None:
+    child = await one.supervisor.start(script("import time; print('up', flush=True); time.sleep(60)"))
+    await until(lambda: one.lines == ["up"], "it is up")
+    assert os.getpgid(child.pid) == child.pid
+    child.signal(signal.SIGKILL)
+    await until(lambda: bool(one.ended), "it has ended")

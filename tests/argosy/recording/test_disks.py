@@ -26,7 +26,7 @@ from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
 from tests.argosy.recording.recorders import Process, argosy, recording
-from tests.support.buses import Connect, on_a_bus, until
+from tests.support.buses import Connect, bus_test, until
 
 SMALL = 1024 * 1024
 END = End(why="ctrl-C", ended=BEGIN)
@@ -117,30 +117,27 @@ def test_a_file_that_may_grow_no_more_ends_the_recording_and_the_summary_tells_w
     told_truly(recorder, "File too large")
 
 
-def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(endpoint: str, small_disk: Path) -> None:
+@bus_test
+async def test_a_recorder_whose_disk_is_full_ends_with_1_and_says_so(
+    connect: Connect, endpoint: str, small_disk: Path
+) -> None:
     path = small_disk / "a.mcap"
+    bus = await connect("uav1", "bridged")
+    async with recording(endpoint, path, "--compression", "none") as recorder:
+        rounds = iter(range(100))
 
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav1", "bridged")
-        async with recording(endpoint, path, "--compression", "none") as recorder:
-            rounds = iter(range(100))
+        def ended() -> bool:
+            if next(rounds, None) is not None:
+                for number in range(50):
+                    bus.put(keys.percept("test", "uav1", "p"), Perception(name="p", parameters=("x" * 4000, number)))
+            return recorder.handle.returncode is not None
 
-            def ended() -> bool:
-                if next(rounds, None) is not None:
-                    for number in range(50):
-                        bus.put(
-                            keys.percept("test", "uav1", "p"), Perception(name="p", parameters=("x" * 4000, number))
-                        )
-                return recorder.handle.returncode is not None
-
-            await until(ended, "the disk is full")
-            code, out, err = await recorder.end(None)
-        told = f"cannot write {path}: No space left on device"
-        assert (code, err) == (1, f"error: {told}; the file can be read up to there\n")
-        assert out.splitlines()[-1].endswith(f"; ended: {told}")
-        assert f"{path}: {sum(topic.messages for topic in open_recording(path).topics)} messages in " in out
-
-    on_a_bus(endpoint, body)
+        await until(ended, "the disk is full")
+        code, out, err = await recorder.end(None)
+    told = f"cannot write {path}: No space left on device"
+    assert (code, err) == (1, f"error: {told}; the file can be read up to there\n")
+    assert out.splitlines()[-1].endswith(f"; ended: {told}")
+    assert f"{path}: {sum(topic.messages for topic in open_recording(path).topics)} messages in " in out
 
 
 HANGS = """
@@ -156,28 +153,25 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_a_second_ctrl_c_leaves_a_disk_that_hangs(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_a_second_ctrl_c_leaves_a_disk_that_hangs(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-
-    async def body(connect: Connect) -> None:
-        command = [sys.executable, "-c", HANGS, "record", "--router", endpoint, "-o", str(path)]
-        pipe = asyncio.subprocess.PIPE
-        handle = await asyncio.create_subprocess_exec(*command, stdout=pipe, stderr=pipe)
-        recorder = Process(handle)
-        try:
-            await recorder.until("recording ")
-            handle.send_signal(signal.SIGINT)
-            await asyncio.sleep(1)
-            assert handle.returncode is None
-            code, _, err = await recorder.end(signal.SIGINT)
-        finally:
-            if handle.returncode is None:
-                handle.kill()
-                await handle.wait()
-        told = f"error: {tmp_path} does not accept writes: the last messages are lost"
-        assert (code, err) == (1, f"{told}; the file can be read up to there\n")
-
-    on_a_bus(endpoint, body)
+    command = [sys.executable, "-c", HANGS, "record", "--router", endpoint, "-o", str(path)]
+    pipe = asyncio.subprocess.PIPE
+    handle = await asyncio.create_subprocess_exec(*command, stdout=pipe, stderr=pipe)
+    recorder = Process(handle)
+    try:
+        await recorder.until("recording ")
+        handle.send_signal(signal.SIGINT)
+        await asyncio.sleep(1)
+        assert handle.returncode is None
+        code, _, err = await recorder.end(signal.SIGINT)
+    finally:
+        if handle.returncode is None:
+            handle.kill()
+            await handle.wait()
+    told = f"error: {tmp_path} does not accept writes: the last messages are lost"
+    assert (code, err) == (1, f"{told}; the file can be read up to there\n")
 
 
 def test_a_disk_that_is_full_from_the_beginning_is_told(small_disk: Path) -> None:
@@ -186,17 +180,14 @@ def test_a_disk_that_is_full_from_the_beginning_is_told(small_disk: Path) -> Non
         RecordingWriter(small_disk / "a.mcap", FACTS)
 
 
-def test_two_recorders_never_write_one_file(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_two_recorders_never_write_one_file(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     writer = write(path, [altitude(1, 1)])
     with pytest.raises(BlockingIOError, match="another recorder is writing it"):
         RecordingWriter(path, FACTS, overwrite=True)
-
-    async def body(connect: Connect) -> None:
-        async with argosy("record", "--router", endpoint, "-o", path, "--force") as second:
-            assert await second.end(None) == (2, "", f"error: {path}: another recorder is writing it\n")
-
-    on_a_bus(endpoint, body)
+    async with argosy("record", "--router", endpoint, "-o", path, "--force") as second:
+        assert await second.end(None) == (2, "", f"error: {path}: another recorder is writing it\n")
     writer.add(altitude(2, 2))
     writer.close(END)
     assert [record.parameters for _, record in open_recording(path).typed(Perception)] == [(1,), (2,)]
@@ -208,16 +199,15 @@ def test_only_a_report_is_recorded_over(tmp_path: Path) -> None:
     assert ("--force" in asked, "--force" in report) == (False, True)
 
 
-def test_a_file_in_the_way_of_a_later_part_is_told_before_anything_is_recorded(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_a_file_in_the_way_of_a_later_part_is_told_before_anything_is_recorded(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     path = tmp_path / "a.mcap"
     (tmp_path / "a-0003.mcap").write_text("mine")
-
-    async def body(connect: Connect) -> None:
-        async with argosy("record", "--router", endpoint, "-o", path, "--split") as process:
-            told = f"error: {path}: a-0003.mcap exists, and would be its next part\n"
-            assert await process.end(None) == (2, "", told)
-
-    on_a_bus(endpoint, body)
+    async with argosy("record", "--router", endpoint, "-o", path, "--split") as process:
+        told = f"error: {path}: a-0003.mcap exists, and would be its next part\n"
+        assert await process.end(None) == (2, "", told)
     assert not path.exists()
 
 

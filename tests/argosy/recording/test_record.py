@@ -16,7 +16,6 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from argosy.recording.mind_inputs import Gap
 from argosy.recording.reader import open_recording
 from argosy.recording.recorder import NOTES, PERIOD
 from argosy.recording.records import RecorderNote, TokenSeen, Unread
@@ -27,7 +26,7 @@ from schemas.wire.mind_records import MindInputs
 from schemas.wire.records import Health, LiveManifest, ManifestChange, Perception, Record
 from tests.argosy.recording.files import stretch, validated
 from tests.argosy.recording.recorders import argosy, recording, seen
-from tests.support.buses import FLEET, Connect, on_a_bus, session, subscribed
+from tests.support.buses import FLEET, Connect, async_test, bus_test, session, subscribed
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
 INPUTS = keys.trace(FLEET, "uav", "inputs")
@@ -38,363 +37,336 @@ def altitude(bus: Bus, value: float) -> Perception:
     return Perception(header=bus.header("percepts"), name="altitude", parameters=(value,))
 
 
-def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_everything_that_is_put_is_in_the_file_in_order_with_its_times(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     path, sent = tmp_path / "a.mcap", list[tuple[str, Record]]()
-
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav1", "bridged")
-        async with recording(endpoint, path) as recorder:
-            await subscribed(bus, ALTITUDE)
-            began = time.time_ns()
-            for n in range(2000):
-                one: Record = altitude(bus, n) if n % 10 else Health(header=bus.header("health"), pid=n)
-                key = ALTITUDE if n % 10 else keys.health(FLEET, "uav1", "bridged")
-                sent.append((key, one))
-                bus.put(key, one)
-                if n % 100 == 99:
-                    await asyncio.sleep(0.01)
-            await seen(path, ALTITUDE, 1800)
-            code, out, err = await recorder.end()
-        assert (code, err) == (0, "")
-        assert out.splitlines()[0] == f"recording {path}"
-        assert out.splitlines()[-1].endswith("; ended: ctrl-C")
-        found = open_recording(path)
-        messages = [m for m in found.messages() if m.origin == "put"]
-        assert sorted(((m.key, m.record) for m in messages), key=str) == sorted(sent, key=str)
-        for key in (ALTITUDE, keys.health(FLEET, "uav1", "bridged")):
-            assert [m.record for m in messages if m.key == key] == [record for where, record in sent if where == key]
-        assert all(began <= m.stamp <= m.at + 1_000_000 <= time.time_ns() for m in messages)
-        assert validated(path) == sum(topic.messages for topic in found.topics)
-        assert found.facts.fleet == FLEET
-
-    on_a_bus(endpoint, body)
-
-
-def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(endpoint: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav1", "bridged")
-        async with recording(endpoint, path) as recorder:
-            await subscribed(bus, ALTITUDE)
-            said: list[tuple[float, int]] = []
-            until_ = time.monotonic() + 4.0
-            n = 0
-            while time.monotonic() < until_:
-                bus.put(ALTITUDE, altitude(bus, n))
-                said.append((time.monotonic(), n))
-                n += 1
+    bus = await connect("uav1", "bridged")
+    async with recording(endpoint, path) as recorder:
+        await subscribed(bus, ALTITUDE)
+        began = time.time_ns()
+        for n in range(2000):
+            one: Record = altitude(bus, n) if n % 10 else Health(header=bus.header("health"), pid=n)
+            key = ALTITUDE if n % 10 else keys.health(FLEET, "uav1", "bridged")
+            sent.append((key, one))
+            bus.put(key, one)
+            if n % 100 == 99:
                 await asyncio.sleep(0.01)
-            killed = time.monotonic()
-            code, _, _ = await recorder.end(signal.SIGKILL)
-        assert code == -signal.SIGKILL
-        found = open_recording(path)
-        assert found.end is None
-        assert "cut off" in found.missing
-        values = [record.parameters[0] for _, record in found.typed(Perception)]
-        assert values == list(range(len(values)))
-        safe = [number for at, number in said if at < killed - 2 * PERIOD]  # twice: this machine may be busy
-        assert len(values) >= len(safe) > 50
-        async with argosy("replay", path, "--info") as info:
-            code, out, _ = await info.end(None)
-        assert code == 0
-        assert "no: it was cut off, or is still being written" in out
-
-    on_a_bus(endpoint, body)
+        await seen(path, ALTITUDE, 1800)
+        code, out, err = await recorder.end()
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0] == f"recording {path}"
+    assert out.splitlines()[-1].endswith("; ended: ctrl-C")
+    found = open_recording(path)
+    messages = [m for m in found.messages() if m.origin == "put"]
+    assert sorted(((m.key, m.record) for m in messages), key=str) == sorted(sent, key=str)
+    for key in (ALTITUDE, keys.health(FLEET, "uav1", "bridged")):
+        assert [m.record for m in messages if m.key == key] == [record for where, record in sent if where == key]
+    assert all(began <= m.stamp <= m.at + 1_000_000 <= time.time_ns() for m in messages)
+    assert validated(path) == sum(topic.messages for topic in found.topics)
+    assert found.facts.fleet == FLEET
 
 
-def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_comes_and_goes(
-    endpoint: str, tmp_path: Path
+@bus_test
+async def test_a_recorder_that_is_killed_loses_its_last_moment_at_most(
+    connect: Connect, endpoint: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "a.mcap"
-
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav1", "bridged")
-        gps = altitude(bus, 7)
-
-        async def percepts(query: Query[Perception]) -> None:
-            query.reply(gps, ALTITUDE)
-
-        async def manifest(query: Query[ManifestChange]) -> None:
-            query.reply(LiveManifest(header=bus.header("manifest"), robot="uav1", version=3))
-
-        bus.serve(f"{keys.ROOT}/{FLEET}/uav1/percept/**", Perception, percepts)
-        bus.serve(keys.manifest(FLEET, "uav1"), ManifestChange, manifest)
-        await bus.claim("uav1")
-        async with recording(endpoint, path) as recorder:
-            await seen(path, keys.manifest(FLEET, "uav1"), 1)
-            await seen(path, ALTITUDE, 1)
-            other = await connect("uav2", "bridged")
-            token = await other.claim("uav2")
-            other.withdraw(token)
-            await seen(path, f"{keys.ROOT}/{FLEET}/uav2/alive/bridged", 2)
-            await recorder.end()
-        found = open_recording(path)
-        tokens = [(record.key.split("/")[2], record.alive) for _, record in found.typed(TokenSeen)]
-        assert tokens == [("uav1", True), ("uav2", True), ("uav2", False)]
-        ((percept, record),) = found.typed(Perception)
-        assert (percept.origin, record) == ("query", gps)
-        assert [one.version for _, one in found.typed(LiveManifest)] == [3]
-
-    on_a_bus(endpoint, body)
+    bus = await connect("uav1", "bridged")
+    async with recording(endpoint, path) as recorder:
+        await subscribed(bus, ALTITUDE)
+        said: list[tuple[float, int]] = []
+        until_ = time.monotonic() + 4.0
+        n = 0
+        while time.monotonic() < until_:
+            bus.put(ALTITUDE, altitude(bus, n))
+            said.append((time.monotonic(), n))
+            n += 1
+            await asyncio.sleep(0.01)
+        killed = time.monotonic()
+        code, _, _ = await recorder.end(signal.SIGKILL)
+    assert code == -signal.SIGKILL
+    found = open_recording(path)
+    assert found.end is None
+    assert "cut off" in found.missing
+    values = [record.parameters[0] for _, record in found.typed(Perception)]
+    assert values == list(range(len(values)))
+    safe = [number for at, number in said if at < killed - 2 * PERIOD]  # twice: this machine may be busy
+    assert len(values) >= len(safe) > 50
+    async with argosy("replay", path, "--info") as info:
+        code, out, _ = await info.end(None)
+    assert code == 0
+    assert "no: it was cut off, or is still being written" in out
 
 
-def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lost_again(
-    endpoint: str, tmp_path: Path
+@bus_test
+async def test_who_is_there_and_what_is_perceived_already_is_recorded_and_who_comes_and_goes(
+    connect: Connect, endpoint: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "a.mcap"
+    bus = await connect("uav1", "bridged")
+    gps = altitude(bus, 7)
 
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav", "agentd")
-        kept, asked = [stretch(n) for n in range(3)], 0
+    async def percepts(query: Query[Perception]) -> None:
+        query.reply(gps, ALTITUDE)
 
-        async def inputs(query: Query[MindInputs]) -> None:
-            nonlocal asked
-            asked += 1
-            for one in kept:
-                query.reply(one)
+    async def manifest(query: Query[ManifestChange]) -> None:
+        query.reply(LiveManifest(header=bus.header("manifest"), robot="uav1", version=3))
 
-        bus.serve(INPUTS, MindInputs, inputs)
-        await bus.claim("uav")
-        async with recording(endpoint, path) as recorder:
-            await seen(path, INPUTS, 3)
-            kept += [stretch(n) for n in range(3, 7)]
-            await subscribed(bus, INPUTS)
-            bus.put(INPUTS, kept[3])
-            bus.put(INPUTS, kept[6])  # as if two had been lost on the way
-            await seen(path, INPUTS, 7)
-            code, out, _ = await recorder.end()
-        assert (code, "missing" in out) == (0, False)
-        (life,) = open_recording(path).lives()
-        assert life.batches == kept
-        assert life.whole
-
-    on_a_bus(endpoint, body)
+    bus.serve(f"{keys.ROOT}/{FLEET}/uav1/percept/**", Perception, percepts)
+    bus.serve(keys.manifest(FLEET, "uav1"), ManifestChange, manifest)
+    await bus.claim("uav1")
+    async with recording(endpoint, path) as recorder:
+        await seen(path, keys.manifest(FLEET, "uav1"), 1)
+        await seen(path, ALTITUDE, 1)
+        other = await connect("uav2", "bridged")
+        token = await other.claim("uav2")
+        other.withdraw(token)
+        await seen(path, f"{keys.ROOT}/{FLEET}/uav2/alive/bridged", 2)
+        await recorder.end()
+    found = open_recording(path)
+    tokens = [(record.key.split("/")[2], record.alive) for _, record in found.typed(TokenSeen)]
+    assert tokens == [("uav1", True), ("uav2", True), ("uav2", False)]
+    ((percept, record),) = found.typed(Perception)
+    assert (percept.origin, record) == ("query", gps)
+    assert [one.version for _, one in found.typed(LiveManifest)] == [3]
 
 
-def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_the_inputs_of_a_mind_are_asked_for_since_its_birth_and_what_is_lost_again(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     path = tmp_path / "a.mcap"
+    bus = await connect("uav", "agentd")
+    kept, asked = [stretch(n) for n in range(3)], 0
 
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav", "agentd")
-        async with recording(endpoint, path) as recorder:
-            await subscribed(bus, INPUTS)
-            bus.put(INPUTS, stretch(0))
-            bus.put(INPUTS, stretch(3))
-            await seen(path, INPUTS, 2)
-            code, out, _ = await recorder.end(signal.SIGTERM)
-        assert code == 0
-        gap = Gap(FLEET, "uav", "b1", missing=((1, 2),), uncounted=0, batches=4)
-        told = "uav (boot b1): batches 1-2 of 4 of its inputs are missing"
-        assert str(gap) == told
-        assert f"warning: {told}" in out.splitlines()
-        found = open_recording(path)
-        assert found.end is not None
-        assert (found.end.gaps, found.end.why) == ((gap,), "SIGTERM")
-        assert found.lives()[0].missing == [range(1, 3)]
+    async def inputs(query: Query[MindInputs]) -> None:
+        nonlocal asked
+        asked += 1
+        for one in kept:
+            query.reply(one)
 
-    on_a_bus(endpoint, body)
+    bus.serve(INPUTS, MindInputs, inputs)
+    await bus.claim("uav")
+    async with recording(endpoint, path) as recorder:
+        await seen(path, INPUTS, 3)
+        kept += [stretch(n) for n in range(3, 7)]
+        await subscribed(bus, INPUTS)
+        bus.put(INPUTS, kept[3])
+        bus.put(INPUTS, kept[6])  # as if two had been lost on the way
+        await seen(path, INPUTS, 7)
+        code, out, _ = await recorder.end()
+    assert (code, "missing" in out) == (0, False)
+    (life,) = open_recording(path).lives()
+    assert life.batches == kept
+    assert life.whole
 
 
-def test_an_agent_that_is_gone_without_its_last_inputs_is_told(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     path = tmp_path / "a.mcap"
-
-    async def body(connect: Connect) -> None:
-        buses = {name: await connect(name, "agentd") for name in ("killed", "left", "here")}
-        tokens = {name: await bus.claim(name) for name, bus in buses.items()}
-        async with recording(endpoint, path) as recorder:
-            for name, bus in buses.items():
-                await subscribed(bus, keys.trace(FLEET, name, "inputs"))
-                one = stretch(0, bus.boot, name)
-                bus.put(keys.trace(FLEET, name, "inputs"), replace(one, final=name == "left"))
-                await seen(path, keys.trace(FLEET, name, "inputs"), 1)
-            for name in ("killed", "left"):
-                buses[name].withdraw(tokens[name])
-                await seen(path, f"argosy/{FLEET}/{name}/alive/agentd", 2)
-            code, out, _ = await recorder.end()
-        told = "the end of its life is missing: it was killed, or its last inputs lost"
-        warnings = [line for line in out.splitlines() if line.startswith("warning")]
-        assert (code, warnings) == (0, [f"warning: killed (boot {buses['killed'].boot}): {told}"])
-
-    on_a_bus(endpoint, body)
+    bus = await connect("uav", "agentd")
+    async with recording(endpoint, path) as recorder:
+        await subscribed(bus, INPUTS)
+        bus.put(INPUTS, stretch(0))
+        bus.put(INPUTS, stretch(3))
+        await seen(path, INPUTS, 2)
+        code, out, _ = await recorder.end(signal.SIGTERM)
+    assert code == 0
+    told = "uav (boot b1): batches 1-2 of 4 of its inputs are missing"
+    assert f"warning: {told}" in out.splitlines()
+    found = open_recording(path)
+    assert found.end is not None
+    assert (found.end.gaps, found.end.why) == ((told,), "SIGTERM")
+    assert found.lives()[0].missing == [range(1, 3)]
 
 
-def test_a_fleet_that_speaks_messagepack_is_recorded_as_json(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_an_agent_that_is_gone_without_its_last_inputs_is_told(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     path = tmp_path / "a.mcap"
-
-    async def body(connect: Connect) -> None:
-        opened = open_bus(endpoint, fleet=FLEET, name="uav1", daemon="bridged", stamp=time.time_ns, wire="msgpack")
-        async with opened as bus, recording(endpoint, path) as recorder:
-            await subscribed(bus, ALTITUDE)
-            sent = [altitude(bus, n / 2) for n in range(10)]
-            for one in sent:
-                bus.put(ALTITUDE, one)
-            await seen(path, ALTITUDE, 10)
-            await recorder.end()
-        messages = list(open_recording(path).messages(only=(ALTITUDE,)))
-        assert [message.record for message in messages] == sent
-        assert json.loads(messages[1].data)["parameters"] == [0.5]
-        assert messages[0].track.encoding == codec(Perception).encoding("msgpack")
-        assert validated(path) == 10
-
-    on_a_bus(endpoint, body)
+    buses = {name: await connect(name, "agentd") for name in ("killed", "left", "here")}
+    tokens = {name: await bus.claim(name) for name, bus in buses.items()}
+    async with recording(endpoint, path) as recorder:
+        for name, bus in buses.items():
+            await subscribed(bus, keys.trace(FLEET, name, "inputs"))
+            one = stretch(0, bus.boot, name)
+            bus.put(keys.trace(FLEET, name, "inputs"), replace(one, final=name == "left"))
+            await seen(path, keys.trace(FLEET, name, "inputs"), 1)
+        for name in ("killed", "left"):
+            buses[name].withdraw(tokens[name])
+            await seen(path, f"argosy/{FLEET}/{name}/alive/agentd", 2)
+        code, out, _ = await recorder.end()
+    told = "the end of its life is missing: it was killed, or its last inputs lost"
+    warnings = [line for line in out.splitlines() if line.startswith("warning")]
+    assert (code, warnings) == (0, [f"warning: killed (boot {buses['killed'].boot}): {told}"])
 
 
-def test_it_ends_by_itself_after_its_time(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_a_fleet_that_speaks_messagepack_is_recorded_as_json(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     path = tmp_path / "a.mcap"
+    opened = open_bus(endpoint, fleet=FLEET, name="uav1", daemon="bridged", stamp=time.time_ns, wire="msgpack")
+    async with opened as bus, recording(endpoint, path) as recorder:
+        await subscribed(bus, ALTITUDE)
+        sent = [altitude(bus, n / 2) for n in range(10)]
+        for one in sent:
+            bus.put(ALTITUDE, one)
+        await seen(path, ALTITUDE, 10)
+        await recorder.end()
+    messages = list(open_recording(path).messages(only=(ALTITUDE,)))
+    assert [message.record for message in messages] == sent
+    assert json.loads(messages[1].data)["parameters"] == [0.5]
+    assert messages[0].track.encoding == codec(Perception).encoding("msgpack")
+    assert validated(path) == 10
 
-    async def body(connect: Connect) -> None:
-        async with recording(endpoint, path, "--max-time", "1s") as recorder:
-            code, out, _ = await recorder.end(None)
-        assert (code, out.splitlines()[-1].rpartition("; ")[2]) == (0, "ended: 1s are over")
 
-    on_a_bus(endpoint, body)
-
-
-def test_it_records_the_keys_alone_that_it_is_told(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_it_ends_by_itself_after_its_time(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav1", "bridged")
-        async with recording(endpoint, path, "--only", "uav1/percept/**") as recorder:
-            await subscribed(bus, ALTITUDE)
-            bus.put(keys.health(FLEET, "uav1", "bridged"), Health())
-            bus.put(ALTITUDE, altitude(bus, 1))
-            await seen(path, ALTITUDE, 1)
-            await recorder.end()
-        found = open_recording(path)
-        assert [topic.key for topic in found.topics] == [ALTITUDE]
-        assert found.facts.only == (f"argosy/{FLEET}/uav1/percept/**",)
-
-    on_a_bus(endpoint, body)
+    async with recording(endpoint, path, "--max-time", "1s") as recorder:
+        code, out, _ = await recorder.end(None)
+    assert (code, out.splitlines()[-1].rpartition("; ")[2]) == (0, "ended: 1s are over")
 
 
-def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_it_records_the_keys_alone_that_it_is_told(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-
-    async def body(connect: Connect) -> None:
-        bus = await connect("uav1", "bridged")
-        async with recording(endpoint, path) as recorder:
-            await subscribed(bus, ALTITUDE)
-            bus.put(f"argosy/*/{ALTITUDE.split('/', 2)[2]}", altitude(bus, 1))
-            bus.put(ALTITUDE, altitude(bus, 2))
-            await seen(path, ALTITUDE, 1)
-            code, out, _ = await recorder.end()
-        told = f"warning: 1 messages, put on key expressions (`*`), are under {NOTES}"
-        assert (code, told in out.splitlines()) == (0, True)
-        found = open_recording(path)
-        assert [topic.key for topic in found.topics] == [NOTES, ALTITUDE]
-        ((_, kept),) = found.typed(Unread)
-        assert kept.key == "argosy/*/uav1/percept/altitude"
-        assert codec(Perception).decode(b64decode(kept.base64)).parameters == (1,)
-
-    on_a_bus(endpoint, body)
+    bus = await connect("uav1", "bridged")
+    async with recording(endpoint, path, "--only", "uav1/percept/**") as recorder:
+        await subscribed(bus, ALTITUDE)
+        bus.put(keys.health(FLEET, "uav1", "bridged"), Health())
+        bus.put(ALTITUDE, altitude(bus, 1))
+        await seen(path, ALTITUDE, 1)
+        await recorder.end()
+    found = open_recording(path)
+    assert [topic.key for topic in found.topics] == [ALTITUDE]
+    assert found.facts.only == (f"argosy/{FLEET}/uav1/percept/**",)
 
 
-def test_a_file_that_is_there_is_overwritten_only_by_force(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.mcap"
+    bus = await connect("uav1", "bridged")
+    async with recording(endpoint, path) as recorder:
+        await subscribed(bus, ALTITUDE)
+        bus.put(f"argosy/*/{ALTITUDE.split('/', 2)[2]}", altitude(bus, 1))
+        bus.put(ALTITUDE, altitude(bus, 2))
+        await seen(path, ALTITUDE, 1)
+        code, out, _ = await recorder.end()
+    told = f"warning: 1 messages, put on key expressions (`*`), are under {NOTES}"
+    assert (code, told in out.splitlines()) == (0, True)
+    found = open_recording(path)
+    assert [topic.key for topic in found.topics] == [NOTES, ALTITUDE]
+    ((_, kept),) = found.typed(Unread)
+    assert kept.key == "argosy/*/uav1/percept/altitude"
+    assert codec(Perception).decode(b64decode(kept.base64)).parameters == (1,)
+
+
+@bus_test
+async def test_a_file_that_is_there_is_overwritten_only_by_force(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     path = tmp_path / "a.mcap"
     path.write_text("mine")
-
-    async def body(connect: Connect) -> None:
-        async with argosy("record", "--router", endpoint, "-o", path) as recorder:
-            code, _, err = await recorder.end(None)
-        assert code == 2
-        assert err == f"error: {path} exists: name another file with -o, or overwrite it with --force\n"
-        assert path.read_text() == "mine"
-        async with recording(endpoint, path, "--force") as recorder:
-            await recorder.end()
-        assert open_recording(path).end is not None
-        async with argosy("record", "--router", endpoint, "-o", tmp_path / "no" / "a.mcap") as recorder:
-            assert await recorder.end(None) == (2, "", f"error: {tmp_path}/no/a.mcap: No such file or directory\n")
-
-    on_a_bus(endpoint, body)
+    async with argosy("record", "--router", endpoint, "-o", path) as recorder:
+        code, _, err = await recorder.end(None)
+    assert code == 2
+    assert err == f"error: {path} exists: name another file with -o, or overwrite it with --force\n"
+    assert path.read_text() == "mine"
+    async with recording(endpoint, path, "--force") as recorder:
+        await recorder.end()
+    assert open_recording(path).end is not None
+    async with argosy("record", "--router", endpoint, "-o", tmp_path / "no" / "a.mcap") as recorder:
+        assert await recorder.end(None) == (2, "", f"error: {tmp_path}/no/a.mcap: No such file or directory\n")
 
 
-def test_bad_arguments_and_a_missing_router_are_told_in_a_line(endpoint: str, tmp_path: Path) -> None:
-    async def body() -> None:
-        for arguments, code, told in (
-            (
-                ("--only", "a//b"),
-                2,
-                "--only: error: `a//b`: expected a key expression such as `uav1/**` or `*/percept/**`",
-            ),
-            (("--max-size", "big"), 2, "argument --max-size: expected a size such as `2GB` or `500MB`, got `big`"),
-            (("--max-time", "0"), 2, "argument --max-time: expected more than 0 s"),
-            ((), 1, f"error: no router at {endpoint}"),
+@async_test
+async def test_bad_arguments_and_a_missing_router_are_told_in_a_line(endpoint: str, tmp_path: Path) -> None:
+    for arguments, code, told in (
+        (
+            ("--only", "a//b"),
+            2,
+            "--only: error: `a//b`: expected a key expression such as `uav1/**` or `*/percept/**`",
+        ),
+        (("--max-size", "big"), 2, "argument --max-size: expected a size such as `2GB` or `500MB`, got `big`"),
+        (("--max-time", "0"), 2, "argument --max-time: expected more than 0 s"),
+        ((), 1, f"error: no router at {endpoint}"),
+    ):
+        async with argosy("record", "--router", endpoint, "-o", tmp_path / "a.mcap", *arguments) as recorder:
+            found, out, err = await recorder.end(None)
+        assert (found, out) == (code, "")
+        assert told in err
+        assert "Traceback" not in err
+    assert not (tmp_path / "a.mcap").exists()
+
+
+@bus_test
+async def test_a_recorder_of_nobody_says_so(
+    connect: Connect, endpoint: str, tmp_path: Path, free_port: Callable[[], int]
+) -> None:
+    async with recording(endpoint, tmp_path / "a.mcap", fleet="misspelt") as recorder:
+        assert recorder.handle.stderr is not None
+        line = await asyncio.wait_for(recorder.handle.stderr.readline(), 120)
+        told = f"no daemon of fleet `misspelt` is on {endpoint} yet; recording starts when one comes"
+        assert line.decode() == f"note: {told}\n"
+        code, out, _ = await recorder.end()
+    assert code == 0
+    assert ": 0 messages in " in out
+
+
+@async_test
+async def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_asked_for(
+    endpoint: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.mcap"
+    async with AsyncExitStack() as stack:
+        router = await stack.enter_async_context(AsyncExitStack())
+        await router.enter_async_context(session(endpoint, "board", "commd", router=True))
+        recorder = await stack.enter_async_context(recording(endpoint, path))
+        await router.aclose()
+        await seen(path, NOTES, 1)
+        async with (
+            session(endpoint, "board", "commd", router=True),
+            session(endpoint, "uav1", "bridged") as bus,
         ):
-            async with argosy("record", "--router", endpoint, "-o", tmp_path / "a.mcap", *arguments) as recorder:
-                found, out, err = await recorder.end(None)
-            assert (found, out) == (code, "")
-            assert told in err
-            assert "Traceback" not in err
-        assert not (tmp_path / "a.mcap").exists()
-
-    asyncio.run(body())
-
-
-def test_a_recorder_of_nobody_says_so(endpoint: str, tmp_path: Path, free_port: Callable[[], int]) -> None:
-    async def body(connect: Connect) -> None:
-        async with recording(endpoint, tmp_path / "a.mcap", fleet="misspelt") as recorder:
-            assert recorder.handle.stderr is not None
-            line = await asyncio.wait_for(recorder.handle.stderr.readline(), 120)
-            told = f"no daemon of fleet `misspelt` is on {endpoint} yet; recording starts when one comes"
-            assert line.decode() == f"note: {told}\n"
-            code, out, _ = await recorder.end()
-        assert code == 0
-        assert ": 0 messages in " in out
-
-    on_a_bus(endpoint, body)
+            await subscribed(bus, ALTITUDE)
+            bus.put(ALTITUDE, altitude(bus, 1))
+            await seen(path, ALTITUDE, 1)
+            code, _, _ = await recorder.end()
+    assert code == 0
+    notes = [note.text for _, note in open_recording(path).typed(RecorderNote)]
+    assert notes == ["the router is lost: nothing is received", "the router is back"]
 
 
-def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_asked_for(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_on_a_terminal_one_line_tells_how_it_goes(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            router = await stack.enter_async_context(AsyncExitStack())
-            await router.enter_async_context(session(endpoint, "board", "commd", router=True))
-            recorder = await stack.enter_async_context(recording(endpoint, path))
-            await router.aclose()
-            await seen(path, NOTES, 1)
-            async with (
-                session(endpoint, "board", "commd", router=True),
-                session(endpoint, "uav1", "bridged") as bus,
-            ):
-                await subscribed(bus, ALTITUDE)
-                bus.put(ALTITUDE, altitude(bus, 1))
-                await seen(path, ALTITUDE, 1)
-                code, _, _ = await recorder.end()
-        assert code == 0
-        notes = [note.text for _, note in open_recording(path).typed(RecorderNote)]
-        assert notes == ["the router is lost: nothing is received", "the router is back"]
-
-    asyncio.run(body())
-
-
-def test_on_a_terminal_one_line_tells_how_it_goes(endpoint: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-
-    async def body(connect: Connect) -> None:
-        ours, its = os.openpty()
-        command = [sys.executable, "-m", "argosy", "record", "--fleet", FLEET, "--router", endpoint, "-o", str(path)]
-        process = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE, stderr=its)
-        os.close(its)
-        os.set_blocking(ours, False)
-        shown = b""
-        try:
-            async with asyncio.timeout(240):
-                while b"dropped" not in shown:
-                    with suppress(BlockingIOError, OSError):
-                        shown += os.read(ours, 1000)
-                    await asyncio.sleep(0.05)
-            process.send_signal(signal.SIGTERM)
-            out, _ = await asyncio.wait_for(process.communicate(), 120)
-        finally:
-            if process.returncode is None:
-                process.kill()
-                await process.wait()
-            os.close(ours)
-        assert re.search(rb"\r\x1b\[K\d+ s  \d+ messages/s  \d+ B  0 dropped", shown)
-        assert out.decode().splitlines()[-1].endswith("; ended: SIGTERM")
-
-    on_a_bus(endpoint, body)
+    ours, its = os.openpty()
+    command = [sys.executable, "-m", "argosy", "record", "--fleet", FLEET, "--router", endpoint, "-o", str(path)]
+    process = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE, stderr=its)
+    os.close(its)
+    os.set_blocking(ours, False)
+    shown = b""
+    try:
+        async with asyncio.timeout(240):
+            while b"dropped" not in shown:
+                with suppress(BlockingIOError, OSError):
+                    shown += os.read(ours, 1000)
+                await asyncio.sleep(0.05)
+        process.send_signal(signal.SIGTERM)
+        out, _ = await asyncio.wait_for(process.communicate(), 120)
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+        os.close(ours)
+    assert re.search(rb"\r\x1b\[K\d+ s  \d+ messages/s  \d+ B  0 dropped", shown)
+    assert out.decode().splitlines()[-1].endswith("; ended: SIGTERM")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import re
 import signal
@@ -26,7 +25,7 @@ from schemas.wire.mind_records import MindInputs, MindView
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, SECOND, altitude, heard, stretch, write
 from tests.argosy.recording.recorders import argosy
-from tests.support.buses import FLEET, Connect, on_a_bus, session, until
+from tests.support.buses import FLEET, Connect, async_test, bus_test, session, until
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
 
@@ -75,25 +74,24 @@ async def replayed(endpoint: str, path: Path, *arguments: str) -> tuple[int, str
         return code, out, re.sub(r"warning: up to [\d.]+ s late: .*\n", "", err)
 
 
-def test_it_says_all_in_order_and_at_the_times_of_the_recording(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_it_says_all_in_order_and_at_the_times_of_the_recording(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     path = recorded(tmp_path / "a.mcap", fast(101))
-
-    async def body(connect: Connect) -> None:
-        said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
-        took = dict[str, float]()
-        for speed, seconds in (("1", 2.0), ("4", 0.5)):
-            said.heard.clear()
-            code, out, err = await replayed(endpoint, path, "--speed", speed)
-            assert (code, err) == (0, "")
-            assert out.endswith("replayed 2.0 s: 101 messages\n")
-            assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[n] for n in range(101)]
-            assert {key for _, key, _, _ in said.heard} == {keys.percept(f"{FLEET}-replay", "uav1", "altitude")}
-            assert {encoding for *_, encoding in said.heard} == {codec_encoding("json")}
-            took[speed] = said.heard[-1][0] - said.heard[0][0]
-            assert took[speed] > 0.9 * seconds  # it may be late on a busy machine, and says so; it is never early
-        assert took["1"] > 2 * took["4"]
-
-    on_a_bus(endpoint, body)
+    said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
+    took = dict[str, float]()
+    for speed, seconds in (("1", 2.0), ("4", 0.5)):
+        said.heard.clear()
+        code, out, err = await replayed(endpoint, path, "--speed", speed)
+        assert (code, err) == (0, "")
+        assert out.endswith("replayed 2.0 s: 101 messages\n")
+        assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[n] for n in range(101)]
+        assert {key for _, key, _, _ in said.heard} == {keys.percept(f"{FLEET}-replay", "uav1", "altitude")}
+        assert {encoding for *_, encoding in said.heard} == {codec_encoding("json")}
+        took[speed] = said.heard[-1][0] - said.heard[0][0]
+        assert took[speed] > 0.9 * seconds  # it may be late on a busy machine, and says so; it is never early
+    assert took["1"] > 2 * took["4"]
 
 
 def codec_encoding(wire: Wire) -> str:
@@ -101,86 +99,77 @@ def codec_encoding(wire: Wire) -> str:
     return codec(Perception).encoding(wire)
 
 
-def test_payloads_are_those_that_were_put_also_in_messagepack_and_as_bytes(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_payloads_are_those_that_were_put_also_in_messagepack_and_as_bytes(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     packed = [altitude(n, n, "msgpack") for n in range(3)]
     blob = Heard(BEGIN, f"argosy/{FLEET}/uav1/blob", b"\x00\xff", "image/png")
     path = recorded(tmp_path / "a.mcap", [blob, *(replace_at(one, 0.1) for one in packed)])
-
-    async def body(connect: Connect) -> None:
-        said = Listener(await connect("eye", "argosy"), "other")
-        assert (await replayed(endpoint, path, "--fleet", "other"))[0] == 0
-        found = [(key, payload, encoding) for _, key, payload, encoding in said.heard]
-        assert found[0] == ("argosy/other/uav1/blob", b"\x00\xff", "image/png")
-        assert [payload for _, payload, _ in found[1:]] == [one.payload for one in packed]
-        assert {encoding for _, _, encoding in found[1:]} == {codec_encoding("msgpack")}
-
-    on_a_bus(endpoint, body)
+    said = Listener(await connect("eye", "argosy"), "other")
+    assert (await replayed(endpoint, path, "--fleet", "other"))[0] == 0
+    found = [(key, payload, encoding) for _, key, payload, encoding in said.heard]
+    assert found[0] == ("argosy/other/uav1/blob", b"\x00\xff", "image/png")
+    assert [payload for _, payload, _ in found[1:]] == [one.payload for one in packed]
+    assert {encoding for _, _, encoding in found[1:]} == {codec_encoding("msgpack")}
 
 
-def test_a_part_of_it_is_replayed_by_time_and_key(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_a_part_of_it_is_replayed_by_time_and_key(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     other = heard(keys.trace(FLEET, "uav", "inputs"), stretch(0), 0.5)
     path = recorded(
         tmp_path / "a.mcap",
         [token(0, True), *fast(26), other, *[replace_at(altitude(n, n), n * 0.02) for n in range(26, 101)]],
     )
-
-    async def body(connect: Connect) -> None:
-        said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
-        arguments = ("--from", "0.5", "--to", "0.6", "--only", "*/percept/**", "--only", "*/alive/**")
-        assert (await replayed(endpoint, path, *arguments))[0] == 0
-        values = [json.loads(payload)["parameters"][0] for _, _, payload, _ in said.heard]
-        assert values == [24, 25, 26, 27, 28, 29]  # the last before it is what was perceived at its beginning
-        assert (keys.alive(f"{FLEET}-replay", "uav1", "bridged", "b1"), True) in said.tokens
-
-    on_a_bus(endpoint, body)
+    said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
+    arguments = ("--from", "0.5", "--to", "0.6", "--only", "*/percept/**", "--only", "*/alive/**")
+    assert (await replayed(endpoint, path, *arguments))[0] == 0
+    values = [json.loads(payload)["parameters"][0] for _, _, payload, _ in said.heard]
+    assert values == [24, 25, 26, 27, 28, 29]  # the last before it is what was perceived at its beginning
+    assert (keys.alive(f"{FLEET}-replay", "uav1", "bridged", "b1"), True) in said.tokens
 
 
-def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left_out(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_daemons_come_and_go_as_they_did_and_answers_to_questions_are_left_out(
+    connect: Connect, endpoint: str, tmp_path: Path
+) -> None:
     answer = heard(keys.mind(FLEET, "uav"), MindView(agent="uav"), 0.1)._replace(origin="query")
     percept = replace_at(altitude(1, 5), 0.1, origin="query")
     path = recorded(tmp_path / "a.mcap", [token(0, True), answer, percept, token(0.6, False), token(0.8, True, "uav2")])
-
-    async def body(connect: Connect) -> None:
-        said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
-        code, out, _ = await replayed(endpoint, path)
-        assert code == 0
-        assert out.endswith("replayed 0.8 s: 1 messages, 1 left out (answers to queries)\n")
-        await until(lambda: len(said.tokens) == 4, "all tokens are gone")
-        tokens = [(key.split("/")[2], alive) for key, alive in said.tokens]
-        assert tokens == [("uav1", True), ("uav1", False), ("uav2", True), ("uav2", False)]
-        assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[5]]
-
-    on_a_bus(endpoint, body)
+    said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
+    code, out, _ = await replayed(endpoint, path)
+    assert code == 0
+    assert out.endswith("replayed 0.8 s: 1 messages, 1 left out (answers to queries)\n")
+    await until(lambda: len(said.tokens) == 4, "all tokens are gone")
+    tokens = [(key.split("/")[2], alive) for key, alive in said.tokens]
+    assert tokens == [("uav1", True), ("uav1", False), ("uav2", True), ("uav2", False)]
+    assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[5]]
 
 
-def test_nothing_is_said_to_somebody_alive(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_nothing_is_said_to_somebody_alive(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = recorded(tmp_path / "a.mcap", fast(1001))
-
-    async def body(connect: Connect) -> None:
-        said = Listener(await connect("eye", "argosy"), FLEET)
-        alive = await connect("uav", "agentd")
-        life = await alive.claim("uav")
-        code, _, err = await replayed(endpoint, path, "--fleet", FLEET)
-        assert (code, said.heard) == (1, [])
-        danger = "it must not receive the percepts of another flight. Name another --fleet, or use --force"
-        assert err == f"error: agentd uav of fleet `{FLEET}` is running: {danger}\n"
-        code, *_ = await replayed(endpoint, path, "--fleet", FLEET, "--force", "--speed", "100")
-        assert (code, len(said.heard)) == (0, 1001)
-        alive.withdraw(life)
-        await until(
-            lambda: said.tokens[-1:] == [(keys.alive(FLEET, "uav", "agentd", alive.boot), False)], "it has gone"
-        )
-        async with argosy("replay", path, "--router", endpoint, "--fleet", FLEET) as process:
-            await process.until("replaying")
-            await alive.claim("uav")
-            code, _, err = await process.end(None)
-        assert (code, err) == (1, f"error: stopped: agentd uav of fleet `{FLEET}` is running: {danger}\n")
-        assert len(said.heard) < 2002
-
-    on_a_bus(endpoint, body)
+    said = Listener(await connect("eye", "argosy"), FLEET)
+    alive = await connect("uav", "agentd")
+    life = await alive.claim("uav")
+    code, _, err = await replayed(endpoint, path, "--fleet", FLEET)
+    assert (code, said.heard) == (1, [])
+    danger = "it must not receive the percepts of another flight. Name another --fleet, or use --force"
+    assert err == f"error: agentd uav of fleet `{FLEET}` is running: {danger}\n"
+    code, *_ = await replayed(endpoint, path, "--fleet", FLEET, "--force", "--speed", "100")
+    assert (code, len(said.heard)) == (0, 1001)
+    alive.withdraw(life)
+    await until(lambda: said.tokens[-1:] == [(keys.alive(FLEET, "uav", "agentd", alive.boot), False)], "it has gone")
+    async with argosy("replay", path, "--router", endpoint, "--fleet", FLEET) as process:
+        await process.until("replaying")
+        await alive.claim("uav")
+        code, _, err = await process.end(None)
+    assert (code, err) == (1, f"error: stopped: agentd uav of fleet `{FLEET}` is running: {danger}\n")
+    assert len(said.heard) < 2002
 
 
-def test_what_stands_under_keys_of_others_is_never_said(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_what_stands_under_keys_of_others_is_never_said(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     wild = [
         f"**/uav1/percept/{FLEET}",
         "argosy/*/uav1/percept/x",
@@ -196,21 +185,18 @@ def test_what_stands_under_keys_of_others_is_never_said(endpoint: str, tmp_path:
         for key in (keys.alive("live", "uav1", "agentd", "b"), "@/session", f"argosy/{FLEET}/*/alive/agentd/b", "//")
     ]
     path = recorded(tmp_path / "a.mcap", [altitude(0, 0), *strange, *tokens])
-
-    async def body(connect: Connect) -> None:
-        bus = await connect("eye", "argosy")
-        said, live = Listener(bus, f"{FLEET}-replay"), Listener(bus, "live")
-        bus.raw.tap("rt/**", said._take)
-        code, out, err = await replayed(endpoint, path)
-        assert (code, out.splitlines()[-1]) == (0, "replayed 0.1 s: 1 messages")
-        assert err.startswith("warning: 11 messages were not published: their keys are outside the recorded fleets")
-        assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[0]]
-        assert (live.heard, live.tokens, said.tokens) == ([], [], [])
-
-    on_a_bus(endpoint, body)
+    bus = await connect("eye", "argosy")
+    said, live = Listener(bus, f"{FLEET}-replay"), Listener(bus, "live")
+    bus.raw.tap("rt/**", said._take)
+    code, out, err = await replayed(endpoint, path)
+    assert (code, out.splitlines()[-1]) == (0, "replayed 0.1 s: 1 messages")
+    assert err.startswith("warning: 11 messages were not published: their keys are outside the recorded fleets")
+    assert [json.loads(payload)["parameters"] for _, _, payload, _ in said.heard] == [[0]]
+    assert (live.heard, live.tokens, said.tokens) == ([], [], [])
 
 
-def test_what_cannot_be_read_is_left_out_and_told(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_what_cannot_be_read_is_left_out_and_told(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     bad = [(Unread, b'{"base64": "!!!a"}', "", "put"), (Perception, b"{bad", codec_encoding("msgpack"), "put")]
     bad.append((TokenSeen, b"[", "", "token"))
@@ -223,88 +209,72 @@ def test_what_cannot_be_read_is_left_out_and_told(endpoint: str, tmp_path: Path)
             channel = made.register_channel(ALTITUDE, "json", schema, {"encoding": encoding, "origin": origin})
             made.add_message(channel, BEGIN, data, BEGIN)
         made.finish()
-
-    async def body(connect: Connect) -> None:
-        code, out, err = await replayed(endpoint, path)
-        assert (code, out.splitlines()[-1]) == (0, "replayed 0.0 s: 0 messages")
-        assert err == "warning: 3 messages were not published: they cannot be read\n"
-
-    on_a_bus(endpoint, body)
+    code, out, err = await replayed(endpoint, path)
+    assert (code, out.splitlines()[-1]) == (0, "replayed 0.0 s: 0 messages")
+    assert err == "warning: 3 messages were not published: they cannot be read\n"
 
 
-def test_ctrl_c_ends_it_and_a_loop_goes_on_until_then(endpoint: str, tmp_path: Path) -> None:
+@bus_test
+async def test_ctrl_c_ends_it_and_a_loop_goes_on_until_then(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = recorded(tmp_path / "a.mcap", fast(11))
-
-    async def body(connect: Connect) -> None:
-        said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
-        async with argosy("replay", path, "--router", endpoint, "--loop") as process:
-            await until(lambda: len(said.heard) >= 33, "it is said three times")
-            code, out, err = await process.end(signal.SIGINT)
-        assert (code, err) == (130, "")
-        assert "replayed" in out
-
-    on_a_bus(endpoint, body)
+    said = Listener(await connect("eye", "argosy"), f"{FLEET}-replay")
+    async with argosy("replay", path, "--router", endpoint, "--loop") as process:
+        await until(lambda: len(said.heard) >= 33, "it is said three times")
+        code, out, err = await process.end(signal.SIGINT)
+    assert (code, err) == (130, "")
+    assert "replayed" in out
 
 
-def test_where_no_router_is_it_is_one(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_where_no_router_is_it_is_one(endpoint: str, tmp_path: Path) -> None:
     path = recorded(tmp_path / "a.mcap", fast(501))
-
-    async def body() -> None:
-        async with argosy("replay", path, "--router", endpoint) as process:
-            await process.until("replaying")
-            async with session(endpoint, "eye", "argosy") as bus:
-                said = Listener(bus, f"{FLEET}-replay")
-                await until(lambda: len(said.heard) > 10, "it is heard")
-            code, out, _ = await process.end()
-        assert code == 130
-        assert f"no router at {endpoint}: this replay is the router until it ends" in out
-
-    asyncio.run(body())
+    async with argosy("replay", path, "--router", endpoint) as process:
+        await process.until("replaying")
+        async with session(endpoint, "eye", "argosy") as bus:
+            said = Listener(bus, f"{FLEET}-replay")
+            await until(lambda: len(said.heard) > 10, "it is heard")
+        code, out, _ = await process.end()
+    assert code == 130
+    assert f"no router at {endpoint}: this replay is the router until it ends" in out
 
 
-def test_bad_arguments_and_files_are_told_in_a_line(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_bad_arguments_and_files_are_told_in_a_line(endpoint: str, tmp_path: Path) -> None:
     path = recorded(tmp_path / "a.mcap", fast(11))
     (tmp_path / "b.mcap").write_text("mission: x")
     two = [altitude(1, 1), replace_at(altitude(1, 1), 1, key=keys.percept("second", "u", "x"))]
     several = recorded(tmp_path / "c.mcap", two)
-
-    async def body() -> None:
-        for arguments, code, told in (
-            ((tmp_path / "b.mcap",), 2, f"error: {tmp_path}/b.mcap: not an MCAP file: it does not begin like one"),
-            ((path, "--from", "5"), 2, f"error: --from 5: {path} ends after 0.2 s"),
-            ((path, "--from", "0.1", "--to", "0.1"), 2, "error: --to 0.1: expected more than --from 0.1"),
-            ((path, "--from", "x"), 2, "expected seconds since the beginning of the recording, got `x`"),
-            ((path, "--speed", "0"), 2, "invalid speed (0 < X <= 1000) value: '0'"),
-            ((path, "--fleet", "a/b"), 2, "error: --fleet a/b: expected letters, digits, `_`, `-` and `.`"),
-            ((several, "--fleet", "a"), 2, f"error: --fleet a: {several} has several fleets: second, test"),
-            ((path, "--router", "tcp/192.0.2.1:7447"), 1, "error: no router at tcp/192.0.2.1:7447"),
-        ):
-            async with argosy("replay", *arguments) as process:
-                found, _, err = await process.end(None, 40)
-            assert (found, told in err, "Traceback" in err) == (code, True, False), err
-
-    asyncio.run(body())
+    for arguments, code, told in (
+        ((tmp_path / "b.mcap",), 2, f"error: {tmp_path}/b.mcap: not an MCAP file: it does not begin like one"),
+        ((path, "--from", "5"), 2, f"error: --from 5: {path} ends after 0.2 s"),
+        ((path, "--from", "0.1", "--to", "0.1"), 2, "error: --to 0.1: expected more than --from 0.1"),
+        ((path, "--from", "x"), 2, "expected seconds since the beginning of the recording, got `x`"),
+        ((path, "--speed", "0"), 2, "invalid speed (0 < X <= 1000) value: '0'"),
+        ((path, "--fleet", "a/b"), 2, "error: --fleet a/b: expected letters, digits, `_`, `-` and `.`"),
+        ((several, "--fleet", "a"), 2, f"error: --fleet a: {several} has several fleets: second, test"),
+        ((path, "--router", "tcp/192.0.2.1:7447"), 1, "error: no router at tcp/192.0.2.1:7447"),
+    ):
+        async with argosy("replay", *arguments) as process:
+            found, _, err = await process.end(None, 40)
+        assert (found, told in err, "Traceback" in err) == (code, True, False), err
 
 
-def test_what_is_in_it_is_told(tmp_path: Path) -> None:
+@async_test
+async def test_what_is_in_it_is_told(tmp_path: Path) -> None:
     inputs = keys.trace(FLEET, "uav", "inputs")
     messages = [*fast(51), heard(inputs, stretch(0), 1), heard(inputs, stretch(2, agent="uav"), 2)]
     path = recorded(tmp_path / "a.mcap", messages)
-
-    async def body() -> None:
-        async with argosy("replay", path, "--info") as process:
-            code, out, _ = await process.end(None)
-        assert code == 0
-        lines = [line.split() for line in out.splitlines()]
-        assert ["ended", "ctrl-C"] in lines
-        assert "  uav  b1        incomplete: batches 1 of 3 of its inputs are missing" in out
-        assert [ALTITUDE, "Perception", "51", "25.50"] in lines
-        async with argosy("replay", path, "--info", "--json") as process:
-            _, out, _ = await process.end(None)
-        told = json.loads(out)
-        assert (told["fleets"], told["seconds"], told["minds"][0]["missing"]) == ([FLEET], 2.0, [1])
-
-    asyncio.run(body())
+    async with argosy("replay", path, "--info") as process:
+        code, out, _ = await process.end(None)
+    assert code == 0
+    lines = [line.split() for line in out.splitlines()]
+    assert ["ended", "ctrl-C"] in lines
+    assert "  uav  b1        incomplete: batches 1 of 3 of its inputs are missing" in out
+    assert [ALTITUDE, "Perception", "51", "25.50"] in lines
+    async with argosy("replay", path, "--info", "--json") as process:
+        _, out, _ = await process.end(None)
+    told = json.loads(out)
+    assert (told["fleets"], told["seconds"], told["minds"][0]["missing"]) == ([FLEET], 2.0, [1])
 
 
 def test_inputs_that_another_version_wrote_are_not_told_as_not_recorded(

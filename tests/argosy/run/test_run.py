@@ -22,6 +22,7 @@ from commd.bus.bus import open_bus
 from schemas.wire import keys
 from schemas.wire.records import RunState
 from tests.argosy.conftest import DOUBLES, Running, Start
+from tests.argosy.watch.terminal import Terminal
 from tests.support.buses import until
 from tests.support.promises import kept
 
@@ -370,32 +371,21 @@ def test_ctrl_c_while_it_starts_leaves_nothing_behind(start: Start, single_uav: 
 
 
 def test_a_terminal_that_goes_away_ends_the_run_and_leaves_nothing_behind(single_uav: Path, endpoint: str) -> None:
-    pid, terminal = pty.fork()
-    if pid == 0:
-        arguments = [sys.executable, str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "2"]
-        os.execve(sys.executable, arguments, {**os.environ, "TERM": "xterm-256color"})
-    output = b""
-    while b"agentd uav" not in output or b"armed" not in output:
-        output += os.read(terminal, 65_536)
-    family = psutil.Process(pid).children(recursive=True)
-    os.close(terminal)
-    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 128 + signal.SIGHUP
+    with Terminal([str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "2"]) as terminal:
+        terminal.until(lambda _: b"agentd uav" in terminal.output and b"armed" in terminal.output, "the flight")
+        family = psutil.Process(terminal.pid).children(recursive=True)
+        assert terminal.hang_up() == 128 + signal.SIGHUP
     assert len(family) == 4
     assert psutil.wait_procs(family, timeout=5)[1] == []
 
 
-@pytest.mark.parametrize("terminal", ["dumb", ""])
-def test_a_terminal_that_cannot_be_steered_gets_plain_lines(single_uav: Path, endpoint: str, terminal: str) -> None:
-    pid, screen = pty.fork()
-    if pid == 0:
-        arguments = [sys.executable, str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "2"]
-        os.execve(sys.executable, arguments, {**os.environ, "TERM": terminal})
-    output = b""
-    while b"commd: up" not in output:
-        output += os.read(screen, 65_536)
-    os.close(screen)
-    os.waitpid(pid, 0)
-    assert b"\x1b" not in output
+@pytest.mark.parametrize("kind", ["dumb", ""])
+def test_a_terminal_that_cannot_be_steered_gets_plain_lines(single_uav: Path, endpoint: str, kind: str) -> None:
+    run = [str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "2"]
+    with Terminal(run, TERM=kind) as terminal:
+        terminal.shows("commd: up")
+        terminal.hang_up()
+    assert b"\x1b" not in terminal.output
 
 
 @pytest.mark.parametrize("missing", ["rich", "psutil"])

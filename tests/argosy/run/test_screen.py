@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
-import os
-import pty
 import re
-import select
-import signal
-import sys
-import time
-from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -25,6 +18,7 @@ from argosy.run.screen import Screen
 from schemas.wire.records import ActionStatus
 from tests.argosy.conftest import DOUBLES
 from tests.argosy.recorded import Recording, flight
+from tests.argosy.watch.terminal import Terminal
 
 _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[=>]")
 
@@ -126,30 +120,10 @@ def test_text_from_outside_cannot_command_the_terminal() -> None:
 
 
 def test_in_a_real_terminal_the_view_is_drawn_and_the_summary_stays(single_uav: Path, endpoint: str) -> None:
-    pid, terminal = pty.fork()
-    if pid == 0:
-        environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
-        arguments = [sys.executable, str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "5"]
-        os.execve(sys.executable, arguments, environment)
-    output, until = b"", time.monotonic() + 60
-    try:
-        while time.monotonic() < until:
-            readable, _, _ = select.select([terminal], [], [], 1.0)
-            if readable:
-                try:
-                    data = os.read(terminal, 65_536)
-                except OSError:
-                    break
-                if not data:
-                    break
-                output += data
-        _, status = os.waitpid(pid, 0)
-    finally:
-        with suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
-        os.close(terminal)
-    assert os.waitstatus_to_exitcode(status) == 0
-    drawn, _, rest = output.decode().rpartition("\x1b[?1049l")  # the other screen closes here
+    run = [str(DOUBLES), "run", str(single_uav), "--router", endpoint, "--speed", "5"]
+    with Terminal(run, columns=100, lines=30) as terminal:
+        assert terminal.end() == 0
+    drawn, _, rest = terminal.output.decode().rpartition("\x1b[?1049l")  # the other screen closes here
     text = _ESCAPES.sub("", drawn)
     assert "\x1b[?1049h" in drawn
     assert "▸ goto(-27.603683,-48.518052,40)" in text

@@ -6,7 +6,8 @@ import asyncio
 import os
 import signal
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 
 import pytest
 
@@ -15,6 +16,7 @@ from argosy.processes.supervisor import Child, Supervisor
 from argosy.run import watchdog
 from argosy.run.watchdog import Watchdog, is_stopped
 from schemas.wire import keys
+from tests.argosy.given import given
 from tests.argosy.recorded import Recording
 
 
@@ -50,18 +52,14 @@ class Looking:
             await asyncio.sleep(0.01)
 
 
-def looking(body: Callable[[Looking], Awaitable[None]]) -> None:
-    """Run `body(looking)` and end everything."""
-
-    async def main() -> None:
-        one = Looking()
-        try:
-            async with asyncio.timeout(240):
-                await body(one)
-        finally:
-            await one.supervisor.close()
-
-    asyncio.run(main())
+@asynccontextmanager
+async def looking() -> AsyncIterator[Looking]:
+    """A watchdog and processes that end with the block."""
+    one = Looking()
+    try:
+        yield one
+    finally:
+        await one.supervisor.close()
 
 
 @pytest.fixture(autouse=True)
@@ -71,98 +69,80 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watchdog, "COMING_UP", 0.0)
 
 
-def test_a_daemon_that_is_stopped_is_killed_and_told_of() -> None:
-    async def body(one: Looking) -> None:
-        child = await one.start("agentd", "uav")
-        one.recording.health("uav", "agentd")
-        child.signal(signal.SIGSTOP)
-        await one.until(lambda: not child.alive)
-        assert "agentd uav: hangs: it is stopped for 0.2 s, and is killed" in one.recording.lines
-
-    looking(body)
+@given(looking)
+async def test_a_daemon_that_is_stopped_is_killed_and_told_of(one: Looking) -> None:
+    child = await one.start("agentd", "uav")
+    one.recording.health("uav", "agentd")
+    child.signal(signal.SIGSTOP)
+    await one.until(lambda: not child.alive)
+    assert "agentd uav: hangs: it is stopped for 0.2 s, and is killed" in one.recording.lines
 
 
-def test_a_daemon_of_which_nothing_is_heard_although_its_board_is_heard_is_killed() -> None:
-    async def body(one: Looking) -> None:
-        one.token("local", "commd")
-        one.recording.health("uav1", "bridged")
-        bridge, agent = await one.start("bridged", "uav1"), await one.start("agentd", "uav")
-        await one.until(lambda: not agent.alive)
-        assert bridge.alive
-        assert one.recording.lines[-1] == "agentd uav: hangs: it says nothing for 0.2 s, and is killed"
-        one.recording.at = 10.0
-        await one.until(lambda: not bridge.alive)
-
-    looking(body)
+@given(looking)
+async def test_a_daemon_of_which_nothing_is_heard_although_its_board_is_heard_is_killed(one: Looking) -> None:
+    one.token("local", "commd")
+    one.recording.health("uav1", "bridged")
+    bridge, agent = await one.start("bridged", "uav1"), await one.start("agentd", "uav")
+    await one.until(lambda: not agent.alive)
+    assert bridge.alive
+    assert one.recording.lines[-1] == "agentd uav: hangs: it says nothing for 0.2 s, and is killed"
+    one.recording.at = 10.0
+    await one.until(lambda: not bridge.alive)
 
 
-def test_a_daemon_that_is_heard_for_one_of_its_agents_is_well() -> None:
-    async def body(one: Looking) -> None:
-        one.token("local", "commd")
-        one.recording.health("uav", "agentd")
-        agents = await one.start("agentd", "uav killed_by_its_program")
-        await one.looked()
-        assert agents.alive
-
-    looking(body)
+@given(looking)
+async def test_a_daemon_that_is_heard_for_one_of_its_agents_is_well(one: Looking) -> None:
+    one.token("local", "commd")
+    one.recording.health("uav", "agentd")
+    agents = await one.start("agentd", "uav killed_by_its_program")
+    await one.looked()
+    assert agents.alive
 
 
-def test_nobody_is_judged_while_the_way_to_its_board_is_cut() -> None:
-    async def body(one: Looking) -> None:
-        agent = await one.start("agentd", "uav")
-        await one.looked()  # commd of its board is not heard
-        one.token("local", "commd")
-        one.recording.model.router(up=False)
-        await one.looked()
-        assert agent.alive
-
-    looking(body)
+@given(looking)
+async def test_nobody_is_judged_while_the_way_to_its_board_is_cut(one: Looking) -> None:
+    agent = await one.start("agentd", "uav")
+    await one.looked()  # commd of its board is not heard
+    one.token("local", "commd")
+    one.recording.model.router(up=False)
+    await one.looked()
+    assert agent.alive
 
 
-def test_a_daemon_that_comes_up_has_time(monkeypatch: pytest.MonkeyPatch) -> None:
+@given(looking)
+async def test_a_daemon_that_comes_up_has_time(one: Looking, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watchdog, "COMING_UP", 600.0)
-
-    async def body(one: Looking) -> None:
-        one.token("local", "commd")
-        agent = await one.start("agentd", "uav")
-        await one.looked()
-        assert agent.alive
-
-    looking(body)
+    one.token("local", "commd")
+    agent = await one.start("agentd", "uav")
+    await one.looked()
+    assert agent.alive
 
 
-def test_the_first_boards_router_is_killed_when_it_does_not_answer() -> None:
-    async def body(one: Looking) -> None:
-        router = await one.start("commd", "local")
-        await one.looked()
-        assert router.alive
-        one.recording.model.router(up=False)
-        await one.until(lambda: not router.alive)
-
-    looking(body)
+@given(looking)
+async def test_the_first_boards_router_is_killed_when_it_does_not_answer(one: Looking) -> None:
+    router = await one.start("commd", "local")
+    await one.looked()
+    assert router.alive
+    one.recording.model.router(up=False)
+    await one.until(lambda: not router.alive)
 
 
-def test_a_simulator_may_be_stopped() -> None:
-    async def body(one: Looking) -> None:
-        simulator = await one.start("simulator", "uav1", daemon=False)
-        simulator.signal(signal.SIGSTOP)
-        await one.looked()
-        assert simulator.alive
-
-    looking(body)
+@given(looking)
+async def test_a_simulator_may_be_stopped(one: Looking) -> None:
+    simulator = await one.start("simulator", "uav1", daemon=False)
+    simulator.signal(signal.SIGSTOP)
+    await one.looked()
+    assert simulator.alive
 
 
-def test_a_daemon_that_only_paused_is_spared(monkeypatch: pytest.MonkeyPatch) -> None:
+@given(looking)
+async def test_a_daemon_that_only_paused_is_spared(one: Looking, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watchdog, "PATIENCE", 600.0)
-
-    async def body(one: Looking) -> None:
-        daemon = await one.start("agentd", "uav")
-        os.kill(daemon.pid, signal.SIGSTOP)
-        await one.until(lambda: is_stopped(daemon.pid))
-        os.kill(daemon.pid, signal.SIGCONT)
-        await one.until(lambda: not is_stopped(daemon.pid))
-        monkeypatch.setattr(watchdog, "PATIENCE", 0.0)
-        await one.looked()
-        assert daemon.alive
-
-    looking(body)
+    daemon = await one.start("agentd", "uav")
+    os.kill(daemon.pid, signal.SIGSTOP)
+    await one.until(lambda: is_stopped(daemon.pid))
+    os.kill(daemon.pid, signal.SIGCONT)
+    await one.until(lambda: not is_stopped(daemon.pid))
+    monkeypatch.setattr(watchdog, "PATIENCE", 0.0)
+    await one.looked()
+    assert daemon.alive

@@ -18,7 +18,7 @@ from argosy.fleet_model.fleet_status import Row
 from argosy.status import metrics_command
 from argosy.status.metrics_command import CALLERS, COUNTERS, REQUEST_BYTES, Fleet, Page
 from schemas.wire.records import Health, Note
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.ports import free_port
 from tests.support.processes import Daemon, running
 
@@ -94,40 +94,35 @@ async def ask(port: int, request: bytes) -> bytes:
         (b"GET /" + b"x" * 2 * REQUEST_BYTES + b" HTTP/1.1\r\n\r\n", b""),
     ],
 )
-def test_only_get_metrics_has_an_answer_and_what_is_too_long_none(request_: bytes, first: bytes) -> None:
-    async def body() -> None:
-        server = await asyncio.start_server(Page(lambda: b"page\n").answer, "127.0.0.1", port, limit=REQUEST_BYTES)
-        async with server:
-            try:
-                answer = await asyncio.wait_for(ask(port, request_), 120)
-            except ConnectionError:
-                answer = b""
-            assert answer.startswith(first)
-            if first.endswith(b"OK"):
-                assert answer.endswith(b"page\n") is request_.startswith(b"GET")
-
+@async_test
+async def test_only_get_metrics_has_an_answer_and_what_is_too_long_none(request_: bytes, first: bytes) -> None:
     port = free_port()
-    asyncio.run(body())
+    server = await asyncio.start_server(Page(lambda: b"page\n").answer, "127.0.0.1", port, limit=REQUEST_BYTES)
+    async with server:
+        try:
+            answer = await asyncio.wait_for(ask(port, request_), 120)
+        except ConnectionError:
+            answer = b""
+        assert answer.startswith(first)
+        if first.endswith(b"OK"):
+            assert answer.endswith(b"page\n") is request_.startswith(b"GET")
 
 
-def test_callers_that_say_nothing_are_bounded_and_give_their_place_back(monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_callers_that_say_nothing_are_bounded_and_give_their_place_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metrics_command, "REQUEST_PATIENCE", 120.0)
-
-    async def body() -> None:
-        page = Page(lambda: b"page\n")
-        server = await asyncio.start_server(page.answer, "127.0.0.1", port, limit=REQUEST_BYTES)
-        async with server, asyncio.timeout(240):
-            mute = [await asyncio.open_connection("127.0.0.1", port) for _ in range(CALLERS)]
-            await until(lambda: page.callers >= CALLERS, "all are let in")
-            with suppress(ConnectionError):
-                assert await ask(port, b"GET /metrics HTTP/1.1\r\n\r\n") == b""
-            for _, writer in mute:
-                writer.close()
-            await until(lambda: not page.callers, "all have left")
-            assert (await ask(port, b"GET /metrics HTTP/1.1\r\n\r\n")).endswith(b"page\n")
-
     port = free_port()
-    asyncio.run(body())
+    page = Page(lambda: b"page\n")
+    server = await asyncio.start_server(page.answer, "127.0.0.1", port, limit=REQUEST_BYTES)
+    async with server, asyncio.timeout(240):
+        mute = [await asyncio.open_connection("127.0.0.1", port) for _ in range(CALLERS)]
+        await until(lambda: page.callers >= CALLERS, "all are let in")
+        with suppress(ConnectionError):
+            assert await ask(port, b"GET /metrics HTTP/1.1\r\n\r\n") == b""
+        for _, writer in mute:
+            writer.close()
+        await until(lambda: not page.callers, "all have left")
+        assert (await ask(port, b"GET /metrics HTTP/1.1\r\n\r\n")).endswith(b"page\n")
 
 
 def test_a_real_fleet_is_read_over_http(tmp_path: Path, endpoint: str) -> None:

@@ -16,6 +16,7 @@ from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.attacks.world import NAME, TEXT, World
 from tests.docs.pages import blocks
+from tests.support.buses import async_test
 from tests.support.secured import Secured
 
 INJECT = TEXT.replace("mission: three", "mission: three\nfleet: three\ninject: true")
@@ -55,24 +56,22 @@ def test_an_observer_of_telemetry_is_told_that_it_sees_no_minds(
     assert why in capsys.readouterr().err
 
 
-def test_an_operator_tells_percepts_and_an_observer_does_not(world: World) -> None:
-    async def body() -> None:
-        mission = world.fleet.mission
-        async with (
-            join("pi1_x", mission=mission, board="pi1", router=world.fleet.socket("pi1")) as member,
-            world.machine("ops", "pi1") as operator,
-            world.machine("eye", "pi1") as observer,
-        ):
-            percepts = member.percepts("a")
-            async with asyncio.timeout(120):
-                while not percepts.of("victim"):
-                    observer.put(keys.percept(NAME, "a", "forged"), Perception(parameters=(1,)))
-                    operator.put(keys.percept(NAME, "a", "victim"), Perception(parameters=(1,)))
-                    await asyncio.sleep(0.1)
-            assert percepts.of("forged") == []
-            assert percepts.of("victim") == [(1,)]
-
-    asyncio.run(body())
+@async_test
+async def test_an_operator_tells_percepts_and_an_observer_does_not(world: World) -> None:
+    mission = world.fleet.mission
+    async with (
+        join("pi1_x", mission=mission, board="pi1", router=world.fleet.socket("pi1")) as member,
+        world.machine("ops", "pi1") as operator,
+        world.machine("eye", "pi1") as observer,
+    ):
+        percepts = member.percepts("a")
+        async with asyncio.timeout(120):
+            while not percepts.of("victim"):
+                observer.put(keys.percept(NAME, "a", "forged"), Perception(parameters=(1,)))
+                operator.put(keys.percept(NAME, "a", "victim"), Perception(parameters=(1,)))
+                await asyncio.sleep(0.1)
+        assert percepts.of("forged") == []
+        assert percepts.of("victim") == [(1,)]
 
 
 def test_an_observer_lists_what_all_boards_tell(world: World, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,9 +6,7 @@ import asyncio
 import contextlib
 import json
 import os
-import pty
 import re
-import select
 import signal
 import subprocess
 import sys
@@ -31,9 +29,9 @@ from schemas.wire.codec import Wire
 from schemas.wire.records import Health, Perception
 from tests.argosy.stop.test_stop import beside
 from tests.argosy.tools.flying import Trial, trial
+from tests.argosy.watch.terminal import Terminal
 from tests.attacks.world import NAME, TEXT, World
-from tests.support import forked
-from tests.support.buses import Connect, on_a_bus, subscribed, until
+from tests.support.buses import Connect, async_test, bus_test, subscribed, until
 from tests.support.processes import ROOT, running
 from tests.support.secured import Secured
 
@@ -224,28 +222,12 @@ def test_hz_on_a_terminal_draws_the_silence(endpoint: str) -> None:
     async def say(bus: Bus) -> None:
         await (asyncio.sleep(0.05) if quiet.is_set() else tell(bus))
 
-    with talking(endpoint, say):
-        terminal, its = pty.openpty()
-        command = [sys.executable, "-m", "argosy", "hz", "uav", "--router", endpoint, "--window", "500ms"]
-        process = subprocess.Popen(command, stdin=its, stdout=its, stderr=its, cwd=ROOT)
-        os.close(its)
-        try:
-            shown(terminal, r"percept/altitude +[1-9]")
-            quiet.set()
-            shown(terminal, r"percept/altitude +0\.00 +- [^\x1b]*nothing was published in the last 0\.5 s")
-        finally:
-            process.kill()
-            process.wait(10)
-            os.close(terminal)
-
-
-def shown(terminal: int, pattern: str) -> None:
-    """Wait until a terminal has shown something."""
-    text, end = "", time.monotonic() + 30
-    while not re.search(pattern, text):
-        assert time.monotonic() < end, text[-2000:]
-        if select.select([terminal], [], [], 0.2)[0]:
-            text += os.read(terminal, 4096).decode(errors="replace")
+    silence = re.compile(r"percept/altitude +0\.00 +- .*nothing was said in the last 0\.5 s", re.DOTALL)
+    hz = ["argosy", "hz", "uav", "--router", endpoint, "--window", "500ms"]
+    with talking(endpoint, say), Terminal(hz, columns=120) as terminal:
+        terminal.until(lambda text: re.search(r"percept/altitude +[1-9]", text) is not None, "its rate")
+        quiet.set()
+        terminal.until(lambda text: silence.search(text) is not None, "the silence")
 
 
 def said_by(board: str, *times: float) -> list[Heard]:
@@ -279,7 +261,8 @@ def test_echo_begins_with_the_last_known_value_of_a_percept_that_does_not_change
         assert told["record"]["parameters"] == ["STABILIZE", True, False]
 
 
-def test_a_value_that_was_asked_for_is_not_shown_after_a_newer_one(capsys: pytest.CaptureFixture[str]) -> None:
+@async_test
+async def test_a_value_that_was_asked_for_is_not_shown_after_a_newer_one(capsys: pytest.CaptureFixture[str]) -> None:
     said = [("a", "old", True), ("a", "new", False), ("a", "older", True), ("b", "kept", True), ("b", "kept too", True)]
 
     class Said:
@@ -287,11 +270,8 @@ def test_a_value_that_was_asked_for_is_not_shown_after_a_newer_one(capsys: pytes
             for key, text, known in said:
                 yield Heard(key, text.encode(), "text/plain", 0.0, 0.0, last_known=known)
 
-    async def body() -> None:
-        noticing = asyncio.create_task(asyncio.sleep(0))
-        await echo._echo(cast(BusTap, Said()), lambda heard: heard.payload.decode(), None, noticing)
-
-    asyncio.run(body())
+    noticing = asyncio.create_task(asyncio.sleep(0))
+    await echo._echo(cast(BusTap, Said()), lambda heard: heard.payload.decode(), None, noticing)
     assert capsys.readouterr().out.split("\n") == ["old", "new", "kept", "kept too", ""]
 
 
@@ -332,13 +312,11 @@ def test_what_cannot_be_shown_is_written_otherwise_and_what_is_lost_is_no_succes
         assert full.stderr == "error: the output cannot be written: No space left on device\n"
 
 
-def test_list_of_nobody_fails(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        code, lines, said = await asyncio.to_thread(typed, "list", "--router", endpoint, "--wait", "300ms")
-        assert (code, lines) == (1, [])
-        assert said == f"error: no daemon of any fleet is on the bus at {endpoint}"
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_list_of_nobody_fails(connect: Connect, endpoint: str) -> None:
+    code, lines, said = await asyncio.to_thread(typed, "list", "--router", endpoint, "--wait", "300ms")
+    assert (code, lines) == (1, [])
+    assert said == f"error: nobody of any fleet is on the bus at {endpoint}"
 
 
 @pytest.mark.parametrize(
@@ -358,38 +336,36 @@ def test_a_name_or_a_key_expression_says_what_is_listened_to(text: str | None, e
 
 
 @pytest.mark.parametrize("text", ["**/altitude", "*/**/altitude", "argosy/**", "**", "uav", "uav/percept/*", None])
-def test_a_record_is_heard_once_however_many_expressions_match_its_key(text: str | None, endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        speaker, listener = await connect("uav1"), await connect("x")
-        ears = BusTap(listener, key_expressions(text, "test"))
-        ours, theirs = keys.percept("test", "uav", "altitude"), "uav/percept/altitude"
-        last = keys.health("test", "uav", "end") if text in ("argosy/**", "**", "uav", None) else theirs
-        await subscribed(speaker, ours)
-        for key in (ours, ours, last):
-            speaker._session.put(key, b"{}", congestion_control=zenoh.CongestionControl.BLOCK)
-        heard = []
-        async for one in ears.samples(asyncio.get_running_loop().time() + 10):
-            heard.append(one.key)
-            if one.key == last:
-                break
-        assert heard == [ours, ours, last]
+@bus_test
+async def test_a_record_is_heard_once_however_many_expressions_match_its_key(
+    connect: Connect, text: str | None
+) -> None:
+    speaker, listener = await connect("uav1"), await connect("x")
+    ears = BusTap(listener, key_expressions(text, "test"))
+    ours, theirs = keys.percept("test", "uav", "altitude"), "uav/percept/altitude"
+    last = keys.health("test", "uav", "end") if text in ("argosy/**", "**", "uav", None) else theirs
+    await subscribed(speaker, ours)
+    for key in (ours, ours, last):
+        speaker._session.put(key, b"{}", congestion_control=zenoh.CongestionControl.BLOCK)
+    heard = []
+    async for one in ears.samples(asyncio.get_running_loop().time() + 10):
+        heard.append(one.key)
+        if one.key == last:
+            break
+    assert heard == [ours, ours, last]
 
-    on_a_bus(endpoint, body)
 
-
-def test_what_comes_faster_than_it_is_shown_is_counted(endpoint: str) -> None:
-    async def body(connect: Connect) -> None:
-        speaker, listener = await connect("uav1"), await connect("x")
-        ears = BusTap(listener, ["argosy/test/**"])
-        key = keys.health("test", "uav1", "bridged")
-        await subscribed(speaker, key)
-        for _ in range(ROOM + 500):
-            speaker._session.put(key, b"{}", congestion_control=zenoh.CongestionControl.BLOCK)
-        await until(lambda: ears.dropped == 500, "the excess is counted")
-        taken = [heard async for heard in ears.samples(asyncio.get_running_loop().time() + 5) if heard]
-        assert len(taken) == ROOM
-
-    on_a_bus(endpoint, body)
+@bus_test
+async def test_what_comes_faster_than_it_is_shown_is_counted(connect: Connect) -> None:
+    speaker, listener = await connect("uav1"), await connect("x")
+    ears = BusTap(listener, ["argosy/test/**"])
+    key = keys.health("test", "uav1", "bridged")
+    await subscribed(speaker, key)
+    for _ in range(ROOM + 500):
+        speaker._session.put(key, b"{}", congestion_control=zenoh.CongestionControl.BLOCK)
+    await until(lambda: ears.dropped == 500, "the excess is counted")
+    taken = [heard async for heard in ears.samples(asyncio.get_running_loop().time() + 5) if heard]
+    assert len(taken) == ROOM
 
 
 def test_a_board_that_is_not_reached_is_told_while_others_speak() -> None:

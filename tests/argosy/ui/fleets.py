@@ -25,7 +25,7 @@ class Robot:
         self.bus, self.name, self.agent = bus, name, agent
         self.answer = answer
         """None: it does not answer at all."""
-        self.warnings: tuple[Note, ...] = ()
+        self.notes: tuple[Note, ...] = ()
         self.orders: list[str] = []
         bus.serve(keys.stop(fleet, name), StopOrder, self._told)
         bus.token(keys.alive(fleet, name, "bridged", bus.boot))
@@ -51,8 +51,7 @@ class Robot:
 
     def healthy(self) -> None:
         """Tell that it is well, and whom it serves."""
-        notes = (Note("failsafe_none", "failsafe: none"), *self.warnings) if self.warnings else ()
-        told = Health(daemon="bridged", percepts={self.agent: "b:1:0"}, notes=notes)
+        told = Health(daemon="bridged", percepts={self.agent: "b:1:0"}, notes=self.notes)
         self.bus.put(keys.health(FLEET, self.name, "bridged"), told)
 
     def gone(self, name: str) -> None:

@@ -127,3 +127,11 @@ async def served(
         await runner.cleanup()
         own = [one for one in sessions_under_way() if one not in before]
         assert not await asyncio.to_thread(still_there, own, 90)
+
+
+@asynccontextmanager
+async def entered(place: Where | None = None, mission: Mission | None = None, **options: Any) -> AsyncIterator[Browser]:
+    """Serve a fleet to a browser that has opened the printed address; options as of `served`."""
+    async with served(place, mission, **options) as browser:
+        await browser.enter()
+        yield browser

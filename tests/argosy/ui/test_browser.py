@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import signal
 from collections.abc import Callable, Iterator
@@ -15,6 +14,7 @@ from schemas.wire.records import Outcome
 from tests.argosy.ui.browsing import APART, Seen, browsing
 from tests.argosy.ui.fleets import Robot, fleet, router
 from tests.argosy.ui.serving import served
+from tests.support.buses import async_test
 from tests.support.processes import Daemon, running
 
 pytestmark = pytest.mark.usefixtures("browser")
@@ -75,25 +75,22 @@ def patrol(tmp_path: Path, endpoint: str, free_port: Callable[[], int]) -> Itera
             flight.ends(60)
 
 
-def test_the_page_shows_a_flight_tells_why_and_stops_it(patrol: tuple[Daemon, str]) -> None:
+@async_test
+async def test_the_page_shows_a_flight_tells_why_and_stops_it(patrol: tuple[Daemon, str]) -> None:
     ui, url = patrol
-
-    async def body() -> None:
-        async with browsing(url) as seen:
-            assert "token" not in seen.page.url
-            await _list_and_map(seen)
-            await _mind(seen)
-            await _why(seen)
-            await _timeline_and_mail(seen)
-            await _orders_to_a_mind(seen)
-            await _stop(seen)
-            assert seen.hosts == {"127.0.0.1"}, "nothing was asked of another machine"
-            assert seen.errors == []
-            ui.signal(signal.SIGTERM)
-            await seen.shows(".banner.bad", "argosy ui does not answer")
-            await seen.shows("body[data-old]")
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    async with browsing(url) as seen:
+        assert "token" not in seen.page.url
+        await _list_and_map(seen)
+        await _mind(seen)
+        await _why(seen)
+        await _timeline_and_mail(seen)
+        await _orders_to_a_mind(seen)
+        await _stop(seen)
+        assert seen.hosts == {"127.0.0.1"}, "nothing was asked of another machine"
+        assert seen.errors == []
+        ui.signal(signal.SIGTERM)
+        await seen.shows(".banner.bad", "argosy ui does not answer")
+        await seen.shows("body[data-old]")
 
 
 async def _list_and_map(seen: Seen) -> None:
@@ -190,56 +187,51 @@ def _quoted(text: str) -> str:
     return '"' + text.replace('"', '\\"') + '"'
 
 
-def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router_ages_all(endpoint: str) -> None:
-
-    async def body() -> None:
-        async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
-            await seen.shows(".banner.bad", "no router at")
-            answers = {"uav1": Outcome(ok=False, reason="the vehicle stays in AUTO")}
-            async with fleet(endpoint, answers) as ([uav1], _):
-                await seen.shows(".row[data-robot=uav1]")
-                await seen.gone(".banner")
-                uav1.tell()
-                await seen.page.focus("header [data-order=hold]")
-                await seen.page.keyboard.press("Enter")
-                await seen.page.wait_for_timeout(APART)
-                await seen.page.keyboard.press("Enter")
-                await seen.shows(".outcome.bad", "uav1: hold NOT confirmed (the vehicle stays in AUTO)")
-                assert uav1.orders == ["hold"]
-            await seen.shows(".banner.bad", "is lost for")
-            await seen.shows("body[data-old]")
-            await seen.shows(".outcome.bad")
-            await seen.page.click(".outcome .close")
-            await seen.gone(".outcome.bad")
-            async with router(endpoint):
-                await seen.shows("#router", "● router")
-                await seen.shows(".banner.warn", "Nobody of fleet sar is on the bus")
-            assert seen.hosts == {"127.0.0.1"}
-
-    asyncio.run(asyncio.wait_for(body(), 120))
-
-
-def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -> None:
-
-    async def body() -> None:
-        async with (
-            fleet(endpoint, {}) as (_, [scout]),
-            served(Where("sar", endpoint)) as browser,
-            browsing(browser.auth.url) as seen,
-        ):
-            await seen.shows(".row[data-agent=scout]")
-            assert await seen.page.locator(".row [data-order=hold]").count() == 0
-            uav1 = Robot(scout.bus, "uav1", "scout", Outcome(ok=True))
-            uav1.healthy()
-            await seen.shows(".row[data-agent=scout][data-robot=uav1]")
-            await seen.twice(seen.page.locator(".row[data-robot=uav1] [data-order=hold]"))
-            await seen.shows(".outcome.good", "uav1: hold confirmed")
+@async_test
+async def test_a_hold_that_was_not_confirmed_stays_on_the_page_and_a_lost_router_ages_all(endpoint: str) -> None:
+    async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
+        await seen.shows(".banner.bad", "no router at")
+        answers = {"uav1": Outcome(ok=False, reason="the vehicle stays in AUTO")}
+        async with fleet(endpoint, answers) as ([uav1], _):
+            await seen.shows(".row[data-robot=uav1]")
+            await seen.gone(".banner")
+            uav1.tell()
+            await seen.page.focus("header [data-order=hold]")
+            await seen.page.keyboard.press("Enter")
+            await seen.page.wait_for_timeout(APART)
+            await seen.page.keyboard.press("Enter")
+            await seen.shows(".outcome.bad", "uav1: hold NOT confirmed (the vehicle stays in AUTO)")
             assert uav1.orders == ["hold"]
+        await seen.shows(".banner.bad", "is lost for")
+        await seen.shows("body[data-old]")
+        await seen.shows(".outcome.bad")
+        await seen.page.click(".outcome .close")
+        await seen.gone(".outcome.bad")
+        async with router(endpoint):
+            await seen.shows("#router", "● router")
+            await seen.shows(".banner.warn", "Nobody of fleet sar is on the bus")
+        assert seen.hosts == {"127.0.0.1"}
 
-    asyncio.run(asyncio.wait_for(body(), 120))
+
+@async_test
+async def test_an_agent_whose_robot_comes_later_gets_its_orders(endpoint: str) -> None:
+    async with (
+        fleet(endpoint, {}) as (_, [scout]),
+        served(Where("sar", endpoint)) as browser,
+        browsing(browser.auth.url) as seen,
+    ):
+        await seen.shows(".row[data-agent=scout]")
+        assert await seen.page.locator(".row [data-order=hold]").count() == 0
+        uav1 = Robot(scout.bus, "uav1", "scout", Outcome(ok=True))
+        uav1.healthy()
+        await seen.shows(".row[data-agent=scout][data-robot=uav1]")
+        await seen.twice(seen.page.locator(".row[data-robot=uav1] [data-order=hold]"))
+        await seen.shows(".outcome.good", "uav1: hold confirmed")
+        assert uav1.orders == ["hold"]
 
 
-def test_an_observer_is_told_why_the_buttons_do_nothing(endpoint: str, tmp_path: Path) -> None:
+@async_test
+async def test_an_observer_is_told_why_the_buttons_do_nothing(endpoint: str, tmp_path: Path) -> None:
     from schemas.mission.model import load_mission
 
     (tmp_path / "m.yaml").write_text(
@@ -247,20 +239,16 @@ def test_an_observer_is_told_why_the_buttons_do_nothing(endpoint: str, tmp_path:
         "security: {observers: [eye]}\n"
     )
     mission = load_mission(tmp_path / "m.yaml")
-
-    async def body() -> None:
-        async with (
-            fleet(endpoint, {"uav1": Outcome(ok=True)}) as ([uav1], _),
-            served(Where("sar", endpoint), mission, identity="eye") as browser,
-            browsing(browser.auth.url) as seen,
-        ):
-            await seen.shows(".row[data-agent=scout]", "waiting")
-            await seen.shows("header [data-order=rtl][aria-disabled=true]")
-            await seen.page.locator("header [data-order=rtl]").click(force=True)
-            await seen.shows(".outcome.bad", "`eye` is an observer in the mission: it may not give orders")
-            await seen.page.click("#tab-act")
-            await seen.shows("#pane-act .hint", "Not allowed: `eye` is an observer")
-            assert uav1.orders == []
-            assert seen.errors == []
-
-    asyncio.run(asyncio.wait_for(body(), 120))
+    async with (
+        fleet(endpoint, {"uav1": Outcome(ok=True)}) as ([uav1], _),
+        served(Where("sar", endpoint), mission, identity="eye") as browser,
+        browsing(browser.auth.url) as seen,
+    ):
+        await seen.shows(".row[data-agent=scout]", "waiting")
+        await seen.shows("header [data-order=rtl][aria-disabled=true]")
+        await seen.page.locator("header [data-order=rtl]").click(force=True)
+        await seen.shows(".outcome.bad", "`eye` is an observer in the mission: it may not give orders")
+        await seen.page.click("#tab-act")
+        await seen.shows("#pane-act .hint", "Not allowed: `eye` is an observer")
+        assert uav1.orders == []
+        assert seen.errors == []

@@ -17,6 +17,7 @@ from commd.bus.tls import identity_of
 from schemas.wire.records import Outcome
 from tests.argosy.ui.fleets import Robot
 from tests.argosy.ui.serving import Browser, Feed, served
+from tests.support.buses import async_test
 from tests.support.secured import Secured
 
 
@@ -45,30 +46,26 @@ async def page_of(made: Secured, who: str) -> AsyncIterator[tuple[Browser, Feed,
         yield browser, feed, robot
 
 
-def test_an_operator_orders_and_is_told_of_boards_that_are_not_reached(boards: Secured) -> None:
-    async def body() -> None:
-        async with page_of(boards, "ops") as (browser, feed, robot):
-            _, text = await browser.post("/stop", {"order": "hold", "robots": None})
-            outcomes = json.loads(text)["outcomes"]
-            assert outcomes["r1"] == ["confirmed", ""]
-            assert outcomes["r2"] == ["NOT confirmed", "its bridge is not on the bus"]
-            assert outcomes["r3"][0] == "NOT confirmed"
-            assert "board pi3 is not reached" in outcomes["r3"][1]
-            assert robot.orders == ["hold"]
-            async with asyncio.timeout(120):
-                while not any("pi3" in line for line in feed.parts["head"].get("unreached", ())):
-                    await feed.hear()
-
-    asyncio.run(body())
+@async_test
+async def test_an_operator_orders_and_is_told_of_boards_that_are_not_reached(boards: Secured) -> None:
+    async with page_of(boards, "ops") as (browser, feed, robot):
+        _, text = await browser.post("/stop", {"order": "hold", "robots": None})
+        outcomes = json.loads(text)["outcomes"]
+        assert outcomes["r1"] == ["confirmed", ""]
+        assert outcomes["r2"] == ["NOT confirmed", "its bridge is not on the bus"]
+        assert outcomes["r3"][0] == "NOT confirmed"
+        assert "board pi3 is not reached" in outcomes["r3"][1]
+        assert robot.orders == ["hold"]
+        async with asyncio.timeout(120):
+            while not any("pi3" in line for line in feed.parts["head"].get("unreached", ())):
+                await feed.hear()
 
 
-def test_an_observer_sees_robots_and_the_server_says_why_it_orders_nothing(boards: Secured) -> None:
-    async def body() -> None:
-        async with page_of(boards, "eye") as (browser, feed, robot):
-            why = "`eye` is an observer in the mission: it may not give orders"
-            assert feed.parts["head"]["observer"] == why
-            _, text = await browser.post("/stop", {"order": "hold", "robots": None})
-            assert json.loads(text)["problem"] == why
-            assert robot.orders == []
-
-    asyncio.run(body())
+@async_test
+async def test_an_observer_sees_robots_and_the_server_says_why_it_orders_nothing(boards: Secured) -> None:
+    async with page_of(boards, "eye") as (browser, feed, robot):
+        why = "`eye` is an observer in the mission: it may not give orders"
+        assert feed.parts["head"]["observer"] == why
+        _, text = await browser.post("/stop", {"order": "hold", "robots": None})
+        assert json.loads(text)["problem"] == why
+        assert robot.orders == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from typing import Any
 
@@ -16,6 +15,7 @@ from tests.agentd.mind_format_page import part
 from tests.argosy.ui.browsing import Seen, browsing
 from tests.argosy.ui.fleets import fleet
 from tests.argosy.ui.serving import served
+from tests.support.buses import async_test
 
 pytestmark = pytest.mark.usefixtures("browser")
 
@@ -104,17 +104,14 @@ async def _why(seen: Seen) -> None:
     await seen.shows("#pane-why .card[data-kind]")
 
 
-def test_the_panel_shows_a_mind_finds_in_it_and_tells_why(endpoint: str) -> None:
-
-    async def body() -> None:
-        async with fleet(endpoint, {}) as (_, (agent,)):
-            agent.view = scout()
-            async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url, 1400, 1000) as seen:
-                await _panel(seen)
-                await _plans(seen)
-                await _find(seen)
-                await _why(seen)
-                assert seen.errors == []
-                assert seen.hosts == {"127.0.0.1"}
-
-    asyncio.run(asyncio.wait_for(body(), 120))
+@async_test
+async def test_the_panel_shows_a_mind_finds_in_it_and_tells_why(endpoint: str) -> None:
+    async with fleet(endpoint, {}) as (_, (agent,)):
+        agent.view = scout()
+        async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url, 1400, 1000) as seen:
+            await _panel(seen)
+            await _plans(seen)
+            await _find(seen)
+            await _why(seen)
+            assert seen.errors == []
+            assert seen.hosts == {"127.0.0.1"}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import re
 import signal
-from collections.abc import Callable, Coroutine
-from contextlib import AsyncExitStack
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -23,8 +23,8 @@ from schemas.wire.records import Health, Note, Outcome, RunPhase, RunState
 from schemas.wire.terms import Atom
 from tests.argosy.ui.browsing import APART, PATIENCE, Seen, browsing
 from tests.argosy.ui.fleets import Agent, Robot, fleet, router
-from tests.argosy.ui.serving import Browser, served
-from tests.support.buses import session, until
+from tests.argosy.ui.serving import Browser, entered, served
+from tests.support.buses import async_test, session, until
 from tests.support.processes import running
 
 pytestmark = pytest.mark.usefixtures("browser")
@@ -32,64 +32,52 @@ pytestmark = pytest.mark.usefixtures("browser")
 FINE = Outcome(ok=True)
 
 
-def runs(body: Callable[[], Coroutine[object, object, None]]) -> None:
-    """Run a test that ends."""
-    asyncio.run(asyncio.wait_for(body(), 280))
-
-
-def test_a_server_that_hangs_is_told_of_and_what_was_ordered_meanwhile_is_refused_when_it_goes_on(
+@async_test
+async def test_a_server_that_hangs_is_told_of_and_what_was_ordered_meanwhile_is_refused_when_it_goes_on(
     endpoint: str,
 ) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            ([uav1], _) = await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
-            ui = stack.enter_context(running("argosy", "ui", "--fleet", "sar", "--router", endpoint, "--port", "0"))
-            await asyncio.to_thread(ui.says, "open http://")
-            url = re.search(r"^open (\S+)$", ui.text, re.M)
-            assert url is not None
-            seen = await stack.enter_async_context(browsing(url[1]))
-            await seen.shows(".row[data-agent=scout]", "waiting")
-            ui.signal(signal.SIGSTOP)
+    async with AsyncExitStack() as stack:
+        ([uav1], _) = await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
+        ui = stack.enter_context(running("argosy", "ui", "--fleet", "sar", "--router", endpoint, "--port", "0"))
+        await asyncio.to_thread(ui.says, "open http://")
+        url = re.search(r"^open (\S+)$", ui.text, re.M)
+        assert url is not None
+        seen = await stack.enter_async_context(browsing(url[1]))
+        await seen.shows(".row[data-agent=scout]", "waiting")
+        ui.signal(signal.SIGSTOP)
+        try:
+            await seen.shows(".banner.bad", "argosy ui does not answer")
+            await seen.shows("body[data-old]")
+            await seen.shows("#router", "? router")
+            await seen.twice(seen.page.locator("header [data-order=hold]"))
+            await seen.shows(".outcome.calm", "hold all: is being ordered")
+            await seen.shows(".outcome.bad", "hold all: NOT known whether it was done")
+            await seen.page.wait_for_timeout(5_000)  # as long as an order is one
+        finally:
+            ui.signal(signal.SIGCONT)
+        await seen.shows(".outcome.bad", "NOT ordered: it came")
+        await seen.gone(".banner.bad")
+        await seen.twice(seen.page.locator("header [data-order=land]"))
+        await seen.shows(".outcome.good", "land all: confirmed by it")
+        assert uav1.orders == ["land"], "what was ordered while it hung was not done"
+
+
+@async_test
+async def test_who_is_gone_is_shown_as_gone_everywhere(endpoint: str) -> None:
+    async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
+        async with session(endpoint, "scout") as one, session(endpoint, "uav1") as other:
+            scout, uav1 = Agent(one, "scout"), Robot(other, "uav1", "scout", FINE)
+            telling = asyncio.create_task(_tells(scout, uav1))
             try:
-                await seen.shows(".banner.bad", "argosy ui does not answer")
-                await seen.shows("body[data-old]")
-                await seen.shows("#router", "? router")
-                await seen.twice(seen.page.locator("header [data-order=hold]"))
-                await seen.shows(".outcome.calm", "hold all: is being ordered")
-                await seen.shows(".outcome.bad", "hold all: NOT known whether it was done")
-                await seen.page.wait_for_timeout(5_000)  # as long as an order is one
+                await seen.shows(".row[data-agent=scout]", "GUIDED armed")
             finally:
-                ui.signal(signal.SIGCONT)
-            await seen.shows(".outcome.bad", "NOT ordered: it came")
-            await seen.gone(".banner.bad")
-            await seen.twice(seen.page.locator("header [data-order=land]"))
-            await seen.shows(".outcome.good", "land all: confirmed by it")
-            assert uav1.orders == ["land"], "what was ordered while it hung was not done"
-
-    runs(body)
-
-
-def test_who_is_gone_is_shown_as_gone_everywhere(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            await stack.enter_async_context(router(endpoint))
-            browser = await stack.enter_async_context(served(Where("sar", endpoint)))
-            seen = await stack.enter_async_context(browsing(browser.auth.url))
-            async with session(endpoint, "scout") as one, session(endpoint, "uav1") as other:
-                scout, uav1 = Agent(one, "scout"), Robot(other, "uav1", "scout", FINE)
-                telling = asyncio.create_task(_tells(scout, uav1))
-                try:
-                    await seen.shows(".row[data-agent=scout]", "GUIDED armed")
-                finally:
-                    telling.cancel()
-            await seen.shows(".row.gone[data-agent=scout] .state.gone", "gone")
-            await seen.shows(".row[data-agent=scout] .how.bad", "bridge gone")
-            await seen.shows(".vessel.old .label")
-            await seen.shows("#panel .title .state.gone", "gone")
-            await seen.page.click("#tab-act")
-            await seen.shows("#pane-act .hint", "Not allowed: scout is not there")
-
-    runs(body)
+                telling.cancel()
+        await seen.shows(".row.gone[data-agent=scout] .state.gone", "gone")
+        await seen.shows(".row[data-agent=scout] .how.bad", "bridge gone")
+        await seen.shows(".vessel.old .label")
+        await seen.shows("#panel .title .state.gone", "gone")
+        await seen.page.click("#tab-act")
+        await seen.shows("#pane-act .hint", "Not allowed: scout is not there")
 
 
 async def _tells(scout: Agent, uav1: Robot) -> None:
@@ -100,267 +88,231 @@ async def _tells(scout: Agent, uav1: Robot) -> None:
         await asyncio.sleep(0.5)
 
 
-async def paged(stack: AsyncExitStack, endpoint: str, *robots: str) -> tuple[list[Robot], Browser, Seen]:
+@asynccontextmanager
+async def paged(endpoint: str, *robots: str) -> AsyncIterator[tuple[list[Robot], Browser, Seen]]:
     """Open the page of a fleet of robots that confirm whatever they are told."""
-    craft, _ = await stack.enter_async_context(fleet(endpoint, dict.fromkeys(robots, FINE)))
-    browser = await stack.enter_async_context(served(Where("sar", endpoint)))
-    seen = await stack.enter_async_context(browsing(browser.auth.url))
-    for robot in robots:
-        await seen.shows(f".row[data-robot={robot}]")
-    return craft, browser, seen
+    async with (
+        fleet(endpoint, dict.fromkeys(robots, FINE)) as (craft, _),
+        served(Where("sar", endpoint)) as browser,
+        browsing(browser.auth.url) as seen,
+    ):
+        for robot in robots:
+            await seen.shows(f".row[data-robot={robot}]")
+        yield craft, browser, seen
 
 
-def test_a_key_that_is_held_and_a_double_click_order_nothing(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            [uav1], _, seen = await paged(stack, endpoint, "uav1")
-            button = seen.page.locator("header [data-order=release]")
-            await button.focus()
-            for _ in range(40):
-                await seen.page.keyboard.down("Enter")
-                await seen.page.wait_for_timeout(33)
-            await seen.page.keyboard.up("Enter")
-            await seen.shows("header [data-order=release][data-state=armed]")
-            await seen.gone("header [data-order=release][data-state=armed]")
-            await button.dblclick(delay=20)
-            await seen.shows("header [data-order=release][data-state=armed]")
-            assert uav1.orders == []
-            await seen.page.wait_for_timeout(APART)
-            await button.click()
-            await button.click()
-            await button.click()
-            await seen.shows(".outcome.good", "release all: confirmed by it")
-            assert uav1.orders == ["release"], "one order, whatever was clicked after it"
-
-    runs(body)
+@async_test
+async def test_a_key_that_is_held_and_a_double_click_order_nothing(endpoint: str) -> None:
+    async with paged(endpoint, "uav1") as ([uav1], _, seen):
+        button = seen.page.locator("header [data-order=release]")
+        await button.focus()
+        for _ in range(40):
+            await seen.page.keyboard.down("Enter")
+            await seen.page.wait_for_timeout(33)
+        await seen.page.keyboard.up("Enter")
+        await seen.shows("header [data-order=release][data-state=armed]")
+        await seen.gone("header [data-order=release][data-state=armed]")
+        await button.dblclick(delay=20)
+        await seen.shows("header [data-order=release][data-state=armed]")
+        assert uav1.orders == []
+        await seen.page.wait_for_timeout(APART)
+        await button.click()
+        await button.click()
+        await button.click()
+        await seen.shows(".outcome.good", "release all: confirmed by it")
+        assert uav1.orders == ["release"], "one order, whatever was clicked after it"
 
 
-def test_a_robot_is_paused_and_continued_by_its_buttons_and_shown_as_paused_meanwhile(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            [uav1], _, seen = await paged(stack, endpoint, "uav1")
-            uav1.tell()
-            await seen.shows(".row[data-robot=uav1] .how", "GUIDED")
-            await seen.twice(seen.page.locator("header [data-order=pause]"))
-            await seen.shows(".outcome.good", "pause all: confirmed by it")
-            uav1.percept("paused", Atom("operator"))
-            await seen.shows(".row[data-robot=uav1] .how.warn", "PAUSED GUIDED")
-            await seen.twice(seen.page.locator("header [data-order=continue]"))
-            await seen.shows(".outcome.good", "continue all: confirmed by it")
-            uav1.gone("paused")
-            await seen.gone(".row[data-robot=uav1] .how.warn")
-            assert uav1.orders == ["pause", "continue"]
-
-    runs(body)
+@async_test
+async def test_a_robot_is_paused_and_continued_by_its_buttons_and_shown_as_paused_meanwhile(endpoint: str) -> None:
+    async with paged(endpoint, "uav1") as ([uav1], _, seen):
+        uav1.tell()
+        await seen.shows(".row[data-robot=uav1] .how", "GUIDED")
+        await seen.twice(seen.page.locator("header [data-order=pause]"))
+        await seen.shows(".outcome.good", "pause all: confirmed by it")
+        uav1.percept("paused", Atom("operator"))
+        await seen.shows(".row[data-robot=uav1] .how.warn", "PAUSED GUIDED")
+        await seen.twice(seen.page.locator("header [data-order=continue]"))
+        await seen.shows(".outcome.good", "continue all: confirmed by it")
+        uav1.gone("paused")
+        await seen.gone(".row[data-robot=uav1] .how.warn")
+        assert uav1.orders == ["pause", "continue"]
 
 
-def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
+@async_test
+async def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def body() -> None:
-        known = asyncio.Event()
+    known = asyncio.Event()
 
-        async def nobody(_bus: Bus, _fleet: str) -> list[tuple[str, str]]:
-            await known.wait()
-            return []
+    async def nobody(_bus: Bus, _fleet: str) -> list[tuple[str, str]]:
+        await known.wait()
+        return []
 
-        monkeypatch.setattr(argosy.ui.page_requests, "bridges", nobody)
-        async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
-            await seen.shows("#router", "● router")
-            await seen.twice(seen.page.locator("header [data-order=hold]"))
-            await seen.shows(".outcome.calm", "hold all: looking for robots")
-            assert browser.following.orders.last[-1].state == "looking"
-            known.set()
-            await seen.shows(".outcome.bad", "hold all: NOT ordered: no robot is on the bus")
-
-    runs(body)
+    monkeypatch.setattr(argosy.ui.page_requests, "bridges", nobody)
+    async with router(endpoint), served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
+        await seen.shows("#router", "● router")
+        await seen.twice(seen.page.locator("header [data-order=hold]"))
+        await seen.shows(".outcome.calm", "hold all: looking for robots")
+        assert browser.following.orders.last[-1].state == "looking"
+        known.set()
+        await seen.shows(".outcome.bad", "hold all: NOT ordered: no robot is there")
 
 
-def test_the_newest_order_is_on_top_and_many_robots_alike_are_one_line(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            robots = [f"uav{number}" for number in range(6)]
-            craft, _, seen = await paged(stack, endpoint, *robots)
-            for robot in craft:
-                robot.answer = Outcome(ok=False, reason="it hangs")
-            await seen.twice(seen.page.locator("header [data-order=hold]"))
-            await seen.shows(".outcome.bad li", "6 robots: hold NOT confirmed (it hangs)")
-            await seen.shows(".outcome.bad li details p", "uav0 uav1 uav2 uav3 uav4 uav5")
-            for robot in craft[:5]:
-                robot.answer = FINE
-            await seen.twice(seen.page.locator("header [data-order=land]"))
-            await seen.shows(".outcome.bad b", "land all: 1 of 6 NOT confirmed")
-            told = await seen.page.locator(".outcome").all_inner_texts()
-            assert [bool(re.search("land all", one)) for one in told] == [True, False]
-            assert told[0].index("uav5: land NOT confirmed (it hangs)") < told[0].index("5 robots: land confirmed")
-
-    runs(body)
+@async_test
+async def test_the_newest_order_is_on_top_and_many_robots_alike_are_one_line(endpoint: str) -> None:
+    async with paged(endpoint, *(f"uav{number}" for number in range(6))) as (craft, _, seen):
+        for robot in craft:
+            robot.answer = Outcome(ok=False, reason="it hangs")
+        await seen.twice(seen.page.locator("header [data-order=hold]"))
+        await seen.shows(".outcome.bad li", "6 robots: hold NOT confirmed (it hangs)")
+        await seen.shows(".outcome.bad li details p", "uav0 uav1 uav2 uav3 uav4 uav5")
+        for robot in craft[:5]:
+            robot.answer = FINE
+        await seen.twice(seen.page.locator("header [data-order=land]"))
+        await seen.shows(".outcome.bad b", "land all: 1 of 6 NOT confirmed")
+        told = await seen.page.locator(".outcome").all_inner_texts()
+        assert [bool(re.search("land all", one)) for one in told] == [True, False]
+        assert told[0].index("uav5: land NOT confirmed (it hangs)") < told[0].index("5 robots: land confirmed")
 
 
 @pytest.mark.parametrize("width", [720, 768, 900, 1024, 1280])
-def test_the_stop_buttons_are_in_the_window_whatever_else_there_is_to_say(width: int) -> None:
-    async def body() -> None:
-        async with (
-            served(Where("search-and-rescue-number-2", "tcp/127.0.0.1:9")) as browser,
-            browsing(browser.auth.url, width=width) as seen,
-        ):
-            await seen.shows("#router", "not reached")
-            await seen.page.evaluate("""() => {
-                document.querySelector('.time').hidden = document.querySelector('.done').hidden = false;
-                document.querySelector('.time').textContent = '12:34 of 40 min ×0.46';
-                document.querySelector('.done').textContent = '10 of 13 done';
-            }""")
-            for order in ("hold", "land", "rtl", "release", "pause", "continue"):
-                box = await seen.page.locator(f"header [data-order={order}]").bounding_box()
-                assert box is not None
-                assert box["x"] >= 0
-                assert box["x"] + box["width"] <= width
-                assert box["width"] > 30
-
-    runs(body)
+@async_test
+async def test_the_stop_buttons_are_in_the_window_whatever_else_there_is_to_say(width: int) -> None:
+    async with (
+        served(Where("search-and-rescue-number-2", "tcp/127.0.0.1:9")) as browser,
+        browsing(browser.auth.url, width=width) as seen,
+    ):
+        await seen.shows("#router", "not reached")
+        await seen.page.evaluate("""() => {
+            document.querySelector('.time').hidden = document.querySelector('.done').hidden = false;
+            document.querySelector('.time').textContent = '12:34 of 40 min ×0.46';
+            document.querySelector('.done').textContent = '10 of 13 done';
+        }""")
+        for order in ("hold", "land", "rtl", "release", "pause", "continue"):
+            box = await seen.page.locator(f"header [data-order={order}]").bounding_box()
+            assert box is not None
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= width
+            assert box["width"] > 30
 
 
-def test_a_part_that_cannot_be_drawn_is_told_and_the_others_go_on(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            [uav1], _, seen = await paged(stack, endpoint, "uav1")
-            uav1.tell()
-            await seen.shows(".vessel .label")
-            await seen.page.evaluate(
-                "() => { window.L.Marker.prototype.setLatLng = () => { throw Error('no place') } }"
-            )
-            await seen.shows(".banner.bad", "the map cannot be drawn: no place")
-            await seen.twice(seen.page.locator("header [data-order=hold]"))
-            await seen.shows(".outcome.good", "hold all: confirmed by it")
-
-    runs(body)
+@async_test
+async def test_a_part_that_cannot_be_drawn_is_told_and_the_others_go_on(endpoint: str) -> None:
+    async with paged(endpoint, "uav1") as ([uav1], _, seen):
+        uav1.tell()
+        await seen.shows(".vessel .label")
+        await seen.page.evaluate("() => { window.L.Marker.prototype.setLatLng = () => { throw Error('no place') } }")
+        await seen.shows(".banner.bad", "the map cannot be drawn: no place")
+        await seen.twice(seen.page.locator("header [data-order=hold]"))
+        await seen.shows(".outcome.good", "hold all: confirmed by it")
 
 
-def test_a_defect_of_the_server_is_a_banner_and_orders_go_on(
+@async_test
+async def test_a_defect_of_the_server_is_a_banner_and_orders_go_on(
     endpoint: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            _, browser, seen = await paged(stack, endpoint, "uav1")
+    async with paged(endpoint, "uav1") as (_, browser, seen):
 
-            def broken(_model: FleetModel) -> None:
-                raise OverflowError("cannot convert float infinity to integer")
+        def broken(_model: FleetModel) -> None:
+            raise OverflowError("cannot convert float infinity to integer")
 
-            monkeypatch.setattr("argosy.ui.fleet_session.marks", broken)
-            await seen.shows(".banner.bad", "a defect of argosy ui: OverflowError: cannot convert float infinity")
-            await seen.twice(seen.page.locator("header [data-order=hold]"))
-            await seen.shows(".outcome.good", "hold all: confirmed by it")
-            monkeypatch.setattr("argosy.ui.fleet_session.marks", marks)
-            await seen.gone(".banner.bad")
-            assert browser.following.pages
-
-    runs(body)
+        monkeypatch.setattr("argosy.ui.fleet_session.marks", broken)
+        await seen.shows(".banner.bad", "a defect of argosy ui: OverflowError: cannot convert float infinity")
+        await seen.twice(seen.page.locator("header [data-order=hold]"))
+        await seen.shows(".outcome.good", "hold all: confirmed by it")
+        monkeypatch.setattr("argosy.ui.fleet_session.marks", marks)
+        await seen.gone(".banner.bad")
+        assert browser.following.pages
     assert capsys.readouterr().err.count("a defect of argosy ui") == 1
 
 
-def test_a_fresh_page_on_a_tablet_shows_the_newest_events_and_follows_them() -> None:
-    async def body() -> None:
-        async with served() as browser:
-            timeline = browser.following.model.timeline
-            for number in range(400):
+@async_test
+async def test_a_fresh_page_on_a_tablet_shows_the_newest_events_and_follows_them() -> None:
+    async with served() as browser:
+        timeline = browser.following.model.timeline
+        for number in range(400):
+            timeline.add(1.0 + number, "scout", "print", f"line {number} " + "x" * (number % 7 * 40))
+        async with browsing(browser.auth.url, width=768, height=1024, touch=True) as seen:
+            for number in range(400, 440):
+                await seen.shows(".event", f"line {number - 1}")
                 timeline.add(1.0 + number, "scout", "print", f"line {number} " + "x" * (number % 7 * 40))
-            async with browsing(browser.auth.url, width=768, height=1024, touch=True) as seen:
-                for number in range(400, 440):
-                    await seen.shows(".event", f"line {number - 1}")
-                    timeline.add(1.0 + number, "scout", "print", f"line {number} " + "x" * (number % 7 * 40))
-                await seen.shows(".event", "line 439")
-                await seen.page.wait_for_timeout(500)
-                assert not await seen.page.locator(".newer").is_visible()
-                below = "(one => one.scrollHeight - one.scrollTop - one.clientHeight)(document.querySelector(LIST))"
-                below = below.replace("LIST", "'#timeline .scroll'")
-                assert await seen.page.evaluate(below) < 24
-                await seen.page.locator("#timeline .scroll").hover()
-                await seen.page.mouse.wheel(0, -2_000)
-                await seen.page.wait_for_function(f"{below} > 500", timeout=PATIENCE)
-                timeline.add(900.0, "scout", "print", "the last one")
-                await seen.shows(".newer", "1 newer")
-
-    runs(body)
+            await seen.shows(".event", "line 439")
+            await seen.page.wait_for_timeout(500)
+            assert not await seen.page.locator(".newer").is_visible()
+            below = "(one => one.scrollHeight - one.scrollTop - one.clientHeight)(document.querySelector(LIST))"
+            below = below.replace("LIST", "'#timeline .scroll'")
+            assert await seen.page.evaluate(below) < 24
+            await seen.page.locator("#timeline .scroll").hover()
+            await seen.page.mouse.wheel(0, -2_000)
+            await seen.page.wait_for_function(f"{below} > 500", timeout=PATIENCE)
+            timeline.add(900.0, "scout", "print", "the last one")
+            await seen.shows(".newer", "1 newer")
 
 
-def test_events_that_a_page_missed_are_counted_on_it() -> None:
-    async def body() -> None:
-        async with served() as browser, browsing(browser.auth.url) as seen:
-            add = browser.following.model.timeline.add
-            add(1.0, "scout", "print", "the first")
-            await seen.shows(".event", "the first")
-            assert not await seen.page.locator(".missed").is_visible()
-            following = browser.following
-            following.shown.show(
-                {},
-                [{"n": number, "at": 1.0, "who": "scout", "what": "print", "text": "x"} for number in range(2, 3_103)],
-            )
-            await seen.shows(".missed", "101 events did not come here")
-
-    runs(body)
+@async_test
+async def test_events_that_a_page_missed_are_counted_on_it() -> None:
+    async with served() as browser, browsing(browser.auth.url) as seen:
+        add = browser.following.model.timeline.add
+        add(1.0, "scout", "print", "the first")
+        await seen.shows(".event", "the first")
+        assert not await seen.page.locator(".missed").is_visible()
+        following = browser.following
+        following.shown.show(
+            {},
+            [{"n": number, "at": 1.0, "who": "scout", "what": "print", "text": "x"} for number in range(2, 3_103)],
+        )
+        await seen.shows(".missed", "101 events did not come here")
 
 
-def test_a_page_for_which_there_is_no_room_says_so_and_comes_when_there_is() -> None:
-    async def body() -> None:
-        async with served() as browser, AsyncExitStack() as stack:
-            await browser.enter()
-            first = await browser.session.ws_connect(f"{browser.base}/feed", origin=browser.base)
-            for _ in range(15):
-                await stack.enter_async_context(browser.feed())
-            await until(lambda: len(browser.following.pages) == 16, "16 pages are open")
-            seen = await stack.enter_async_context(browsing(browser.auth.url))
-            await seen.shows(".banner.bad", "argosy ui refuses this page: 16 pages are open already")
-            await first.close()
-            await seen.shows("#router", "router")
-            await seen.gone(".banner:has-text('16 pages')")
-
-    runs(body)
+@async_test
+async def test_a_page_for_which_there_is_no_room_says_so_and_comes_when_there_is() -> None:
+    async with entered() as browser, AsyncExitStack() as stack:
+        first = await browser.session.ws_connect(f"{browser.base}/feed", origin=browser.base)
+        for _ in range(15):
+            await stack.enter_async_context(browser.feed())
+        await until(lambda: len(browser.following.pages) == 16, "16 pages are open")
+        seen = await stack.enter_async_context(browsing(browser.auth.url))
+        await seen.shows(".banner.bad", "argosy ui refuses this page: 16 pages are open already")
+        await first.close()
+        await seen.shows("#router", "router")
+        await seen.gone(".banner:has-text('16 pages')")
 
 
 @pytest.mark.parametrize("hash", ["#%", "#constructor/mind"])
-def test_an_address_that_somebody_has_written_by_hand_opens_the_page(hash: str) -> None:
-    async def body() -> None:
-        async with served() as browser, browsing(browser.auth.url + hash) as seen:
-            await seen.shows("#router", "not reached")
-
-    runs(body)
+@async_test
+async def test_an_address_that_somebody_has_written_by_hand_opens_the_page(hash: str) -> None:
+    async with served() as browser, browsing(browser.auth.url + hash) as seen:
+        await seen.shows("#router", "not reached")
 
 
-def test_a_robot_that_nobody_attends_is_an_alarm_on_its_card_before_every_other_note(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            [uav1], _, seen = await paged(stack, endpoint, "uav1")
-            uav1.warnings = (Note(code="robot_unattended", text="in the air without anybody in charge"),)
-            await seen.shows(".row .notes.bad", "⚠ in the air without anybody in charge · failsafe: none")
-            uav1.warnings = ()
-            await seen.gone(".row .notes.bad")
-
-    runs(body)
+@async_test
+async def test_a_robot_that_nobody_attends_is_an_alarm_on_its_card_before_every_other_note(endpoint: str) -> None:
+    async with paged(endpoint, "uav1") as ([uav1], _, seen):
+        alone = Note(code="robot_unattended", text="in the air without anybody in charge")
+        uav1.notes = (Note("failsafe_none", "failsafe: none"), alone)
+        await seen.shows(".row .notes.bad", "⚠ in the air without anybody in charge · failsafe: none")
+        uav1.notes = ()
+        await seen.gone(".row .notes.bad")
 
 
-def test_an_action_of_which_nobody_tells_is_not_shown_as_running_on(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            [uav1], _, seen = await paged(stack, endpoint, "uav1")
-            uav1.tell()
-            await seen.shows(".row[data-robot=uav1]", "GUIDED")
-            uav1.action(1, "goto", "running", -27.603, -48.518, 20)
-            await seen.shows(".row .state", "flying: goto(-27.603,-48.518,20)")
-            await seen.shows(".row .doing[data-silent]", "goto(-27.603,-48.518,20) for")
-            await seen.shows(".row .doing[data-silent]", "not heard of for")
-
-    runs(body)
+@async_test
+async def test_an_action_of_which_nobody_tells_is_not_shown_as_running_on(endpoint: str) -> None:
+    async with paged(endpoint, "uav1") as ([uav1], _, seen):
+        uav1.tell()
+        await seen.shows(".row[data-robot=uav1]", "GUIDED")
+        uav1.action(1, "goto", "running", -27.603, -48.518, 20)
+        await seen.shows(".row .state", "flying: goto(-27.603,-48.518,20)")
+        await seen.shows(".row .doing[data-silent]", "goto(-27.603,-48.518,20) for")
+        await seen.shows(".row .doing[data-silent]", "not heard of for")
 
 
-def test_a_robot_may_be_called_as_what_every_object_has(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            [robot], _, seen = await paged(stack, endpoint, "constructor")
-            robot.tell()
-            await seen.shows(".vessel .label", "constructor")
-            assert not await seen.page.locator(".banner.bad").count()
-
-    runs(body)
+@async_test
+async def test_a_robot_may_be_called_as_what_every_object_has(endpoint: str) -> None:
+    async with paged(endpoint, "constructor") as ([robot], _, seen):
+        robot.tell()
+        await seen.shows(".vessel .label", "constructor")
+        assert not await seen.page.locator(".banner.bad").count()
 
 
 async def run_told(bus: Bus, phase: RunPhase, seconds: float, **fields: str) -> None:
@@ -368,111 +320,78 @@ async def run_told(bus: Bus, phase: RunPhase, seconds: float, **fields: str) -> 
     bus.put(keys.run("sar", "operator"), RunState(phase=phase, mission_time=seconds, **fields))  # type: ignore[arg-type]
 
 
-def test_a_mission_that_is_done_is_shown_as_done_after_everybody_and_the_router_have_gone(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            browser = await stack.enter_async_context(served(Where("sar", endpoint)))
-            async with fleet(endpoint, {"uav1": FINE}) as ([uav1], [_]):
-                seen = await stack.enter_async_context(browsing(browser.auth.url))
-                uav1.tell()
-                await run_told(uav1.bus, "flying", 61.0)
-                await seen.shows("#run.good", "flying")
-                await seen.shows(".chip.time", "1:0")
-                uav1.percept("state", "RTL", True, False)
-                await seen.shows(".row[data-robot=uav1]", "RTL disarmed")
-                await run_told(uav1.bus, "done", 123.4, report="/logs/one", recording="/logs/one.zip")
-                await seen.shows(".banner.good", "The mission is done after 123.4 s.")
-            await seen.shows("#router.calm", "router ended")
-            await seen.page.wait_for_timeout(4_000)  # longer than what was known last may be old
-            await seen.shows(".banner.good", "Report: /logs/one. Recording: /logs/one.zip.")
-            await seen.shows("#run.good", "done")
-            await seen.shows(".chip.time", "2:03")
-            await seen.shows(".row[data-robot=uav1]", "RTL disarmed")
-            for alarming in (
-                ".banner.bad",
-                ".banner.warn",
-                ".row.gone",
-                ".row.stale",
-                ".vessel.old",
-                "[data-old]",
-                ".bad",
-            ):
-                assert await seen.page.locator(f"{alarming}:visible").count() == 0, alarming
-
-    runs(body)
-
-
-def test_a_mission_that_has_failed_says_why_and_who_has_died_is_gone(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            ([uav1], [scout]) = await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
-            browser = await stack.enter_async_context(served(Where("sar", endpoint)))
-            seen = await stack.enter_async_context(browsing(browser.auth.url))
+@async_test
+async def test_a_mission_that_is_done_is_shown_as_done_after_everybody_and_the_router_have_gone(endpoint: str) -> None:
+    async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
+        async with fleet(endpoint, {"uav1": FINE}) as ([uav1], [_]):
             uav1.tell()
             await run_told(uav1.bus, "flying", 61.0)
             await seen.shows("#run.good", "flying")
-            why = {"why": "agentd scout was killed", "dead": ("agentd scout",)}
-            await run_told(uav1.bus, "bringing_home", 70.0, **why)  # type: ignore[arg-type]
-            await seen.shows("#run.warn", "bringing home")
-            await scout.bus.close()
-            await seen.shows(".row.gone[data-agent=scout]", "gone")
-            await run_told(uav1.bus, "failed", 80.0, **why)  # type: ignore[arg-type]
-            await seen.shows(".banner.bad", "The mission has failed after 80.0 s: agentd scout was killed.")
-            await seen.shows("#run.bad", "failed")
-
-    runs(body)
-
-
-def test_a_run_that_nobody_watches_over_is_told_of(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            [uav1], _, seen = await paged(stack, endpoint, "uav1")
-            await run_told(uav1.bus, "flying", 61.0)
-            await seen.shows(".banner.warn", "argosy run has not been heard for")
-
-    runs(body)
+            await seen.shows(".chip.time", "1:0")
+            uav1.percept("state", "RTL", True, False)
+            await seen.shows(".row[data-robot=uav1]", "RTL disarmed")
+            await run_told(uav1.bus, "done", 123.4, report="/logs/one", recording="/logs/one.zip")
+            await seen.shows(".banner.good", "The mission is done after 123.4 s.")
+        await seen.shows("#router.calm", "router ended")
+        await seen.page.wait_for_timeout(4_000)  # longer than what was known last may be old
+        await seen.shows(".banner.good", "Report: /logs/one. Recording: /logs/one.zip.")
+        await seen.shows("#run.good", "done")
+        await seen.shows(".chip.time", "2:03")
+        await seen.shows(".row[data-robot=uav1]", "RTL disarmed")
+        for alarming in (".banner.warn", ".row.gone", ".row.stale", ".vessel.old", "[data-old]", ".bad"):
+            assert await seen.page.locator(f"{alarming}:visible").count() == 0, alarming
 
 
-def test_what_several_say_in_the_same_words_is_said_once_and_an_alarm_above_everything(endpoint: str) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            craft, _, seen = await paged(stack, endpoint, "uav1", "uav2")
-            alone = Note(code="robot_unattended", text="in the air, and its agent intends nothing")
-            for robot in craft:
-                none = Note("failsafe_none", "failsafe: none")
-                told = Health(daemon="bridged", notes=(none, alone) if robot.name == "uav1" else (none,))
-                stack.callback(
-                    asyncio.create_task(_again(robot.bus, keys.health("sar", robot.name, "bridged"), told)).cancel
-                )
-            await seen.shows(".shared", "⚠ uav1, uav2: failsafe: none")
-            await seen.shows(".banner.bad", "uav1: in the air, and its agent intends nothing")
-            assert await seen.page.locator(".row", has_text="failsafe").count() == 0
-
-    runs(body)
-
-
-async def _again(bus: Bus, key: str, told: Health) -> None:
-    while True:
-        bus.put(key, told)
-        await asyncio.sleep(0.05)
+@async_test
+async def test_a_mission_that_has_failed_says_why_and_who_has_died_is_gone(endpoint: str) -> None:
+    async with (
+        fleet(endpoint, {"uav1": FINE}) as ([uav1], [scout]),
+        served(Where("sar", endpoint)) as browser,
+        browsing(browser.auth.url) as seen,
+    ):
+        uav1.tell()
+        await run_told(uav1.bus, "flying", 61.0)
+        await seen.shows("#run.good", "flying")
+        why = {"why": "agentd scout was killed", "dead": ("agentd scout",)}
+        await run_told(uav1.bus, "bringing_home", 70.0, **why)  # type: ignore[arg-type]
+        await seen.shows("#run.warn", "bringing home")
+        await scout.bus.close()
+        await seen.shows(".row.gone[data-agent=scout]", "gone")
+        await run_told(uav1.bus, "failed", 80.0, **why)  # type: ignore[arg-type]
+        await seen.shows(".banner.bad", "The mission has failed after 80.0 s: agentd scout was killed.")
+        await seen.shows("#run.bad", "failed")
 
 
-def test_the_page_shows_the_mission_that_the_fleet_runs_whatever_it_was_started_with(
+@async_test
+async def test_a_run_that_nobody_watches_over_is_told_of(endpoint: str) -> None:
+    async with paged(endpoint, "uav1") as ([uav1], _, seen):
+        await run_told(uav1.bus, "flying", 61.0)
+        await seen.shows(".banner.warn", "argosy run has not been heard for")
+
+
+@async_test
+async def test_what_several_say_in_the_same_words_is_said_once_and_an_alarm_above_everything(endpoint: str) -> None:
+    async with paged(endpoint, "uav1", "uav2") as (craft, _, seen):
+        none = Note("failsafe_none", "failsafe: none")
+        for robot in craft:
+            robot.notes = (none,)
+        craft[0].notes += (Note(code="robot_unattended", text="in the air, and its agent intends nothing"),)
+        await seen.shows(".shared", "⚠ uav1, uav2: failsafe: none")
+        await seen.shows(".banner.bad", "uav1: in the air, and its agent intends nothing")
+        assert await seen.page.locator(".row", has_text="failsafe").count() == 0
+
+
+@async_test
+async def test_the_page_shows_the_mission_that_the_fleet_runs_whatever_it_was_started_with(
     endpoint: str, tmp_path: Path
 ) -> None:
-    async def body() -> None:
-        async with AsyncExitStack() as stack:
-            await stack.enter_async_context(fleet(endpoint, {"uav1": FINE}))
-            board = await stack.enter_async_context(session(endpoint, "local"))
-            text = "mission: {}\nfleet: sar\nagents: {{scout: {{program: a.asl}}{}}}\ntimeout: {}min\n"
-            ours = read_mission(text.format("ours", "", 7), tmp_path / "ours.yaml")
-            theirs = read_mission(text.format("theirs", ", ghost: {program: a.asl}", 3), tmp_path / "theirs.yaml")
-            tell_mission(board, "local", ours)
-            board.token(keys.alive("sar", "local", "commd", board.boot))
-            browser = await stack.enter_async_context(served(Where("sar", endpoint), theirs))
-            seen = await stack.enter_async_context(browsing(browser.auth.url))
+    async with fleet(endpoint, {"uav1": FINE}), session(endpoint, "local") as board:
+        text = "mission: {}\nfleet: sar\nagents: {{scout: {{program: a.asl}}{}}}\ntimeout: {}min\n"
+        ours = read_mission(text.format("ours", "", 7), tmp_path / "ours.yaml")
+        theirs = read_mission(text.format("theirs", ", ghost: {program: a.asl}", 3), tmp_path / "theirs.yaml")
+        tell_mission(board, "local", ours)
+        board.token(keys.alive("sar", "local", "commd", board.boot))
+        async with served(Where("sar", endpoint), theirs) as browser, browsing(browser.auth.url) as seen:
             await seen.shows("header .mission", "ours")
             await seen.gone(".row[data-agent=ghost]")
             await seen.shows(".banner.warn", "The fleet runs another mission than theirs.yaml")
-
-    runs(body)

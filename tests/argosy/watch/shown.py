@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from inspect import Signature, signature
 from typing import Any
 
 from textual.pilot import Pilot
@@ -13,8 +14,6 @@ from argosy.fleet_model.link import FleetLink
 from argosy.watch.app import WatchApp
 from argosy.watch.row_text import UNICODE, Glyphs
 from tests.argosy.fleet_model.fleet import FLEET, Fleet
-
-Shown = tuple[WatchApp, Pilot[None]]
 
 
 def link_to(fleet: Fleet) -> FleetLink:
@@ -43,22 +42,38 @@ async def until(app: WatchApp, pilot: Pilot[None], words: str) -> None:
     raise AssertionError(f"the screen never shows {words!r}:\n{text_of(app)}")
 
 
-def show(
-    fleet: Fleet,
-    body: Callable[[WatchApp, Pilot[None]], Coroutine[Any, Any, None]],
+def shown(
+    make: Callable[[], Fleet | FleetLink],
     size: tuple[int, int] = (80, 24),
     *,
     glyphs: Glyphs = UNICODE,
     filter: str = "",
-    link: FleetLink | None = None,
-) -> None:
-    """Run the view and do something with it."""
+) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
+    """Run an async test of the view of a fleet, or of what a link reaches, in a terminal of `size` (columns, lines).
 
-    async def everything() -> None:
-        app = WatchApp(link or link_to(fleet), glyphs=glyphs, filter=filter, period=0.1)
-        async with asyncio.timeout(240), app.run_test(size=size) as pilot:
-            await until(app, pilot, "argosy watch")
-            await pilot.pause(0.2)
-            await body(app, pilot)
+    The test takes of `app`, `pilot` and `fleet` what it needs, and fixtures; a parameter `size` is the terminal's.
+    """
 
-    asyncio.run(everything())
+    def decorate(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+        taken = signature(test).parameters
+        fixtures = [one for one in taken.values() if one.name not in ("app", "pilot", "fleet")]
+
+        def run(**values: Any) -> None:
+            fleet = make()
+
+            async def everything() -> None:
+                link = link_to(fleet) if isinstance(fleet, Fleet) else fleet
+                app = WatchApp(link, glyphs=glyphs, filter=filter, period=0.1)
+                async with asyncio.timeout(240), app.run_test(size=values.get("size", size)) as pilot:
+                    await until(app, pilot, "argosy watch")
+                    await pilot.pause(0.2)
+                    given = {"app": app, "pilot": pilot, "fleet": fleet}
+                    await test(**values, **{name: one for name, one in given.items() if name in taken})
+
+            asyncio.run(everything())
+
+        run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
+        run.__signature__ = Signature(fixtures)  # type: ignore[attr-defined]
+        return run
+
+    return decorate

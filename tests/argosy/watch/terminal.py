@@ -19,7 +19,7 @@ import pyte
 
 
 class Terminal:
-    """Runs `python -m ARGUMENTS` in a terminal of some size."""
+    """Runs `python -m ARGUMENTS`, or the script that the first argument names, in a terminal of some size."""
 
     def __init__(self, arguments: Sequence[str], columns: int = 80, lines: int = 24, **environment: str) -> None:
         self.screen = pyte.Screen(columns, lines)
@@ -32,7 +32,8 @@ class Terminal:
             }
             everything = {**plain, "TERM": "xterm-256color", "LC_ALL": "C.UTF-8", **environment}
             everything.pop("COLUMNS", None)
-            os.execve(sys.executable, [sys.executable, "-m", *arguments], everything)
+            how = () if arguments[0].endswith(".py") else ("-m",)
+            os.execve(sys.executable, [sys.executable, *how, *arguments], everything)
         self.size(columns, lines)
 
     def __enter__(self) -> Terminal:
@@ -42,7 +43,7 @@ class Terminal:
         with suppress(ProcessLookupError, ChildProcessError):
             os.kill(self.pid, signal.SIGKILL)
             os.waitpid(self.pid, 0)
-        os.close(self._pty)
+        self._close()
 
     def size(self, columns: int, lines: int) -> None:
         """Make the window so large; the command is told."""
@@ -74,6 +75,19 @@ class Terminal:
         end = time.monotonic() + seconds
         while self._read():
             assert time.monotonic() < end, f"it does not end within {seconds:g} s\n{self.text}"
+        return self._exit_code()
+
+    def hang_up(self) -> int:
+        """Close the terminal's window and wait for the command's end. Returns its exit code."""
+        self._close()
+        return self._exit_code()
+
+    def _close(self) -> None:
+        if self._pty >= 0:
+            os.close(self._pty)
+            self._pty = -1
+
+    def _exit_code(self) -> int:
         _, status = os.waitpid(self.pid, 0)
         return os.waitstatus_to_exitcode(status)
 

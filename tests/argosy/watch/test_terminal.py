@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -29,20 +30,23 @@ asyncio.run(serve())
 COLOUR = re.compile(rb"\x1b\[[0-9;]*(3[0-7]|38;[25]|9[0-7])[0-9;]*m")
 
 
-@pytest.fixture
-def router(endpoint: str) -> Iterator[subprocess.Popen[bytes]]:
+@contextmanager
+def routed(endpoint: str) -> Iterator[None]:
     """A router in a process of its own."""
-    process = _router(endpoint)
-    yield process
-    process.kill()
-    process.wait()
-
-
-def _router(endpoint: str) -> subprocess.Popen[bytes]:
     process = subprocess.Popen([sys.executable, "-c", ROUTER, endpoint], stdout=subprocess.PIPE)
-    assert process.stdout is not None
-    assert process.stdout.readline() == b"there\n"
-    return process
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"there\n"
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def router(endpoint: str) -> Iterator[None]:
+    with routed(endpoint):
+        yield
 
 
 def watch(endpoint: str, *arguments: str, **terminal: object) -> Terminal:
@@ -75,39 +79,29 @@ def test_a_real_flight_is_watched_and_its_agent_looked_into(single_uav: Path, en
 
 
 def test_a_router_that_is_lost_is_said_at_once_and_comes_back_by_itself(endpoint: str) -> None:
-    first = _router(endpoint)
-    try:
-        with watch(endpoint) as terminal, crowd_of(2, endpoint):
+    with watch(endpoint) as terminal, ExitStack() as stack:
+        with routed(endpoint):
+            stack.enter_context(crowd_of(2, endpoint))
             terminal.shows("2 of 2 agents  2 of 2 robots")
-            first.kill()
-            first.wait()
-            terminal.shows("ROUTER LOST for")
-            terminal.until(lambda text: re.search(r"ROUTER LOST for [3-9]", text) is not None, "how long")
-            assert "2 of 2 agents" in terminal.text, "what was known last stays"
-            first = _router(endpoint)
+        terminal.until(lambda text: re.search(r"ROUTER LOST for [3-9]", text) is not None, "how long")
+        assert "2 of 2 agents" in terminal.text, "what was known last stays"
+        with routed(endpoint):
             terminal.until(lambda text: "ROUTER LOST" not in text, "the banner goes")
             terminal.shows("answers again")
             terminal.press("q")
             assert terminal.end() == 0
-    finally:
-        first.kill()
-        first.wait()
 
 
 def test_without_a_router_it_waits_visibly_and_begins_when_one_comes(endpoint: str) -> None:
     with watch(endpoint) as terminal:
         terminal.shows("no router yet, waiting for")
         terminal.shows("Nobody listens there")
-        router = _router(endpoint)
-        try:
+        with routed(endpoint):
             terminal.shows("nobody is there yet, waiting for")
             with crowd_of(1, endpoint):
                 terminal.shows("1 of 1 agent")
             terminal.press("\x03")
             assert terminal.end() == 0
-        finally:
-            router.kill()
-            router.wait()
 
 
 def test_it_can_be_left_while_it_dials(endpoint: str) -> None:
@@ -118,9 +112,7 @@ def test_it_can_be_left_while_it_dials(endpoint: str) -> None:
 
 
 @pytest.mark.parametrize("term", ["xterm-256color", "screen", "linux"])
-def test_it_works_in_terminals_of_all_kinds_and_follows_their_size(
-    router: subprocess.Popen[bytes], endpoint: str, term: str
-) -> None:
+def test_it_works_in_terminals_of_all_kinds_and_follows_their_size(router: None, endpoint: str, term: str) -> None:
     with crowd_of(2, endpoint), watch(endpoint, TERM=term) as terminal:
         terminal.shows("+!visit(3)")
         terminal.until(lambda text: text.count("GUIDED") == 2, "the vehicles")
@@ -139,7 +131,7 @@ def test_it_works_in_terminals_of_all_kinds_and_follows_their_size(
             assert not re.search(rb"\x1b\[[0-9;]*38;[25]", terminal.output), "eight colours are what it has"
 
 
-def test_no_color_is_honoured(router: subprocess.Popen[bytes], endpoint: str) -> None:
+def test_no_color_is_honoured(router: None, endpoint: str) -> None:
     with crowd_of(1, endpoint), watch(endpoint, NO_COLOR="1") as terminal:
         terminal.shows("+!visit(3)")
         terminal.press("j\r")
@@ -149,18 +141,16 @@ def test_no_color_is_honoured(router: subprocess.Popen[bytes], endpoint: str) ->
         assert not COLOUR.search(terminal.output)
 
 
-def test_in_a_pipe_it_says_what_to_use_instead(endpoint: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "argosy", "watch", "--router", endpoint], capture_output=True, stdin=subprocess.DEVNULL
-    )
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [([], b"error: argosy watch needs a terminal"), (["--mission", "nowhere"], b"no such file")],
+    ids=["in a pipe", "without its mission"],
+)
+def test_it_says_in_a_line_why_it_cannot_begin(arguments: list[str], told: bytes) -> None:
+    command = [sys.executable, "-m", "argosy", "watch", *arguments]
+    done = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL)
     assert done.returncode == 2
-    assert done.stderr.startswith(b"error: argosy watch needs a terminal")
-
-
-def test_a_mission_that_cannot_be_read_is_told_in_a_line() -> None:
-    done = subprocess.run([sys.executable, "-m", "argosy", "watch", "--mission", "nowhere"], capture_output=True)
-    assert done.returncode == 2
-    assert b"no such file" in done.stderr
+    assert told in done.stderr
     assert b"Traceback" not in done.stderr
 
 
@@ -190,7 +180,7 @@ def test_markup_that_a_fleet_says_is_shown_as_text(endpoint: str) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_who_ends_it_gets_his_terminal_back(router: subprocess.Popen[bytes], endpoint: str, number: int) -> None:
+def test_who_ends_it_gets_his_terminal_back(router: None, endpoint: str, number: int) -> None:
     with watch(endpoint) as terminal:
         terminal.shows("nobody is there yet")
         before = len(terminal.output)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 from rich.text import Text
 from textual.pilot import Pilot
 
+from argosy.fleet_model.link import FleetLink
 from argosy.watch import pages
 from argosy.watch.app import WatchApp
 from argosy.watch.overview_page import overview
@@ -27,7 +30,7 @@ from schemas.wire.mind_records import (
 )
 from schemas.wire.records import Note, Queue
 from tests.argosy.fleet_model.fleet import Fleet, rescue
-from tests.argosy.watch.shown import lines_of, link_to, show, text_of, until
+from tests.argosy.watch.shown import lines_of, link_to, shown, text_of, until
 
 
 def flying() -> Fleet:
@@ -98,107 +101,173 @@ def thinking() -> Fleet:
     return fleet
 
 
-def test_the_overview_shows_vehicles_agents_boards_and_what_happens() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        text = text_of(app)
-        assert "argosy watch sar  2 of 2 agents  1 of 1 robot  1 of 1 board" in text
-        assert "●  uav1  GUIDED  armed  20.0 m  0 m off  ▸ goto(-27.603512,-48.5182,20)  1.0 s" in text
-        assert "●  scout     flying  1  +!visit(3)  goto(-27.603512,-48.5182,20)  uav.…  mail 3" in text
-        assert "●  rescuer1             its mind has not been seen yet" in text
-        assert "●  pi1  3 messages waiting" in text
-        assert "scout  hello there" in text
+def silent() -> Fleet:
+    """A scout whose daemon is well and whose mind does not answer."""
+    fleet = flying().waits(6)
+    fleet.told("scout", "agentd").model.mind_unanswered("scout", "busy")
+    return fleet
 
-    show(flying(), body)
+
+def noted() -> Fleet:
+    """Two robots with the same note."""
+    fleet = flying().comes("uav2", "bridged")
+    none = (Note("failsafe_none", "failsafe: none"),)
+    return fleet.told("uav1", "bridged", notes=none, percepts={"scout": "x"}).told("uav2", "bridged", notes=none)
+
+
+def without_a_router() -> FleetLink:
+    """A link that reaches no router."""
+    link = link_to(Fleet())
+    link.reached, link.problem = False, "no router at tcp/127.0.0.1:7447: Nobody listens there"
+    return link
+
+
+def told_late() -> Fleet:
+    """A scout that tells what it did first after what it did second."""
+    fleet = flying().waits(10)
+    fleet.activity("scout", ActivityEvent(kind="print", text="second", time=99.0))
+    return fleet.activity("scout", ActivityEvent(kind="print", text="first", time=96.0), now=100.0, speed=1.0)
+
+
+def fifty() -> Fleet:
+    """More agents than a screen has lines."""
+    fleet = Fleet()
+    for number in range(50):
+        fleet.comes(f"agent{number:02}", "agentd").mind(f"agent{number:02}", "+!search")
+    return fleet
+
+
+MIND = ("down", "down", "enter")
+"""The keys that lead to the mind of the scout."""
+Looks = tuple[Callable[[], Fleet | FleetLink], tuple[int, int], tuple[str, ...], tuple[str, ...]]
+SHOWN: dict[str, Looks] = {
+    "vehicles, agents, boards and what happens": (
+        flying,
+        (80, 24),
+        (),
+        (
+            "argosy watch sar  2 of 2 agents  1 of 1 robot  1 of 1 board",
+            "●  uav1  GUIDED  armed  20.0 m  0 m off  ▸ goto(-27.603512,-48.5182,20)  1.0 s",
+            "●  scout     flying  1  +!visit(3)  goto(-27.603512,-48.5182,20)  uav.…  mail 3",
+            "●  rescuer1             its mind has not been seen yet",
+            "●  pi1  3 messages waiting",
+            "scout  hello there",
+        ),
+    ),
+    "how old what is old is": (
+        lambda: flying().waits(8),
+        (160, 24),
+        (),
+        ("tells nothing;  +!visit(3)", "as it was 9.0 s ago: its bridged is silent"),
+    ),
+    "who is gone": (
+        lambda: flying().goes("scout", "agentd").waits(4),
+        (80, 24),
+        (),
+        ("1 of 2 agents", "○  scout", "its agentd is not there (gone for 4.0 s)"),
+    ),
+    "a mind that does not answer": (silent, (80, 24), (), ("SILENT for 7.0 s; was:",)),
+    "a note of several robots once": (noted, (80, 24), (), ("!  uav1, uav2: failsafe: none",)),
+    "why there is no router": (
+        without_a_router,
+        (80, 24),
+        (),
+        ("no router yet, waiting for 0.0 s: no router at tcp/127.0.0.1:7447",),
+    ),
+    "what was told late where it happened": (told_late, (80, 24), (), ("first", "second")),
+    "the last of fifty agents": (fifty, (80, 24), ("end",), ("▌●  agent49",)),
+    "the mind of the last of fifty": (fifty, (80, 24), ("end", "enter"), ("agent49  waiting",)),
+    "the agent of a robot": (flying, (80, 24), ("home", "enter"), ("scout  flying  robot uav1",)),
+    "stack, action, event, question, mail and what was dropped": (
+        thinking,
+        (80, 40),
+        MIND,
+        (
+            "INTENTIONS 1",
+            "4  waiting for the action goto  10 s  scout.asl:31",
+            "     ‹ +!search",
+            "▸ goto(-27.6035123456789,-48.5182,20)  running 1.0 s  distance 45.2",
+            "EVENTS THAT WAIT 1",
+            "to rescuer1    askOne at(X)  for 5.0 s, gives up in 5.0 s",
+            "MAIL 2 TAKEN IN AND NOT READ",
+            "rescuer1 > scout  3 messages in the inbox of pi1  oldest 4.0 s",
+            "7 events",
+            "○  mission_done  done when",
+        ),
+    ),
+    "beliefs below who told them, with their age": (
+        thinking,
+        (80, 24),
+        (*MIND, "2"),
+        ("FROM RESCUER1 1", "   victim(3)  2.0 s", "   height(20)  40 s"),
+    ),
+    "all panes of an agent on a large screen": (
+        thinking,
+        (140, 40),
+        MIND,
+        ("1 MIND", "2 BELIEFS", "INTENTIONS 1", "FROM RESCUER1 1", "3 DECISIONS", "4 TIMELINE"),
+    ),
+    "how old a mind is": (lambda: thinking().waits(4), (160, 40), MIND, ("as it was 4.0 s ago",)),
+}
+"""A fleet, the size of the terminal, the keys that are pressed, and the words that the screen has then."""
+
+
+@pytest.mark.parametrize("what", SHOWN)
+def test_the_view_shows(what: str) -> None:
+    make, size, pressed, words = SHOWN[what]
+
+    @shown(make, size)
+    async def looks(app: WatchApp, pilot: Pilot[None]) -> None:
+        await pilot.press(*pressed)
+        await until(app, pilot, words[-1])
+        assert [one for one in words if one not in text_of(app)] == []
+        if what.startswith("what was told late"):
+            assert text_of(app).index("first") < text_of(app).index("second")
+
+    looks()
 
 
 @pytest.mark.parametrize("size", [(20, 6), (40, 12), (80, 24), (200, 60)])
-def test_no_line_is_longer_than_the_screen_and_the_keys_stay_at_its_end(size: tuple[int, int]) -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        for _ in range(2):
-            lines = lines_of(app)
-            assert len(lines) == size[1]
-            assert max(map(len, lines)) <= size[0]
-            assert "enter" in lines[-1] or "mind" in lines[-1]
-            await pilot.press("enter")
-            await pilot.pause(0.1)
-
-    show(thinking(), body, size)
-
-
-def test_enter_looks_into_the_agent_of_the_row_and_escape_comes_back() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert not app.link._looked_at["scout"]
-        await pilot.press("down", "down", "enter")
-        await until(app, pilot, "INTENTIONS 1")
-        assert app.link._looked_at["scout"] == 1
-        await pilot.press("escape")
-        await until(app, pilot, "TIMELINE")
-        assert not app.link._looked_at["scout"]
-
-    show(flying(), body)
-
-
-def test_enter_on_a_robot_looks_into_its_agent() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("home", "enter")
-        await until(app, pilot, "scout  flying  robot uav1")
-
-    show(flying(), body)
-
-
-def test_a_mind_shows_stack_action_event_question_mail_and_what_was_dropped() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("down", "down", "enter")
-        await until(app, pilot, "INTENTIONS 1")
-        text = text_of(app)
-        assert "4  waiting for the action goto  10 s  scout.asl:31" in text
-        assert "     ‹ +!search" in text
-        assert "▸ goto(-27.6035123456789,-48.5182,20)  running 1.0 s  distance 45.2" in text
-        assert "EVENTS THAT WAIT 1" in text
-        assert "to rescuer1    askOne at(X)  for 5.0 s, gives up in 5.0 s" in text
-        assert "MAIL 2 TAKEN IN AND NOT READ" in text
-        assert "rescuer1 > scout  3 messages in the inbox of pi1  oldest 4.0 s" in text
-        assert "7 events" in text
-        assert "○  mission_done  done when" in text
-
-    show(thinking(), body, (80, 40))
-
-
-def test_beliefs_stand_below_who_told_them_with_their_age() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("down", "down", "enter", "2")
-        await until(app, pilot, "FROM RESCUER1 1")
-        assert "   victim(3)  2.0 s" in text_of(app)
-        assert "   height(20)  40 s" in text_of(app)
-
-    show(thinking(), body)
-
-
-def test_a_decision_tells_why_when_it_is_opened() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("down", "down", "enter", "3")
-        await until(app, pilot, "takeoff(20) fails  action_failed: not armed  scout.asl:9")
-        await pilot.press("enter")
-        await until(app, pilot, "chosen: +!visit(N) (scout.asl:30), with N = 3")
-        assert "not @p1 +!visit(N) (scout.asl:20): free(N) does not hold, with N = 3" in text_of(app)
+@shown(thinking)
+async def test_no_line_is_longer_than_the_screen_and_the_keys_stay_at_its_end(
+    app: WatchApp, pilot: Pilot[None], size: tuple[int, int]
+) -> None:
+    for _ in range(2):
+        lines = lines_of(app)
+        assert len(lines) == size[1]
+        assert max(map(len, lines)) <= size[0]
+        assert "enter" in lines[-1] or "mind" in lines[-1]
         await pilot.press("enter")
         await pilot.pause(0.1)
-        assert "chosen:" not in text_of(app)
-
-    show(thinking(), body, (100, 24))
 
 
-def test_a_large_screen_shows_all_panes_of_an_agent_at_once() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("down", "down", "enter")
-        await until(app, pilot, "INTENTIONS 1")
-        for words in ("1 MIND", "2 BELIEFS", "3 DECISIONS", "4 TIMELINE", "FROM RESCUER1 1"):
-            assert words in text_of(app)
+@shown(flying)
+async def test_enter_looks_into_the_agent_of_the_row_and_escape_comes_back(app: WatchApp, pilot: Pilot[None]) -> None:
+    assert not app.link._looked_at["scout"]
+    await pilot.press("down", "down", "enter")
+    await until(app, pilot, "INTENTIONS 1")
+    assert app.link._looked_at["scout"] == 1
+    await pilot.press("escape")
+    await until(app, pilot, "TIMELINE")
+    assert not app.link._looked_at["scout"]
 
-    show(thinking(), body, (140, 40))
+
+@shown(thinking, (100, 24))
+async def test_a_decision_tells_why_when_it_is_opened(app: WatchApp, pilot: Pilot[None]) -> None:
+    await pilot.press("down", "down", "enter", "3")
+    await until(app, pilot, "takeoff(20) fails  action_failed: not armed  scout.asl:9")
+    await pilot.press("enter")
+    await until(app, pilot, "chosen: +!visit(N) (scout.asl:30), with N = 3")
+    assert "not @p1 +!visit(N) (scout.asl:20): free(N) does not hold, with N = 3" in text_of(app)
+    await pilot.press("enter")
+    await pilot.pause(0.1)
+    assert "chosen:" not in text_of(app)
 
 
-def test_no_line_of_an_agents_panes_is_made_before_they_have_their_width(monkeypatch: pytest.MonkeyPatch) -> None:
+@shown(thinking, (130, 34))
+async def test_no_line_of_an_agents_panes_is_made_before_they_have_their_width(
+    app: WatchApp, pilot: Pilot[None], monkeypatch: pytest.MonkeyPatch
+) -> None:
     widths: list[int] = []
     folded = ScrollPane._folded
 
@@ -207,158 +276,85 @@ def test_no_line_of_an_agents_panes_is_made_before_they_have_their_width(monkeyp
         return folded(self, row, width)
 
     monkeypatch.setattr(ScrollPane, "_folded", noted)
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        widths.clear()
-        await pilot.press("enter")
-        await until(app, pilot, "height(20)")
-        assert min(widths) > 40
-
-    show(thinking(), body, (130, 34))
+    widths.clear()
+    await pilot.press("enter")
+    await until(app, pilot, "height(20)")
+    assert min(widths) > 40
 
 
-def test_left_and_right_go_to_the_next_agent() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("down", "down", "enter", "left")
-        await until(app, pilot, "rescuer1  its mind has not been seen yet")
-        assert app.link._looked_at["rescuer1"] == 1
-        assert not app.link._looked_at["scout"]
-
-    show(flying(), body)
+@shown(flying)
+async def test_left_and_right_go_to_the_next_agent(app: WatchApp, pilot: Pilot[None]) -> None:
+    await pilot.press("down", "down", "enter", "left")
+    await until(app, pilot, "rescuer1  its mind has not been seen yet")
+    assert app.link._looked_at["rescuer1"] == 1
+    assert not app.link._looked_at["scout"]
 
 
-def test_a_filter_shows_what_has_its_words_and_says_how_much_it_leaves_out() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("tab", "slash", *"hello", "enter")
-        await until(app, pilot, "filter: hello")
-        assert "scout  hello there" in text_of(app)
-        assert "vehicle connected" not in text_of(app)
-        assert "left out" in text_of(app)
-        await pilot.press("escape")
-        await until(app, pilot, "vehicle connected")
-
-    show(flying(), body, (80, 30))
-
-
-def test_a_filter_may_be_given_at_the_start_and_may_hide_words() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert "vehicle connected" not in text_of(app)
-        assert "agentd is there" in text_of(app)
-
-    show(flying(), body, filter="there -hello")
+@shown(flying, (80, 30))
+async def test_a_filter_shows_what_has_its_words_and_says_how_much_it_leaves_out(
+    app: WatchApp, pilot: Pilot[None]
+) -> None:
+    await pilot.press("tab", "slash", *"hello", "enter")
+    await until(app, pilot, "filter: hello")
+    assert "scout  hello there" in text_of(app)
+    assert "vehicle connected" not in text_of(app)
+    assert "left out" in text_of(app)
+    await pilot.press("escape")
+    await until(app, pilot, "vehicle connected")
 
 
-def test_letters_that_are_keys_may_be_written_into_a_filter() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("slash", *"qh 2", "escape")
-        assert "TIMELINE" in text_of(app)
-        assert app.is_running
-
-    show(flying(), body)
+@shown(flying, filter="there -hello")
+async def test_a_filter_may_be_given_at_the_start_and_may_hide_words(app: WatchApp) -> None:
+    assert "vehicle connected" not in text_of(app)
+    assert "agentd is there" in text_of(app)
 
 
-def test_a_pause_holds_the_view_while_the_fleet_goes_on() -> None:
-    fleet = flying()
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("space")
-        await until(app, pilot, "PAUSED")
-        fleet.percept("scout", "state", "RTL", True, True).activity(
-            "scout", ActivityEvent(kind="print", text="going home")
-        )
-        await pilot.pause(0.2)
-        assert "GUIDED" in text_of(app)
-        assert "going home" not in text_of(app)
-        await pilot.press("space")
-        await until(app, pilot, "going home")
-        assert "PAUSED" not in text_of(app)
-        assert "RTL" in text_of(app)
-
-    show(fleet, body)
+@shown(flying)
+async def test_letters_that_are_keys_may_be_written_into_a_filter(app: WatchApp, pilot: Pilot[None]) -> None:
+    await pilot.press("slash", *"qh 2", "escape")
+    assert "TIMELINE" in text_of(app)
+    assert app.is_running
 
 
-def test_a_lost_router_is_said_at_once_with_how_long_and_is_over_when_it_is_back() -> None:
-    fleet = flying()
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        fleet.model.router(up=False)
-        fleet.waits(12)
-        await until(app, pilot, "ROUTER LOST for 12 s: the last known state is shown; reconnecting")
-        fleet.model.router(up=True)
-        await pilot.pause(0.2)
-        assert "ROUTER LOST" not in text_of(app)
-        assert "answers again, after 12.0 s" in text_of(app)
-
-    show(fleet, body)
-
-
-def test_what_is_old_says_how_old_it_is() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        text = text_of(app)
-        assert "as it was 9.0 s ago: its bridged is silent" in text
-        assert "tells nothing;  +!visit(3)" in text
-
-    show(flying().waits(8), body, (160, 24))
+@shown(flying)
+async def test_a_pause_holds_the_view_while_the_fleet_goes_on(app: WatchApp, pilot: Pilot[None], fleet: Fleet) -> None:
+    await pilot.press("space")
+    await until(app, pilot, "PAUSED")
+    fleet.percept("scout", "state", "RTL", True, True).activity("scout", ActivityEvent(kind="print", text="going home"))
+    await pilot.pause(0.2)
+    assert "GUIDED" in text_of(app)
+    assert "going home" not in text_of(app)
+    await pilot.press("space")
+    await until(app, pilot, "going home")
+    assert "PAUSED" not in text_of(app)
+    assert "RTL" in text_of(app)
 
 
-def test_who_is_gone_is_shown_as_gone() -> None:
-    fleet = flying().goes("scout", "agentd").waits(4)
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert "○  scout" in text_of(app)
-        assert "its agentd is not there (gone for 4.0 s)" in text_of(app)
-        assert "1 of 2 agents" in text_of(app)
-
-    show(fleet, body)
-
-
-def test_a_mind_that_does_not_answer_is_called_silent() -> None:
-    fleet = flying().waits(6)
-    fleet.told("scout", "agentd").model.mind_unanswered("scout", "busy")
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert "SILENT for 7.0 s; was:" in text_of(app)
-
-    show(fleet, body)
+@shown(flying)
+async def test_a_lost_router_is_said_at_once_with_how_long_and_is_over_when_it_is_back(
+    app: WatchApp, pilot: Pilot[None], fleet: Fleet
+) -> None:
+    fleet.model.router(up=False)
+    fleet.waits(12)
+    await until(app, pilot, "ROUTER LOST for 12 s: the last known state is shown; reconnecting")
+    fleet.model.router(up=True)
+    await pilot.pause(0.2)
+    assert "ROUTER LOST" not in text_of(app)
+    assert "answers again, after 12.0 s" in text_of(app)
 
 
-def test_that_nobody_is_there_is_said_and_after_a_while_what_to_do() -> None:
-    fleet = Fleet()
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await until(app, pilot, "nobody of fleet sar is there yet, waiting for 0.0 s")
-        fleet.model.token(keys.alive("other", "x", "agentd", "b"), alive=True)
-        fleet.waits(15)
-        await until(app, pilot, "waiting for 15 s")
-        await until(app, pilot, "at this router there is other: --fleet NAME")
-        fleet.comes("scout", "agentd")
-        await until(app, pilot, "1 of 1 agent")
-        assert "nobody" not in text_of(app)
-
-    show(fleet, body)
-
-
-def test_that_there_is_no_router_is_said_with_the_reason() -> None:
-    fleet = Fleet()
-    link = link_to(fleet)
-    link.reached, link.problem = False, "no router at tcp/127.0.0.1:7447: Nobody listens there"
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert "no router yet, waiting for 0.0 s: no router at tcp/127.0.0.1:7447" in text_of(app)
-
-    show(fleet, body, link=link)
-
-
-def test_a_note_of_several_robots_is_said_once() -> None:
-    fleet = flying().comes("uav2", "bridged")
-    for robot in ("uav1", "uav2"):
-        none = (Note("failsafe_none", "failsafe: none"),)
-        fleet.told(robot, "bridged", notes=none, percepts={"scout": "x"} if robot == "uav1" else {})
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert "!  uav1, uav2: failsafe: none" in text_of(app)
-
-    show(fleet, body)
+@shown(Fleet)
+async def test_that_nobody_is_there_is_said_and_after_a_while_what_to_do(
+    app: WatchApp, pilot: Pilot[None], fleet: Fleet
+) -> None:
+    await until(app, pilot, "nobody of fleet sar is there yet, waiting for 0.0 s")
+    fleet.model.token(keys.alive("other", "x", "agentd", "b"), alive=True)
+    fleet.waits(15)
+    await until(app, pilot, "waiting for 15 s")
+    await until(app, pilot, "at this router there is other: --fleet NAME")
+    fleet.comes("scout", "agentd")
+    await until(app, pilot, "1 of 1 agent")
+    assert "nobody" not in text_of(app)
 
 
 def test_an_alarm_stands_before_other_notes_and_looks_like_an_error() -> None:
@@ -371,56 +367,28 @@ def test_an_alarm_stands_before_other_notes_and_looks_like_an_error() -> None:
     assert [[str(one.style) for one in row.spans] for row in rows] == [[BAD], [WARN]]
 
 
-def test_members_stand_in_the_order_of_their_numbers() -> None:
-    fleet = Fleet()
-    for number in (10, 2, 1):
-        fleet.comes(f"uav{number}", "bridged")
-    assert list(fleet.model.robots) == ["uav1", "uav2", "uav10"]
-
-
-def test_fifty_agents_are_scrolled_through_with_the_keys() -> None:
-    fleet = Fleet()
-    for number in range(50):
-        fleet.comes(f"agent{number:02}", "agentd").mind(f"agent{number:02}", "+!search")
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert "agent49" not in text_of(app).partition("TIMELINE")[0]
-        await pilot.press("end")
-        await until(app, pilot, "▌●  agent49")
-        await pilot.press("enter")
-        await until(app, pilot, "agent49  waiting")
-
-    show(fleet, body)
-
-
-def test_the_help_tells_the_keys() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("question_mark")
-        await until(app, pilot, "orders nothing")
-        await pilot.press("escape")
-        await until(app, pilot, "TIMELINE")
-
-    show(flying(), body)
+@shown(flying)
+async def test_the_help_tells_the_keys(app: WatchApp, pilot: Pilot[None]) -> None:
+    await pilot.press("question_mark")
+    await until(app, pilot, "orders nothing")
+    await pilot.press("escape")
+    await until(app, pilot, "TIMELINE")
 
 
 @pytest.mark.parametrize("key", ["q", "ctrl+c"])
-def test_the_view_is_left_by(key: str) -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press(key)
-        await pilot.pause(0.2)
-        assert not app.is_running
-
-    show(flying(), body)
+@shown(flying)
+async def test_the_view_is_left_by(app: WatchApp, pilot: Pilot[None], key: str) -> None:
+    await pilot.press(key)
+    await pilot.pause(0.2)
+    assert not app.is_running
 
 
-def test_a_console_without_unicode_gets_plain_marks_everywhere() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        for _ in range(3):
-            assert text_of(app).isascii()
-            await pilot.press("down", "down", "enter")
-            await pilot.pause(0.1)
-
-    show(thinking(), body, glyphs=ASCII)
+@shown(thinking, glyphs=ASCII)
+async def test_a_console_without_unicode_gets_plain_marks_everywhere(app: WatchApp, pilot: Pilot[None]) -> None:
+    for _ in range(3):
+        assert text_of(app).isascii()
+        await pilot.press("down", "down", "enter")
+        await pilot.pause(0.1)
 
 
 @pytest.mark.parametrize(
@@ -436,125 +404,41 @@ def test_the_marks_are_those_that_the_terminal_has(term: str, encoding: str, exp
     assert glyphs_of({"TERM": term}, encoding) is expected
 
 
-def test_what_programs_say_is_no_command_to_the_terminal() -> None:
-    fleet = flying().mind("scout", "+!evil(\x1b[2J)", state="waiting")
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        assert "\x1b" not in text_of(app)
-        await pilot.press("down", "down", "enter")
-        await until(app, pilot, "INTENTIONS 1")
-        assert "\x1b" not in text_of(app)
-
-    show(fleet, body)
-
-
-def test_what_was_told_late_stands_where_it_happened() -> None:
-    fleet = flying().waits(10)
-    fleet.activity("scout", ActivityEvent(kind="print", text="second", time=99.0))
-    fleet.activity("scout", ActivityEvent(kind="print", text="first", time=96.0), now=100.0, speed=1.0)
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        text = text_of(app)
-        assert 0 < text.index("first") < text.index("second")
-
-    show(fleet, body)
+@shown(flying)
+async def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back(
+    app: WatchApp, pilot: Pilot[None], fleet: Fleet
+) -> None:
+    await pilot.press("down", "down", "enter", "4")
+    for number in range(100):
+        fleet.activity("scout", ActivityEvent(kind="print", text=f"line {number}"))
+    await until(app, pilot, "line 99")
+    await pilot.press("pageup", "pageup")
+    fleet.activity("scout", ActivityEvent(kind="print", text="line 100"))
+    await pilot.pause(0.3)
+    assert "line 100" not in text_of(app)
+    await pilot.press("end")
+    await until(app, pilot, "line 100")
 
 
-def test_the_timeline_follows_what_happens_unless_one_has_scrolled_back() -> None:
-    fleet = flying()
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("down", "down", "enter", "4")
-        for number in range(100):
-            fleet.activity("scout", ActivityEvent(kind="print", text=f"line {number}"))
-        await until(app, pilot, "line 99")
-        await pilot.press("pageup", "pageup")
-        fleet.activity("scout", ActivityEvent(kind="print", text="line 100"))
-        await pilot.pause(0.3)
-        assert "line 100" not in text_of(app)
-        await pilot.press("end")
-        await until(app, pilot, "line 100")
-
-    show(fleet, body)
+@shown(lambda: flying().waits(8), (200, 40))
+async def test_an_action_of_which_nobody_tells_says_so_and_how_it_ended_is_not_known_once_its_agent_is_gone(
+    app: WatchApp, pilot: Pilot[None], fleet: Fleet
+) -> None:
+    await until(app, pilot, "▸ goto(-27.603512,-48.5182,20)  9.0 s  not heard for 9.0 s")
+    fleet.goes("scout", "agentd").waits(1)
+    await pilot.press("down", "down", "enter")
+    await until(app, pilot, "not known how it ended: its agent is gone")
+    assert "ACTIONS 0 RUNNING" in text_of(app)
+    assert "GONE, as it was 10 s ago" in text_of(app)
 
 
-def test_an_action_of_which_nobody_tells_says_so_and_how_it_ended_is_not_known_once_its_agent_is_gone() -> None:
-    fleet = flying().waits(8)
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await until(app, pilot, "▸ goto(-27.603512,-48.5182,20)  9.0 s  not heard for 9.0 s")
-        fleet.goes("scout", "agentd").waits(1)
-        await pilot.press("down", "down", "enter")
-        await until(app, pilot, "not known how it ended: its agent is gone")
-        assert "ACTIONS 0 RUNNING" in text_of(app)
-        assert "GONE, as it was 10 s ago" in text_of(app)
-
-    show(fleet, body, (200, 40))
-
-
-def test_details_of_long_ago_are_not_the_mind_of_now() -> None:
-    fleet = thinking().waits(600)
-    fleet.mind("scout", "+!new_goal", time=640.0, cycle=9).told("scout", "agentd")
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("down", "down", "space", "enter")
-        await until(app, pilot, "640 s of mission")
-        await until(app, pilot, "+!new_goal")
-        assert "+!visit(3)" not in text_of(app).partition("BELIEFS")[0]
-        assert text_of(app).count("as it was 600 s ago") + text_of(app).count("as it was 10 min ago") == 2
-        assert "height(20)" in text_of(app)
-
-    show(fleet, body, (160, 40))
-
-
-def test_a_mind_that_was_not_heard_for_a_while_says_how_old_it_is() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        await pilot.press("down", "down", "enter")
-        await until(app, pilot, "as it was 4.0 s ago")
-
-    show(thinking().waits(4), body, (160, 40))
-
-
-def test_a_vehicle_says_how_old_it_is_while_the_router_is_away() -> None:
-    fleet = flying()
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        fleet.model.router(up=False)
-        fleet.waits(12)
-        await until(app, pilot, "as it was 13 s ago")
-
-    show(fleet, body, (160, 24))
-
-
-def test_what_cannot_be_drawn_is_one_line_and_the_view_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    fleet, drawn = flying(), pages.overview
-
-    def broken(*_: object) -> list[object]:
-        raise ValueError("cannot convert\x1b[2J float infinity to integer")
-
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        monkeypatch.setattr(pages, "overview", broken)
-        await until(app, pilot, "defect in argosy watch: this cannot be drawn, and stays as it was: ValueError: cannot")
-        assert "GUIDED" in text_of(app)
-        assert app.is_running
-        monkeypatch.setattr(pages, "overview", drawn)
-        await pilot.pause(0.3)
-        assert "defect" not in text_of(app)
-        fleet.model.defect = "who is there is not known"
-        await until(app, pilot, "defect in argosy watch: who is there is not known")
-
-    show(fleet, body, (160, 24))
-
-
-def test_what_nobody_has_caught_ends_it_with_one_line() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        app._exception = ValueError("a defect\x1b[2J")
-        app._fatal_error()
-        (line,) = app._exit_renderables
-        assert str(line) == ("error: defect in argosy watch: ValueError: a defect [2J; ARGOSY_DEBUG=1 shows where")
-        app._exception = None
-
-    show(flying(), body)
+@shown(flying)
+async def test_what_nobody_has_caught_ends_it_with_one_line(app: WatchApp) -> None:
+    app._exception = ValueError("a defect\x1b[2J")
+    app._fatal_error()
+    (line,) = app._exit_renderables
+    assert str(line) == ("error: defect in argosy watch: ValueError: a defect [2J; ARGOSY_DEBUG=1 shows where")
+    app._exception = None
 
 
 def test_a_row_has_nothing_that_a_terminal_takes_for_a_command_and_keeps_its_styles() -> None:
@@ -564,14 +448,41 @@ def test_a_row_has_nothing_that_a_terminal_takes_for_a_command_and_keeps_its_sty
     assert [row.text.plain[one.start : one.end].strip() for one in row.text.spans] == ["b 2J"]
 
 
-def test_a_change_of_size_that_textual_loses_is_followed() -> None:
-    async def body(app: WatchApp, pilot: Pilot[None]) -> None:
-        app._resize_timer = app.set_timer(1000, lambda: None)  # one that was late, and never fires
-        await pilot.resize_terminal(50, 12)
-        for _ in range(4500):
-            if len(lines_of(app)) == 12:
-                return
-            await pilot.pause(0.02)
-        raise AssertionError(f"it is still drawn for {app.screen.outer_size}")
+@shown(flying)
+async def test_a_change_of_size_that_textual_loses_is_followed(app: WatchApp, pilot: Pilot[None]) -> None:
+    app._resize_timer = app.set_timer(1000, lambda: None)  # one that was late, and never fires
+    await pilot.resize_terminal(50, 12)
+    for _ in range(4500):
+        if len(lines_of(app)) == 12:
+            return
+        await pilot.pause(0.02)
+    raise AssertionError(f"it is still drawn for {app.screen.outer_size}")
 
-    show(flying(), body)
+
+@shown(lambda: thinking().waits(600).mind("scout", "+!new_goal", time=640.0).told("scout", "agentd"), (160, 40))
+async def test_details_of_long_ago_are_not_the_mind_of_now(app: WatchApp, pilot: Pilot[None]) -> None:
+    await pilot.press("down", "down", "space", "enter")
+    await until(app, pilot, "640 s of mission")
+    await until(app, pilot, "+!new_goal")
+    assert "+!visit(3)" not in text_of(app).partition("BELIEFS")[0]
+    assert text_of(app).count("as it was 600 s ago") + text_of(app).count("as it was 10 min ago") == 2
+    assert "height(20)" in text_of(app)
+
+
+@shown(flying, (160, 24))
+async def test_what_cannot_be_drawn_is_one_line_and_the_view_goes_on(
+    app: WatchApp, pilot: Pilot[None], fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> list[object]:
+        raise ValueError("cannot convert\x1b[2J float infinity to integer")
+
+    drawn = pages.overview
+    monkeypatch.setattr(pages, "overview", broken)
+    await until(app, pilot, "defect in argosy watch: this cannot be drawn, and stays as it was: ValueError: cannot")
+    assert "GUIDED" in text_of(app)
+    assert app.is_running
+    monkeypatch.setattr(pages, "overview", drawn)
+    await pilot.pause(0.3)
+    assert "defect" not in text_of(app)
+    fleet.model.defect = "who is there is not known"
+    await until(app, pilot, "defect in argosy watch: who is there is not known")
