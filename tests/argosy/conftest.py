@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -103,9 +103,9 @@ class Running:
 Start = Callable[..., Running]
 
 
-@pytest.fixture
-def start(tmp_path: Path, endpoint: str) -> Iterator[Start]:
-    """Return a function that starts `argosy run ARGS...`, with stand-ins for the daemons unless `real_daemons`."""
+@contextmanager
+def starting(tmp_path: Path, endpoint: str) -> Iterator[Start]:
+    """Give a function that starts `argosy run ARGS...`, with stand-ins for the daemons unless `real_daemons`."""
     started: list[Running] = []
 
     def begin(mission: Path, *arguments: str, fault: str = "", real_daemons: bool = False) -> Running:
@@ -117,9 +117,18 @@ def start(tmp_path: Path, endpoint: str) -> Iterator[Start]:
         started.append(Running(how, command, folder, {"FAULT": fault}))
         return started[-1]
 
-    yield begin
-    for running in started:
-        running.end()
+    try:
+        yield begin
+    finally:
+        for running in started:
+            running.end()
+
+
+@pytest.fixture
+def start(tmp_path: Path, endpoint: str) -> Iterator[Start]:
+    """Return what starts an `argosy run` that ends with the test."""
+    with starting(tmp_path, endpoint) as begin:
+        yield begin
 
 
 def copied(name: str, folder: Path, port: int) -> Path:

@@ -118,8 +118,7 @@ async def agent(bus: Bus, clock: Clock, stop: asyncio.Event) -> None:
             cycle=int(clock.wall() * 10),
             intentions=() if done or FAULT == "aimless" else (running,),
             done={"mission_done": done},
-            failed={"mission_failed(_)": done and FAULT == "gives-up"},
-            beliefs=('mission_failed("too windy")[source(self)]',) if done else (),
+            failed={"mission_failed(_)": False},
         )
         query.reply(view)
 

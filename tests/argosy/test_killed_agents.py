@@ -30,6 +30,11 @@ def shipped(name: str, folder: Path, without: str = "", program: str = "") -> Pa
     return mission
 
 
+def restarting(start: Start, mission: Path) -> Running:
+    """Fly a mission whose daemons are started again."""
+    return start(mission, "--restart", "--plain", "--speed", "10", real_daemons=True)
+
+
 def kill_agents(running: Running, when: str) -> None:
     """Kill the agents' daemon as soon as the run has printed something."""
     running.until(when)
@@ -68,7 +73,7 @@ def modes(running: Running, robot: str, after: str) -> list[str]:
 def test_a_shipped_mission_comes_to_an_end_of_its_own_on_the_ground_when_its_agents_are_killed(
     start: Start, tmp_path: Path, name: str, when: str, end: str
 ) -> None:
-    running = start(shipped(name, tmp_path), "--restart", "--plain", "--speed", "10", real_daemons=True)
+    running = restarting(start, shipped(name, tmp_path))
     kill_agents(running, when)
     if "turtle" not in name:
         until_down(running, *(("uav1", "uav2", "uav3") if name == "three_uavs" else ("uav1",)))
@@ -81,14 +86,7 @@ def test_a_shipped_mission_comes_to_an_end_of_its_own_on_the_ground_when_its_age
 
 def test_a_copter_on_its_way_home_is_not_held_up_by_the_death_of_its_agent(start: Start, tmp_path: Path) -> None:
     """The paper's programs have no plan for `+restarted(N)`: the agent is back and does nothing."""
-    running = start(
-        shipped("single_uav", tmp_path, without="+restarted"),
-        "--restart",
-        "--plain",
-        "--speed",
-        "10",
-        real_daemons=True,
-    )
+    running = restarting(start, shipped("single_uav", tmp_path, without="+restarted"))
     running.until("uav: returning to home")
     kill_agents(running, "uav1: mode RTL")
     until_down(running, "uav1")
@@ -99,14 +97,7 @@ def test_a_copter_on_its_way_home_is_not_held_up_by_the_death_of_its_agent(start
 def test_a_copter_that_is_held_for_a_dead_agent_comes_home_when_that_is_back_and_commands_nothing(
     start: Start, tmp_path: Path, when: str
 ) -> None:
-    running = start(
-        shipped("single_uav", tmp_path, without="+restarted"),
-        "--restart",
-        "--plain",
-        "--speed",
-        "10",
-        real_daemons=True,
-    )
+    running = restarting(start, shipped("single_uav", tmp_path, without="+restarted"))
     kill_agents(running, when)
     until_down(running, "uav1")
     assert "RTL" in modes(running, "uav1", "it is started again")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -20,24 +21,27 @@ def network(namespaces: None) -> Iterator[Network]:
         yield made
 
 
+def fleet_of(network: Network, folder: Path, mission: str, **programs: str) -> Fleet:
+    """Write a mission for the boards, in whose text `BOARDS` stands for them, with its programs, and make its fleet.
+
+    Nothing is started yet.
+    """
+    for name, program in programs.items():
+        (folder / f"{name}.asl").write_text(program)
+    entries = ", ".join(f"{name}: {{address: {address}}}" for name, address in network.addresses.items())
+    path = folder / "mission.yaml"
+    path.write_text(mission.replace("BOARDS", f"{{{entries}}}"))
+    return Fleet(network, path, folder / "state")
+
+
 @pytest.fixture
 def fleet(network: Network, tmp_path: Path) -> Iterator[Callable[..., Fleet]]:
-    """Return what writes a mission for the boards, with its programs, and makes a fleet of it; nothing is started yet.
+    """Return what makes a fleet as `fleet_of` does; it ends with the test."""
+    with ExitStack() as stack:
 
-    In the text of the mission `BOARDS` stands for the three of them.
-    """
-    made: list[Fleet] = []
+        def make(mission: str, **programs: str) -> Fleet:
+            made = stack.enter_context(fleet_of(network, tmp_path, mission, **programs))
+            stack.callback(lambda: print(made.transcript()))  # shown with a test that fails
+            return made
 
-    def make(mission: str, **programs: str) -> Fleet:
-        for name, program in programs.items():
-            (tmp_path / f"{name}.asl").write_text(program)
-        entries = ", ".join(f"{name}: {{address: {address}}}" for name, address in network.addresses.items())
-        path = tmp_path / "mission.yaml"
-        path.write_text(mission.replace("BOARDS", f"{{{entries}}}"))
-        made.append(Fleet(network, path, tmp_path / "state"))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.__exit__(None, None, None)
-        print(one.transcript())  # shown with a test that fails
+        yield make

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 
+import pytest
+
+from tests.boards.conftest import BOARDS, fleet_of
 from tests.boards.fleet import Fleet
+from tests.boards.network import Network
 
 _MISSION = """\
 mission: presence
@@ -23,40 +27,66 @@ OTHERS = {"ann": ("bob", "cid"), "bob": ("ann", "cid"), "cid": ("ann", "bob")}
 BOARD = {"ann": "pi1", "bob": "pi2", "cid": "pi3"}
 
 
-def _all_see_all(team: Fleet) -> None:
-    for name, others in OTHERS.items():
-        for other in others:
-            team.look(BOARD[name]).believes(name, f"online({other})")
+class Presence:
+    """A team that sees itself whole, and who has gone since then in the eyes of each."""
+
+    def __init__(self, team: Fleet) -> None:
+        self.team = team
+        self._before = {name: len(self._all_gone(name)) for name in OTHERS}
+
+    def all_see_all(self) -> None:
+        """Wait until everybody believes that all others are there."""
+        for name, others in OTHERS.items():
+            for other in others:
+                self.team.look(BOARD[name]).believes(name, f"online({other})")
+
+    def gone(self, name: str) -> list[str]:
+        """Who has gone in the eyes of somebody."""
+        return self._all_gone(name)[self._before[name] :]
+
+    def until_gone(self, name: str, *others: str) -> None:
+        """Wait until these, and nobody else, have gone in the eyes of somebody."""
+        agentd = self.team.running[BOARD[name], "agentd"]
+        agentd.until(lambda _: len(self.gone(name)) >= len(others), f"{others} are gone for {name}")
+        assert sorted(self.gone(name)) == sorted(others)
+
+    def _all_gone(self, name: str) -> list[str]:
+        lines = self.team.text(BOARD[name], "agentd").splitlines()
+        return [line.partition("gone ")[2] for line in lines if "] gone " in line]
 
 
-def _gone(team: Fleet, name: str) -> list[str]:
-    return [line.partition("gone ")[2] for line in team.text(BOARD[name], "agentd").splitlines() if "] gone " in line]
+@pytest.fixture(scope="module")
+def team(namespaces: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    folder = tmp_path_factory.mktemp("presence")
+    with Network(BOARDS) as network, fleet_of(network, folder, _MISSION, watcher=_WATCHER) as made:
+        made.up()
+        yield made
+        print(made.transcript())
 
 
-def test_agents_see_one_another_and_the_boards_that_they_are_on(fleet: Callable[..., Fleet]) -> None:
-    team = fleet(_MISSION, watcher=_WATCHER)
-    team.up()
-    _all_see_all(team)
-    beliefs = team.look("pi1").mind("ann") or []
+@pytest.fixture
+def presence(team: Fleet) -> Iterator[Presence]:
+    """The team, in which all see all before and after the test."""
+    seen = Presence(team)
+    seen.all_see_all()
+    yield seen
+    seen.all_see_all()
+
+
+def test_agents_see_one_another_and_the_boards_that_they_are_on(presence: Presence) -> None:
+    beliefs = presence.team.look("pi1").mind("ann") or []
     assert any(one.startswith("online(bob)[") and "board(pi2)" in one for one in beliefs), beliefs
 
 
-def test_a_killed_agent_is_gone_for_all_others_and_seen_again_when_it_is_back(fleet: Callable[..., Fleet]) -> None:
-    team = fleet(_MISSION, watcher=_WATCHER)
-    team.up()
-    _all_see_all(team)
-    team.kill("pi3", "agentd")
+def test_a_killed_agent_is_gone_for_all_others_and_seen_again_when_it_is_back(presence: Presence) -> None:
+    presence.team.kill("pi3", "agentd")
     for name in ("ann", "bob"):
-        team.running[BOARD[name], "agentd"].says("gone cid")
-        assert _gone(team, name) == ["cid"]
-    team.start("pi3", "agentd")
-    _all_see_all(team)
+        presence.until_gone(name, "cid")
+    presence.team.start("pi3", "agentd")
 
 
-def test_a_router_that_comes_back_at_once_is_nobodys_death(fleet: Callable[..., Fleet]) -> None:
-    team = fleet(_MISSION, watcher=_WATCHER)
-    team.up()
-    _all_see_all(team)
+def test_a_router_that_comes_back_at_once_is_nobodys_death(presence: Presence) -> None:
+    team = presence.team
     team.kill("pi2", "commd")
     time.sleep(1.0)
     team.start("pi2", "commd")
@@ -64,17 +94,11 @@ def test_a_router_that_comes_back_at_once_is_nobodys_death(fleet: Callable[..., 
     team.running["pi2", "agentd"].says("router lost")
     team.look("pi1").until(lambda look: "bob/agentd" in look.alive(), "bob's token is back")
     time.sleep(7.0)  # longer than any patience of those who judge
-    assert [_gone(team, name) for name in OTHERS] == [[], [], []]
-    _all_see_all(team)
+    assert [presence.gone(name) for name in OTHERS] == [[], [], []]
 
 
-def test_boards_behind_a_cut_are_gone_and_come_back_when_it_heals(fleet: Callable[..., Fleet]) -> None:
-    team = fleet(_MISSION, watcher=_WATCHER)
-    team.up()
-    _all_see_all(team)
-    team.network.unplug("pi1")
-    team.running["pi1", "agentd"].until(lambda text: "gone bob" in text and "gone cid" in text, "all are gone")
-    team.running["pi2", "agentd"].says("gone ann")
-    assert _gone(team, "bob") == ["ann"], "cid is as near as before"
-    team.network.plug("pi1")
-    _all_see_all(team)
+def test_boards_behind_a_cut_are_gone_and_come_back_when_it_heals(presence: Presence) -> None:
+    presence.team.network.unplug("pi1")
+    presence.until_gone("ann", "bob", "cid")
+    presence.until_gone("bob", "ann")  # cid is as near as before
+    presence.team.network.plug("pi1")

@@ -28,7 +28,7 @@ _SEEKER = """\
 """
 
 
-def test_what_is_offered_on_one_board_is_found_on_another_and_told_to_who_subscribes(
+def test_what_is_offered_on_one_board_is_found_and_told_on_another_also_while_its_board_is_away(
     fleet: Callable[..., Fleet],
 ) -> None:
     team = fleet(_MISSION, seeker=_SEEKER, offerer=_OFFERER)
@@ -38,13 +38,6 @@ def test_what_is_offered_on_one_board_is_found_on_another_and_told_to_who_subscr
     seeker = team.running["pi1", "agentd"]
     seeker.until(lambda text: "told of bob" in text and "told of cid" in text, "ann is told of both")
     assert seeker.text.count("told of bob") == 1
-
-
-def test_a_board_that_is_away_keeps_what_its_agents_offer(fleet: Callable[..., Fleet]) -> None:
-    team = fleet(_MISSION, seeker=_SEEKER, offerer=_OFFERER)
-    team.up()
-    look = team.look("pi1")
-    look.believes("ann", "found([bob,cid])")
     team.kill("pi3")
     team.kill("pi1", "commd")
     team.start("pi1", "commd")

@@ -375,11 +375,6 @@ def test_what_every_robot_offers_is_known_without_its_manifest(mission: Path) ->
     assert findings(mission) == ["scout.asl:8:20: error: the action hand_over takes 1 argument, not 0"]
 
 
-def test_a_mission_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(tmp_path / "none.yaml")]) == 2
-    assert capsys.readouterr().err == f"{tmp_path}/none.yaml: error: cannot be read: No such file or directory\n"
-
-
 def test_a_program_that_is_no_text_is_one_line(mission: Path) -> None:
     mission.with_name("scout.asl").write_bytes(b"!g.\n+!g <- \xff\xfe.\n")
     (found,) = findings(mission)

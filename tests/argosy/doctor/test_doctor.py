@@ -324,10 +324,3 @@ def test_two_real_boards_are_looked_over_and_what_is_missing_is_told(facts: Fact
     assert alone.returncode == 1
     assert f"error    router  no router at {two}: is commd running?" in alone.stdout
     assert "do: is the fleet there? with `argosy run`: start it" in alone.stdout
-
-
-def test_a_mission_that_cannot_be_read_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from argosy.__main__ import main
-
-    assert main(["doctor", str(tmp_path / "no.yaml")]) == 2
-    assert "no.yaml" in capsys.readouterr().err

@@ -62,7 +62,7 @@ def test_a_name_that_nobody_can_have_is_nobody() -> None:
 def test_what_is_kept_of_a_record_is_short_and_no_command() -> None:
     fleet, text = rescue(), COMMAND + LONG
     fields = {"id": text, "text": text, "other": text, "reason": text, "performative": text, "in_reply_to": text}
-    for kind in ("sent", "received", "undelivered", "outcome", "action", "log"):
+    for kind in ("print", "sent", "received", "undelivered", "outcome", "action", "log"):
         fleet.activity("scout", ActivityEvent(kind=kind, state=text, **fields))  # type: ignore[arg-type]
     status = ActionStatus(id=text, state="running", name="goto", parameters=(text,), reason=text, feedback={text: 1.0})
     fleet.model.status(keys.status(FLEET, "scout", "goto"), status)

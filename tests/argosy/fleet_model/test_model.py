@@ -260,10 +260,3 @@ def test_strangers_push_no_member_of_the_mission_out() -> None:
     fleet.model.tick()
     assert list(fleet.model.agents)[: len(MISSION.agents)] == list(MISSION.agents)
     assert len(fleet.model.agents) == 500 + len(MISSION.agents)
-
-
-def test_no_text_of_a_program_reaches_a_terminal_as_a_command() -> None:
-    fleet = rescue().activity("scout", ActivityEvent(kind="print", text="\x1b[2J" + "x" * 1000))
-    text = fleet.model.timeline.entries[-1].text
-    assert "\x1b" not in text
-    assert len(text) == 500

@@ -22,7 +22,6 @@ from schemas.manifest.loader import load_manifest
 from schemas.manifest.text import document
 from schemas.mission.model import read_mission
 from tests.support.buses import until
-from tests.support.promises import in_time
 
 MISSION = """
 mission: pond
@@ -129,13 +128,6 @@ def test_a_robot_that_no_bridge_serves_is_told_with_its_near_misses(
         )
         assert main(["manifest", "set", "turtle1", "percepts.pose.rate=1", "--fleet", "sea", *there]) == 1
         assert "; no bridge is there at all" in capsys.readouterr().err
-
-
-def test_a_router_that_is_not_there_is_told_in_bounded_time(endpoint: str, capsys: Captured) -> None:
-    started = time.monotonic()
-    assert main(["manifest", "get", "uav1", "--router", endpoint]) == 1
-    assert f"error: no router at {endpoint}" in capsys.readouterr().err
-    assert in_time(time.monotonic() - started, 15)
 
 
 @pytest.mark.parametrize(

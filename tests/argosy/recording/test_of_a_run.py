@@ -9,32 +9,9 @@ import pytest
 from argosy.cli.extras import install_command
 from argosy.recording import run_recorder
 from argosy.recording.reader import open_recording
-from argosy.recording.records import TokenSeen
 from argosy.recording.run_recorder import NoRecording, RunRecording, recording_of, what_became_of_it
 from schemas.wire.log_lines import LogLine, RecordingEnded
-from schemas.wire.records import Perception
 from tests.argosy.conftest import Start
-from tests.argosy.recording.files import validated
-
-
-def test_a_report_has_a_recording_of_the_whole_run(start: Start, single_uav: Path, tmp_path: Path) -> None:
-    run = start(single_uav, "--speed", "10", "--report", str(tmp_path / "report"))
-    assert run.wait() == 0
-    path = tmp_path / "report" / "recording.mcap"
-    recording = open_recording(path)
-    assert recording.missing == ""
-    assert recording.facts.mission_text == single_uav.read_text()
-    assert (recording.facts.speed, recording.facts.fleet) == (10.0, "single-uav")
-    tokens = [(record.key.split("/")[2:5:2], record.alive) for _, record in recording.typed(TokenSeen)]
-    assert tokens.index((["uav1", "bridged"], True)) < tokens.index((["uav", "agentd"], True))
-    assert (["uav", "agentd"], False) in tokens  # it is there until all others have left
-    modes = [one.parameters for _, one in recording.typed(Perception) if one.name == "state"]
-    assert modes[0] == ("STABILIZE", True, False)
-    assert modes[-1] == ("RTL", True, False)
-    assert validated(path) == sum(topic.messages for topic in recording.topics)
-    summary = (tmp_path / "report" / "summary.txt").read_text()
-    assert f"  recording  {path}: {validated(path)} messages in " in summary
-    assert run.left_running() == []
 
 
 def test_a_recorder_that_dies_ends_no_flight_and_is_told_of(start: Start, single_uav: Path, tmp_path: Path) -> None:
@@ -50,20 +27,6 @@ def test_a_recorder_that_dies_ends_no_flight_and_is_told_of(start: Start, single
     assert "done" in run.stdout
     assert open_recording(path).missing
     assert run.left_running() == []
-
-
-def test_a_recording_that_cannot_be_made_is_refused_before_anything_starts(
-    start: Start, single_uav: Path, tmp_path: Path
-) -> None:
-    there = tmp_path / "a.mcap"
-    there.write_text("mine")
-    run = start(single_uav, "--record", str(there))
-    assert run.wait() == 2
-    assert run.stderr == f"error: --record {there}: the file exists: name another one\n"
-    assert there.read_text() == "mine"
-    run = start(single_uav, "--record", str(tmp_path / "no" / "a.mcap"))
-    assert run.wait() == 2
-    assert run.stderr == f"error: --record {tmp_path}/no/a.mcap: folder {tmp_path}/no does not exist\n"
 
 
 def test_without_the_extra_a_report_is_written_all_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

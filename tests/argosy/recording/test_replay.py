@@ -238,25 +238,45 @@ async def test_where_no_router_is_it_is_one(endpoint: str, tmp_path: Path) -> No
     assert f"no router at {endpoint}: this replay is the router until it ends" in out
 
 
-@async_test
-async def test_bad_arguments_and_files_are_told_in_a_line(endpoint: str, tmp_path: Path) -> None:
-    path = recorded(tmp_path / "a.mcap", fast(11))
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        ("b.mcap", 2, "error: b.mcap: not an MCAP file: it does not begin like one"),
+        ("a.mcap --from 5", 2, "error: --from 5: a.mcap ends after 0.2 s"),
+        ("a.mcap --from 0.1 --to 0.1", 2, "error: --to 0.1: expected more than --from 0.1"),
+        ("a.mcap --fleet a/b", 2, "error: --fleet a/b: expected letters, digits, `_`, `-` and `.`"),
+        ("c.mcap --fleet a", 2, "error: --fleet a: c.mcap has several fleets: second, test"),
+        ("a.mcap --router tcp/192.0.2.1:7447", 1, "error: no router at tcp/192.0.2.1:7447"),
+    ],
+)
+def test_bad_arguments_and_files_are_told_in_a_line(
+    arguments: str,
+    code: int,
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    recorded(tmp_path / "a.mcap", fast(11))
     (tmp_path / "b.mcap").write_text("mission: x")
     two = [altitude(1, 1), replace_at(altitude(1, 1), 1, key=keys.percept("second", "u", "x"))]
-    several = recorded(tmp_path / "c.mcap", two)
-    for arguments, code, told in (
-        ((tmp_path / "b.mcap",), 2, f"error: {tmp_path}/b.mcap: not an MCAP file: it does not begin like one"),
-        ((path, "--from", "5"), 2, f"error: --from 5: {path} ends after 0.2 s"),
-        ((path, "--from", "0.1", "--to", "0.1"), 2, "error: --to 0.1: expected more than --from 0.1"),
-        ((path, "--from", "x"), 2, "expected seconds since the beginning of the recording, got `x`"),
-        ((path, "--speed", "0"), 2, "invalid speed (0 < X <= 1000) value: '0'"),
-        ((path, "--fleet", "a/b"), 2, "error: --fleet a/b: expected letters, digits, `_`, `-` and `.`"),
-        ((several, "--fleet", "a"), 2, f"error: --fleet a: {several} has several fleets: second, test"),
-        ((path, "--router", "tcp/192.0.2.1:7447"), 1, "error: no router at tcp/192.0.2.1:7447"),
-    ):
-        async with argosy("replay", *arguments) as process:
-            found, _, err = await process.end(None, 40)
-        assert (found, told in err, "Traceback" in err) == (code, True, False), err
+    recorded(tmp_path / "c.mcap", two)
+    assert main(["replay", *arguments.split()]) == code
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "told"),
+    [
+        ("--from x", "expected seconds since the beginning of the recording, got `x`"),
+        ("--speed 0", "invalid speed (0 < X <= 1000) value: '0'"),
+    ],
+)
+def test_what_is_no_number_is_told(option: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["replay", "a.mcap", *option.split()])
+    assert told in capsys.readouterr().err
 
 
 @async_test

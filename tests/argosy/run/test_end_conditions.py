@@ -20,15 +20,24 @@ from tests.argosy.recorded import Recording
 from tests.argosy.run.test_screen import in_flight, screen
 
 
+class Looked:
+    """What ends the run of a recording, looked at by a clock of its own."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.at = 1.0
+        supervisor = Supervisor(lambda child, line: None, lambda child: None)
+        self._end_conditions = EndConditions(recording.status, supervisor, lambda: self.at)
+
+    def look(self, later: float = 0.0) -> Ending | None:
+        """Look so many seconds later."""
+        self.at += later
+        return self._end_conditions.look()
+
+
 def look(recording: Recording) -> Ending | None:
     """Return whether the run of a recording has ended, an operator's order having had the time to be answered."""
-    times = [1.0]
-    end_conditions = EndConditions(
-        recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1]
-    )
-    first = end_conditions.look()
-    times.append(1.0 + ANSWERED)
-    return first or end_conditions.look()
+    looked = Looked(recording)
+    return looked.look() or looked.look(ANSWERED)
 
 
 def ordered(order: Order) -> Recording:
@@ -61,19 +70,19 @@ def test_hold_keeps_the_run_going_and_says_how_to_give_the_robot_back() -> None:
 def test_a_pause_is_shown_and_the_timeout_waits_for_its_end() -> None:
     recording = in_flight()
     recording.at, recording.status.timeout_at = 50.0, 60.0
-    end_conditions = EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    looked = Looked(recording)
     recording.percept("paused", Atom("operator"))
     assert recording.lines[-1] == "uav1: paused by the operator; `argosy stop continue uav1` lets it go on"
     assert "paused (uav1)" in screen(recording)[0]
     recording.at = 500.0
-    assert end_conditions.look() is None
+    assert looked.look() is None
     recording.percept_gone("paused")
     assert recording.lines[-1] == "uav1: goes on: it is not paused any longer"
     assert "paused (" not in screen(recording)[0]
     recording.at = 509.0
-    assert end_conditions.look() is None
+    assert looked.look() is None
     recording.at = 511.0
-    assert end_conditions.look() is not None
+    assert looked.look() is not None
 
 
 def test_an_agent_that_gives_up_does_not_end_the_operators_order() -> None:
@@ -88,18 +97,14 @@ def test_a_run_is_there_until_an_order_on_the_ground_is_answered_and_ends_with_t
     recording = ordered("hold")
     recording.percept("state", "STABILIZE", True, False)
     recording.fail('mission_failed("operator: hold")[source(self)]')
-    times = [1.0]
-    end_conditions = EndConditions(
-        recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: times[-1]
-    )
-    assert end_conditions.look() is None
-    times.append(1.0 + ANSWERED)
-    assert end_conditions.look() == Ending(1, "stopped by the operator: hold")
+    looked = Looked(recording)
+    assert looked.look() is None
+    assert looked.look(ANSWERED) == Ending(1, "stopped by the operator: hold")
 
 
 @pytest.mark.parametrize("prevented", ["", "armed", "the agent acts", "intends something", "a client", "on_idle: none"])
 def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(prevented: str) -> None:
-    recording, now = in_flight(), [1.0]
+    recording = in_flight()
     recording.status.timeout_at = 500.0
     recording.action(1, "goto", "succeeded", -27.603683, -48.518052, 40)
     alarm = Note(code="robot_unattended", text="in the air without anybody in charge", value=12.0)
@@ -118,14 +123,11 @@ def test_a_run_ends_when_on_idle_brought_home_what_flew_and_nobody_goes_on(preve
             recording.status.setup.mission.robots["uav1"] = msgspec.structs.replace(
                 recording.status.setup.mission.robots["uav1"], on_idle=NO_STEPS
             )
-    end_conditions = EndConditions(
-        recording.status, Supervisor(lambda child, line: None, lambda child: None), lambda: now[-1]
-    )
-    assert end_conditions.look() is None
-    now.append(1.0 + NOTHING_LEFT)
+    looked = Looked(recording)
+    assert looked.look() is None
     said = "uav1 was in the air with nobody in charge and was brought home (on_idle)"
     over = Ending(1, f"failed: {said}; no agent has anything left to do")
-    assert end_conditions.look() == (None if prevented else over)
+    assert looked.look(NOTHING_LEFT) == (None if prevented else over)
 
 
 def test_a_lost_vehicle_is_not_down() -> None:
@@ -172,41 +174,41 @@ def test_a_run_ends_with_the_formulas_of_its_mission_and_says_what_the_agent_bel
     assert recording.lines == ["uav: done: mission_done"]
 
 
-def watching(restart: bool) -> tuple[Recording, EndConditions]:
+def watching(restart: bool) -> tuple[Recording, Looked]:
     """Return a recording in which agent and router are there, and what may end its run."""
     recording = Recording(1.0)
     recording.at = 100.0
     recording.status.setup = replace(recording.status.setup, restart=restart)
     recording.model.token(keys.alive("single-uav", "uav", "agentd", "b1"), alive=True)
     recording.model.tick()
-    return recording, EndConditions(recording.status, Supervisor(lambda child, line: None, lambda child: None))
+    return recording, Looked(recording)
 
 
 @pytest.mark.parametrize("gone", [False, True])
 def test_an_agent_that_is_silent_ends_the_run_unless_the_dead_are_started_again(gone: bool) -> None:
     for restart in (False, True):
-        recording, end_conditions = watching(restart)
+        recording, looked = watching(restart)
         if gone:
             recording.model.token(keys.alive("single-uav", "uav", "agentd", "b1"), alive=False)
             recording.model.tick()
         recording.at += 4.0
         recording.model.mind_unanswered("uav")
-        assert end_conditions.look() is None
+        assert looked.look() is None
         recording.at += 2.0
         recording.model.mind_unanswered("uav")
         told = Ending(1, "failed: uav has not shown its mind for 5 s")
-        assert end_conditions.look() == (None if restart else told)
+        assert looked.look() == (None if restart else told)
 
 
 def test_a_lost_router_ends_the_run_later_where_the_dead_are_started_again() -> None:
     for restart, patience in ((False, 10), (True, 45)):
-        recording, end_conditions = watching(restart)
+        recording, looked = watching(restart)
         recording.model.router(up=False)
         recording.at += patience - 1
-        assert end_conditions.look() is None
+        assert looked.look() is None
         recording.at += 2
         told = f"failed: the router at tcp/127.0.0.1:7447 has not answered for {patience} s"
-        assert end_conditions.look() == Ending(1, told)
+        assert looked.look() == Ending(1, told)
 
 
 def test_what_an_agent_said_before_its_death_is_not_done() -> None:

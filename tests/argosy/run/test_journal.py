@@ -91,17 +91,6 @@ def test_an_alarm_is_told_as_an_error() -> None:
     assert recording.lines == ["uav1: alone"]
 
 
-def test_records_of_strangers_and_of_odd_shapes_change_nothing() -> None:
-    recording = Recording()
-    recording.percept("state", "GUIDED")
-    recording.percept("altitude", "high")
-    recording.percept("global_pos", "here", "there")
-    recording.model.token("argosy/single-uav/uav1", True)
-    recording.model.token("elsewhere", True)
-    assert recording.lines == []
-    assert recording.model.robots["uav1"].seen.altitude is None
-
-
 def test_the_track_knows_length_height_and_when_the_vehicle_was_armed() -> None:
     track = flight().model.robots["uav1"].seen.track
     assert track.highest() == 40

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from tests.argosy.conftest import MISSIONS, Running, Start
-from tests.support import forked
 
 LIMIT = 90.0
 """Memory of commd + bridged + agentd together in flight, MB of PSS."""
@@ -132,28 +131,6 @@ def test_ctrl_c_in_flight_brings_the_vehicle_home_and_ctrl_c_again_leaves_it_the
     assert "uav1: mode RTL" in out
     told = "uav1 WAS STILL IN THE AIR: RTL confirmed by its bridge; it is simulated and ended with the run"
     assert out.splitlines()[-1] == told
-
-
-def test_an_operator_stops_the_vehicle_from_another_terminal(start: Start, single_uav: Path, endpoint: str) -> None:
-    running = start(single_uav, "--speed", "5", real_daemons=True)
-    running.until("uav: takeoff(5) succeeded")
-    stopped = forked.run(["argosy", "stop", "land", "--router", endpoint])
-    assert stopped.returncode == 0, stopped.stderr
-    assert stopped.stdout.startswith("uav1: land confirmed")
-    code, out, err = flown(running)
-    assert code == 1
-    assert "uav1: the operator orders land" in out
-    assert "uav1: mode LAND" in out
-    assert "error: stopped by the operator: land" in err
-    assert re.search(r"uav1 +LAND, disarmed", out)
-
-
-def test_nothing_is_left_when_argosy_itself_is_killed_in_flight(start: Start, single_uav: Path) -> None:
-    running = start(single_uav, "--speed", "10", real_daemons=True)
-    running.until("uav: takeoff(5) succeeded")
-    running.process.send_signal(signal.SIGKILL)
-    running.process.wait(10)
-    assert running.left_running() == []
 
 
 def test_two_missions_that_leave_their_links_open_fly_at_once(

@@ -7,23 +7,27 @@ import os
 import pty
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
 import pytest
 
 from argosy.cli.extras import install_command
+from argosy.recording.reader import open_recording
+from argosy.recording.records import TokenSeen
 from commd.bus.bus import open_bus
 from schemas.wire import keys
-from schemas.wire.records import RunState
-from tests.argosy.conftest import DOUBLES, Running, Start
+from schemas.wire.records import Perception, RunState
+from tests.argosy.conftest import DOUBLES, Running, Start, copied, starting
+from tests.argosy.recording.files import validated
 from tests.argosy.watch.terminal import Terminal
 from tests.support.buses import until
+from tests.support.ports import free_port
 from tests.support.promises import kept
 
 
@@ -35,35 +39,81 @@ def ended(running: Running, seconds: float = 60) -> tuple[int, str, str]:
     return code, running.stdout, running.stderr
 
 
-def test_a_mission_that_is_done_ends_with_0_a_summary_and_a_report(
-    start: Start, single_uav: Path, tmp_path: Path
-) -> None:
-    running = start(single_uav, "--speed", "10", "--report", str(tmp_path / "report"))
-    running.until("agentd uav: up")
-    code, out, err = ended(running)
+@dataclass(frozen=True)
+class Done:
+    """A run of the first mission to its end, as it printed it and as it told it on the bus."""
+
+    out: str
+    err: str
+    report: Path
+    told: list[RunState]
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
+    folder, endpoint, told = tmp_path_factory.mktemp("done"), f"tcp/127.0.0.1:{free_port()}", list[RunState]()
+
+    async def listen() -> None:
+        async with open_bus(endpoint, fleet="single-uav", name="ears", daemon="argosy", stamp=time.time_ns) as bus:
+            bus.subscribe(keys.run("single-uav", "*"), RunState, lambda key, state: told.append(state))
+            await until(lambda: bool(told) and told[-1].phase in ("done", "failed"), "the run ends", 240)
+
+    with starting(folder, endpoint) as start:
+        report = folder / "report"
+        running = start(copied("single_uav", folder, free_port()), "--speed", "10", "--report", str(report))
+        running.until("commd: up")
+        asyncio.run(listen())
+        code, out, err = ended(running)
     assert code == 0, out + err
-    assert "uav1: mode GUIDED" in out
-    assert "uav: taking off to 5 m" in out
-    assert "uav: arm_motors(true) failed after 0.0 s: Arm: Need Position Estimate" in out
-    assert "uav: goto(-27.603683,-48.518052,40) succeeded after" in out
-    assert "single-uav: done" in out
-    assert "MB at most" in out
-    assert re.search(r"of a core for \d+\.\d s after the end", out)
-    assert err == ""
-    ElementTree.parse(tmp_path / "report" / "track.svg")
-    assert "uav1: mode RTL" in (tmp_path / "report" / "mission.log").read_text()
-    assert "single-uav: done" in (tmp_path / "report" / "summary.txt").read_text()
+    return Done(out, err, report, told)
 
 
-def test_all_processes_start_together_but_agents_which_are_born_to_a_bridge_that_is_there(
-    start: Start, single_uav: Path
-) -> None:
-    running = start(single_uav, "--speed", "10")
-    running.until("agentd uav: up")
-    lines = running.stdout.splitlines()
+def test_a_mission_that_is_done_ends_with_0_a_summary_and_a_report(done: Done) -> None:
+    for told in (
+        "uav1: mode GUIDED",
+        "uav: taking off to 5 m",
+        "uav: arm_motors(true) failed after 0.0 s: Arm: Need Position Estimate",
+        "uav: goto(-27.603683,-48.518052,40) succeeded after",
+        "single-uav: done",
+        "MB at most",
+    ):
+        assert told in done.out
+    assert re.search(r"of a core for \d+\.\d s after the end", done.out)
+    assert done.err == ""
+    ElementTree.parse(done.report / "track.svg")
+    assert "uav1: mode RTL" in (done.report / "mission.log").read_text()
+    assert "single-uav: done" in (done.report / "summary.txt").read_text()
+
+
+def test_all_processes_start_together_but_agents_which_are_born_to_a_bridge_that_is_there(done: Done) -> None:
+    lines = done.out.splitlines()
     wanted = ["commd: started", "simulator uav1: started", "bridged uav1: started", "commd: up", "bridged uav1: up"]
     places = [next(i for i, line in enumerate(lines) if text in line) for text in [*wanted, "agentd uav: started"]]
     assert places == sorted(places)
+
+
+def test_the_run_says_on_the_bus_how_far_it_has_come_and_how_it_ended(done: Done) -> None:
+    phases = list(dict.fromkeys(state.phase for state in done.told))
+    assert phases in (["starting", "flying", "done"], ["flying", "done"])
+    last = done.told[-1]
+    assert (last.why, last.report, last.recording) == ("", str(done.report), str(done.report / "recording.mcap"))
+    assert last.mission_time > 20
+
+
+def test_the_report_has_a_recording_of_the_whole_run(done: Done) -> None:
+    path = done.report / "recording.mcap"
+    recording = open_recording(path)
+    assert recording.missing == ""
+    assert recording.facts.mission_text == (done.report.parent / "single_uav.yaml").read_text()
+    assert (recording.facts.speed, recording.facts.fleet) == (10.0, "single-uav")
+    tokens = [(record.key.split("/")[2:5:2], record.alive) for _, record in recording.typed(TokenSeen)]
+    assert tokens.index((["uav1", "bridged"], True)) < tokens.index((["uav", "agentd"], True))
+    assert (["uav", "agentd"], False) in tokens  # it is there until all others have left
+    modes = [one.parameters for _, one in recording.typed(Perception) if one.name == "state"]
+    assert modes[0] == ("STABILIZE", True, False)
+    assert modes[-1] == ("RTL", True, False)
+    assert validated(path) == sum(topic.messages for topic in recording.topics)
+    assert f"  recording  {path}: {validated(path)} messages in " in (done.report / "summary.txt").read_text()
 
 
 def test_a_simulator_killed_in_flight_ends_the_run_within_5_s_as_its_vehicle_is_no_more(
@@ -109,17 +159,6 @@ def test_what_a_process_started_is_not_left_behind(start: Start, single_uav: Pat
     running.process.send_signal(signal.SIGTERM)
     assert running.wait(30) == 128 + signal.SIGTERM
     assert running.left_running() == []
-
-
-def test_ctrl_c_in_flight_brings_the_vehicle_home_and_ends_with_130(start: Start, single_uav: Path) -> None:
-    running = start(single_uav, "--speed", "2")
-    running.until("uav1: armed")
-    running.process.send_signal(signal.SIGINT)
-    code, out, err = ended(running, 20)
-    assert code == 130
-    assert "uav1: is armed: its bridge is to order rtl (on_shutdown)" in out
-    assert "uav1: its bridge left it: rtl" in out
-    assert "error: stopped by ctrl-C" in err
 
 
 def test_a_bridge_that_does_not_leave_is_killed_after_a_bound(start: Start, single_uav: Path) -> None:
@@ -181,12 +220,6 @@ def test_a_mission_that_is_not_done_in_time_fails_and_says_what_was_missing(star
     assert "error: failed: not done within 30s of mission time (3 s here); expected uav: mission_done" in err
 
 
-def test_a_mission_that_its_agent_gives_up_fails_at_once(start: Start, single_uav: Path) -> None:
-    code, _, err = ended(start(single_uav, "--speed", "10", fault="gives-up"))
-    assert code == 1
-    assert 'error: failed: uav believes mission_failed("too windy")\n' in err
-
-
 def test_a_mission_whose_agents_have_nothing_left_to_do_is_told_once(start: Start, single_uav: Path) -> None:
     single_uav.write_text(single_uav.read_text().replace("timeout: 10min", "timeout: 100s"))
     code, out, err = ended(start(single_uav, "--speed", "10", fault="aimless"))
@@ -216,49 +249,6 @@ def test_a_daemon_that_freezes_ends_the_run_long_before_its_timeout(
     assert f"error: failed: {why.format(endpoint=endpoint)}" in err
 
 
-def test_a_port_that_is_in_use_is_told_with_the_option_that_names_another(
-    start: Start, single_uav: Path, endpoint: str
-) -> None:
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", int(endpoint.rpartition(":")[2])))
-        other.listen()
-        code, out, err = ended(start(single_uav))
-    assert code == 1
-    assert f"error: {endpoint} is in use: is another mission running? Name another one, such as --router" in err
-    assert "and give the robots other links" in err
-    assert out == ""
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--real", "uav1", "--speed", "5"), "--speed 5: uav1 is real, and real time runs at speed 1"),
-        (("--real", "uav2"), "--real uav2: there is no such robot; the mission has uav1"),
-        (("--speed", "0"), "argument --speed: invalid speed (0 < X <= 100) value: '0'"),
-        (
-            ("--router", "nonsense"),
-            "argument --router: Expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`",
-        ),
-        (("--report", "/proc/nowhere"), "--report /proc/nowhere: No such file or directory"),
-    ],
-)
-def test_options_that_cannot_be_are_refused_before_anything_starts(
-    start: Start, single_uav: Path, arguments: tuple[str, ...], message: str
-) -> None:
-    code, out, err = ended(start(single_uav, *arguments))
-    assert code == 2
-    assert message in err
-    assert out == ""
-
-
-def test_a_mission_that_does_not_check_does_not_start(start: Start, single_uav: Path) -> None:
-    single_uav.write_text(single_uav.read_text().replace("timeout:", "time_out:"))
-    code, out, err = ended(start(single_uav))
-    assert code == 2
-    assert "unknown field `time_out`, did you mean `timeout`?" in err
-    assert out == ""
-
-
 def test_a_program_that_jason_would_run_runs_and_its_mistakes_are_told(start: Start, tmp_path: Path) -> None:
     (tmp_path / "one.asl").write_text("""\
 !begin.
@@ -284,72 +274,6 @@ timeout: 1min
     assert "there is no plan for the goal !no_such_goal/0" in told
     assert "failed: no program ever believes `nobody_ever_believes/1`" in told
     assert "" not in told
-
-
-def test_a_real_robot_gets_no_simulator_and_real_time(start: Start, single_uav: Path) -> None:
-    running = start(single_uav, "--real", "uav", "--yes")  # named by its agent
-    running.until("agentd uav: up")
-    assert "simulator" not in running.stdout
-    assert not any("simulate" in line or "simulator" in line for line in running.family)
-
-
-@pytest.mark.parametrize("named", [True, False])
-def test_without_a_terminal_a_real_robot_is_only_flown_with_yes(
-    single_uav: Path, tmp_path: Path, endpoint: str, named: bool
-) -> None:
-    if not named:  # real in any case
-        lines = single_uav.read_text().splitlines(keepends=True)
-        single_uav.write_text("".join(line for line in lines if "simulate:" not in line and "speed:" not in line))
-    command = [sys.executable, "-m", "argosy", "run", str(single_uav), "--router", endpoint]
-    command += ["--real", "uav1"] if named else []
-    done = subprocess.run(command, input="y\n", capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr == (
-        "error: this would arm and fly the real vehicle uav1; without a terminal to ask at, confirm by --yes\n"
-    )
-
-
-def test_a_serial_link_is_flown_with_real_and_refused_without(start: Start, single_uav: Path) -> None:
-    lines = [
-        "    link: serial:/dev/nowhere:57600\n" if line.startswith("    link:") else line
-        for line in single_uav.read_text().splitlines(keepends=True)
-    ]
-    single_uav.write_text("".join(lines))
-    code, out, err = ended(start(single_uav))
-    assert (code, out) == (2, "")
-    told = "uav1 on serial:/dev/nowhere:57600: a serial line cannot be simulated; fly the real one with --real uav1"
-    assert err == f"error: {told}\n"
-    running = start(single_uav, "--real", "uav1", "--yes")
-    running.until("bridged uav1: started")
-
-
-def test_robots_of_one_link_are_all_real_or_all_simulated(start: Start, three_uavs: Path) -> None:
-    code, out, err = ended(start(three_uavs, "--real", "uav2", "--yes"))
-    assert (code, out) == (2, "")
-    link = re.search(r"udpin:\S+", three_uavs.read_text())
-    assert link is not None
-    told = f"uav2 is real, and uav1, uav3 on the same link {link[0]} would be simulated"
-    assert err == f"error: {told}: fly all of them with --real uav1,uav2,uav3\n"
-
-
-@pytest.mark.parametrize("kind", ["udpin", "tcpin", "udpout", "tcp"])
-def test_a_link_that_is_taken_is_told_before_anything_starts(start: Start, single_uav: Path, kind: str) -> None:
-    single_uav.write_text(single_uav.read_text().replace("udpin:", f"{kind}:"))
-    found = re.search(rf"{kind}:127.0.0.1:(\d+)", single_uav.read_text())
-    assert found is not None
-    with socket.socket(type=socket.SOCK_DGRAM if kind.startswith("udp") else socket.SOCK_STREAM) as other:
-        other.bind(("127.0.0.1", int(found[1])))
-        if kind.startswith("tcp"):
-            other.listen()
-        code, out, err = ended(start(single_uav))
-    line = 1 + single_uav.read_text()[: found.start()].count("\n")
-    bound = {"udpout": "udpin", "tcp": "tcpin"}.get(kind, kind)
-    assert (code, out) == (1, "")
-    assert err == (
-        f"error: {single_uav}:{line}: {bound}:127.0.0.1:{found[1]} is in use: is another mission running? "
-        "Give uav1 another link\n"
-    )
 
 
 def test_a_startup_that_hangs_is_bounded_and_says_what_it_waits_for(
@@ -401,30 +325,3 @@ def test_a_missing_extra_is_one_line_that_says_what_to_install(single_uav: Path,
     os.close(terminal)
     assert done.returncode == 2
     assert done.stderr == f"error: argosy needs {missing}: {install_command('operator')}\n"
-
-
-def test_the_run_says_on_the_bus_how_far_it_has_come_and_how_it_ended(
-    start: Start, single_uav: Path, tmp_path: Path, endpoint: str
-) -> None:
-    running = start(single_uav, "--speed", "10", "--report", str(tmp_path / "report"))
-    running.until("commd: up")
-    told: list[RunState] = []
-
-    async def listen() -> None:
-        async with open_bus(endpoint, fleet="single-uav", name="ears", daemon="argosy", stamp=time.time_ns) as bus:
-            bus.subscribe(keys.run("single-uav", "*"), RunState, lambda key, state: told.append(state))
-            await until(lambda: bool(told) and told[-1].phase in ("done", "failed"), "the run ends", 240)
-
-    asyncio.run(listen())
-    assert ended(running)[0] == 0
-    assert list(dict.fromkeys(state.phase for state in told)) in (
-        ["starting", "flying", "done"],
-        ["flying", "done"],
-    )
-    last = told[-1]
-    assert (last.why, last.report, last.recording) == (
-        "",
-        str(tmp_path / "report"),
-        str(tmp_path / "report" / "recording.mcap"),
-    )
-    assert last.mission_time > 20

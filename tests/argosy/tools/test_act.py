@@ -219,8 +219,3 @@ def test_what_is_no_value_is_said(words: list[str], message: str, capsys: pytest
     assert message in str(bad.value)
     assert main(["act", "uav", *words]) == 2
     assert message in capsys.readouterr().err
-
-
-def test_nobody_is_waited_for_where_there_is_no_router(endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["act", "uav", "land", "--router", endpoint]) == 1
-    assert f"no router at {endpoint}" in capsys.readouterr().err

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,6 +87,12 @@ class Feed:
         self.events += news.get("events", ())
         self.left_out += news.get("left_out", 0)
         return news
+
+    async def hear_until(self, condition: Callable[[], object]) -> None:
+        """Hear until something holds; fails after a bound."""
+        async with asyncio.timeout(120):
+            while not condition():
+                await self.hear()
 
     async def until(self, key: str, **fields: object) -> dict[str, Any]:
         """Hear until a part has these fields; fails after a bound."""

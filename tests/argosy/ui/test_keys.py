@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import time
 from argparse import Namespace
@@ -56,9 +55,7 @@ async def test_an_operator_orders_and_is_told_of_boards_that_are_not_reached(boa
         assert outcomes["r3"][0] == "NOT confirmed"
         assert "board pi3 is not reached" in outcomes["r3"][1]
         assert robot.orders == ["hold"]
-        async with asyncio.timeout(120):
-            while not any("pi3" in line for line in feed.parts["head"].get("unreached", ())):
-                await feed.hear()
+        await feed.hear_until(lambda: any("pi3" in line for line in feed.parts["head"].get("unreached", ())))
 
 
 @async_test

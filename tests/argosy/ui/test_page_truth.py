@@ -307,14 +307,6 @@ async def test_an_action_of_which_nobody_tells_is_not_shown_as_running_on(endpoi
         await seen.shows(".row .doing[data-silent]", "not heard of for")
 
 
-@async_test
-async def test_a_robot_may_be_called_as_what_every_object_has(endpoint: str) -> None:
-    async with paged(endpoint, "constructor") as ([robot], _, seen):
-        robot.tell()
-        await seen.shows(".vessel .label", "constructor")
-        assert not await seen.page.locator(".banner.bad").count()
-
-
 async def run_told(bus: Bus, phase: RunPhase, seconds: float, **fields: str) -> None:
     """Tell how far a run has come, as `argosy run` does."""
     bus.put(keys.run("sar", "operator"), RunState(phase=phase, mission_time=seconds, **fields))  # type: ignore[arg-type]

@@ -98,8 +98,6 @@ def test_an_agent_that_remembers_no_decisions_says_so(tmp_path: Path, endpoint: 
     [
         (["uav", "A b"], 2, "argosy why: error: `A b`: expected the name of a goal, a belief or an action: go, go/1, "),
         (["uav", "go("], 2, "argosy why: error: `go(`: expected the name of a goal"),
-        (["uav", "go"], 1, "error: no router at "),
-        (["uav", "--mission", "none.yaml"], 2, "none.yaml: error: cannot be read"),
     ],
 )
 def test_what_keeps_it_from_being_explained_is_said(

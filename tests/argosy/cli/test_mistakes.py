@@ -1,0 +1,40 @@
+"""What is wrong in the same way for every command: no router, no mission."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from argosy.__main__ import main
+from tests.support.promises import in_time
+
+ASK = ("act uav land", "echo", "hz", "list", "mail MISSION", "manifest get uav1", "record", "stop rtl", "why uav go")
+READ = ("check MISSION", "doctor MISSION", "mail MISSION", "stop rtl --mission MISSION", "ui --mission MISSION")
+
+
+@pytest.mark.parametrize("command", ASK)
+def test_without_a_router_it_fails_soon_and_says_where_it_looked(
+    command: str, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "m.yaml").write_text("mission: m\nagents: {a: {program: a.asl}}\n")
+    began = time.monotonic()
+    assert main([*command.replace("MISSION", "m.yaml").split(), "--router", endpoint]) == 1
+    assert in_time(time.monotonic() - began, 15)
+    out, err = capsys.readouterr()
+    assert f"error: no router at {endpoint}" in err
+    assert out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["m.yaml"]
+
+
+@pytest.mark.parametrize("command", [*READ, "why uav --mission MISSION"])
+def test_a_mission_that_cannot_be_read_is_bad_input(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    none = str(tmp_path / "none.yaml")
+    assert main(command.replace("MISSION", none).split()) == 2
+    out, err = capsys.readouterr()
+    assert err == f"{none}: error: cannot be read: No such file or directory\n"
+    assert out == ""
