@@ -55,12 +55,16 @@ class Running:
 
     def until(self, text: str, seconds: float = 60) -> None:
         """Wait until it has printed a text, and remember the processes that it has then."""
-        end = time.monotonic() + seconds
-        while text not in self.stdout:
-            assert time.monotonic() < end, f"no {text!r} in {self.stdout}{self.stderr}"
-            assert self.process.poll() is None, f"ended before {text!r}: {self.stdout}{self.stderr}"
-            time.sleep(0.05)
+        self.until_true(lambda: text in self.stdout, repr(text), seconds)
         self.remember()
+
+    def until_true(self, condition: Callable[[], bool], wish: str, seconds: float = 60) -> None:
+        """Wait until something holds of a run that goes on."""
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, f"not {wish}: {self.stdout}{self.stderr}"
+            assert self.process.poll() is None, f"ended before {wish}: {self.stdout}{self.stderr}"
+            time.sleep(0.05)
 
     def remember(self) -> None:
         """Note the processes that it has now, by kind."""

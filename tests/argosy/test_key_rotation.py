@@ -172,8 +172,7 @@ async def test_operators_reach_each_board_by_its_own_router_and_revoked_ones_non
             async with AsyncExitStack() as there:
                 await bridge(there, "pi2", "r2")
                 seen = keys.alive(FLEET, "r2", "bridged", "*")
-                while not await one.tokens(seen):
-                    await asyncio.sleep(0.02)
+                await until(lambda: one.tokens(seen), "r2 is seen at pi1")
                 capsys.readouterr()
                 assert await asyncio.to_thread(stop) == 1, "r3 was not stopped"
                 assert sorted(orders) == ["r1", "r2"]

@@ -129,13 +129,15 @@ async def reading_mail(row: Row, world: World) -> None:
         agent.serve(inputs, MindInputs, course)
         for who, bus in buses.items():
             await asyncio.to_thread(_listen, bus, seen[who], told[who])
-        async with asyncio.timeout(240):
-            while not all(told.values()) or not mail | {decisions} <= seen["ops"] & seen["judge"]:
-                agent.put(inputs, MindInputs(agent="a", inputs=(MindInput(cycle=1, kind="Mail"),)))
-                agent.put(decisions, MindDecisions(agent="a"))
-                agent.put(activity, MindActivity(agent="a", events=(ActivityEvent(kind="received", text="meet(7)"),)))
-                agent.put(keys.health(NAME, "a", "agentd"), Health(daemon="agentd"))
-                await asyncio.sleep(0.1)
+
+        def heard() -> bool:
+            agent.put(inputs, MindInputs(agent="a", inputs=(MindInput(cycle=1, kind="Mail"),)))
+            agent.put(decisions, MindDecisions(agent="a"))
+            agent.put(activity, MindActivity(agent="a", events=(ActivityEvent(kind="received", text="meet(7)"),)))
+            agent.put(keys.health(NAME, "a", "agentd"), Health(daemon="agentd"))
+            return all(told.values()) and mail | {decisions} <= seen["ops"] & seen["judge"]
+
+        await until(heard, "everybody hears what it may", 240)
         for who, bus in buses.items():
             for key, kind in ((mind, MindView), (keys.mind(NAME, "*"), MindView), (inputs, MindInputs)):
                 if await ask(bus, key, None, kind, 2):

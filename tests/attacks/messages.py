@@ -107,11 +107,14 @@ async def told_names(row: Row, world: World) -> None:
         said = BoardServices(header=attacker.header("services"), board="pi3", version=1000, agents=names)
         attacker.token(f"argosy/{NAME}/pi3_$*/alive/**")
         known: set[str] = set()
-        async with asyncio.timeout(120):
-            while "pi3_kid" not in known:
-                attacker.put(keys.services(NAME, "pi3"), said)
-                boards = await ask(kid, keys.services(NAME, "pi1"), None, BoardServices)
-                known = {name for one in boards if isinstance(one, BoardServices) for name in one.agents}
+
+        async def taken() -> bool:
+            attacker.put(keys.services(NAME, "pi3"), said)
+            boards = await ask(kid, keys.services(NAME, "pi1"), None, BoardServices)
+            known.update(name for one in boards if isinstance(one, BoardServices) for name in one.agents)
+            return "pi3_kid" in known
+
+        await until(taken, "pi1 takes pi3's own name")
         row.expect(not known & {"pi1_kid", "ops", "r1"}, f"pi1 takes nobody else's names: {sorted(known)}")
         request = keys.service_requests(NAME, "pi1", "pi1_kid")
         joined = [await ask(kid, request, ServiceRequest(agent="pi1_kid", do="join"), BoardServices)]
@@ -318,10 +321,12 @@ async def nested(row: Row, world: World) -> None:
             _ask_raw, agent._session, keys.action(NAME, "a", "cmd_vel"), b'{"parameters":' + deep
         )
         row.expect(action, "the bridge answers")
-        percept = b'{"name":"x","parameters":[' + deep
-        while agent.counters["bad_input"] == 0:
-            teller._session.put(keys.percept(NAME, "c", "x"), percept)
-            await asyncio.sleep(0.05)
+
+        def counted() -> bool:
+            teller._session.put(keys.percept(NAME, "c", "x"), b'{"name":"x","parameters":[' + deep)
+            return agent.counters["bad_input"] > 0
+
+        await until(counted, "it is counted as bad input")
         teller.put(keys.percept(NAME, "c", "x"), Perception(name="x"))
         await until(lambda: bool(heard), "the next good percept arrives")
         row.expect(all(daemon.process.poll() is None for daemon in (*world.commd.values(), world.bridged)), "all live")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
-from contextlib import AbstractAsyncContextManager
+from contextlib import AbstractAsyncContextManager, suppress
 
 import pytest
 
@@ -139,12 +139,14 @@ async def test_a_client_in_a_secured_fleet_has_a_name_of_its_board(world: World)
         async with joined("kid", "pi1"):
             pass
     async with joined("pi1_kid", "pi1") as kid, joined("pi2_kid", "pi2") as other:
-        while True:
-            try:
+
+        async def sent() -> bool:
+            with suppress(UnknownReceiver):
                 await kid.send("pi2_kid", "tell", 1)
-                break
-            except UnknownReceiver:
-                await asyncio.sleep(0.05)
+                return True
+            return False
+
+        await until(sent, "pi1 knows of pi2_kid")
         async for message in other.messages():
             assert (message.sender, message.content) == ("pi1_kid", 1)
             break

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import aclosing, asynccontextmanager
@@ -143,8 +142,10 @@ def raw_session(endpoint: str, tls: Tls | None) -> zenoh.Session:
 async def put_until(attacker: Bus, heard: list[str], forged: str, own: str) -> None:
     """Put what is forged and then what is allowed, until the latter has arrived twice: the former had its time."""
     record = Perception(name="x", header=attacker.header("x"))
-    async with asyncio.timeout(120):
-        while heard.count(own) < 2:
-            attacker.put(forged, record)
-            attacker.put(own, record)
-            await asyncio.sleep(0.05)
+
+    def twice() -> bool:
+        attacker.put(forged, record)
+        attacker.put(own, record)
+        return heard.count(own) >= 2
+
+    await until(twice, f"{own} arrives")

@@ -19,6 +19,7 @@ from tests.boards.disk import Disk
 from tests.faults.office import FLEET, Office, expect_all, grown, held, in_office, read, row_of, waits
 from tests.faults.real import resident
 from tests.faults.rows import Maker, Row
+from tests.support.buses import until
 from tests.support.ports import free_port
 from tests.support.processes import running
 
@@ -119,15 +120,16 @@ async def mail_restored(row: Row, office: Office) -> None:
 
 async def _seen(bus: Bus, board: str) -> None:
     """Wait until pi2 has seen the mail file of a board in its present life."""
-    end = time.monotonic() + 60
-    while time.monotonic() < end:
+
+    async def seen() -> bool:
         boots = {token.rpartition("/")[2] for token in await bus.tokens(keys.alive(FLEET, board, "commd", "*"))}
         async for reply in bus.query(keys.services(FLEET, "pi2"), None, BoardServices, 5):
             said = reply.record
             if said is not None and said.board == "pi2" and {said.mail_seen.get(board, MailSeen()).boot} == boots:
-                return
-        await asyncio.sleep(0.1)
-    raise AssertionError(f"pi2 does not see the mail file of {board}")
+                return True
+        return False
+
+    await until(seen, f"pi2 sees the mail file of {board}", 60)
 
 
 def corrupt_checkpoint(state: Path) -> Row:

@@ -103,11 +103,14 @@ async def boxes(bus: Bus, board: str) -> Mailboxes | None:
 
 async def waits(bus: Bus, board: str, messages: int) -> Mailboxes:
     """Wait until so many messages wait at a board. Returns what does."""
-    end = time.monotonic() + 30
-    while (found := await boxes(bus, board)) is None or sum(queue.messages for queue in found.queues) != messages:
-        assert time.monotonic() < end, f"{messages} messages do not come to {board}: {found}"
-        await asyncio.sleep(0.1)
-    return found
+    found: list[Mailboxes] = []
+
+    async def all_wait() -> bool:
+        found.extend(filter(None, [await boxes(bus, board)]))
+        return bool(found) and sum(queue.messages for queue in found[-1].queues) == messages
+
+    await until(all_wait, f"{messages} messages wait at {board}", 30)
+    return found[-1]
 
 
 async def read(client: Client, count: int, seconds: float = 60, quiet: float = 1.0) -> list[Any]:

@@ -6,7 +6,6 @@ import asyncio
 import os
 import shutil
 import signal
-import time
 from pathlib import Path
 
 from agentd.persistence.poison_inputs import DEATHS, FILE, KEPT
@@ -142,10 +141,8 @@ def backup_restored(state: Path) -> Row:
 
 def _written_down(state: Path, daemon: Daemon) -> None:
     """Wait until what is in hand is written down."""
-    end = time.monotonic() + 30
-    while not any('"held"' in found.read_text() for found in (state / "minds").rglob(FILE)):
-        assert time.monotonic() < end, f"nothing is written down: {daemon.text}"
-        time.sleep(0.1)
+    minds = state / "minds"
+    daemon.until(lambda _: any('"held"' in found.read_text() for found in minds.rglob(FILE)), "it is written down", 30)
 
 
 POISON: tuple[Maker, ...] = (poison_message, backup_restored)

@@ -26,6 +26,7 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.soak.report import ROOT, table, write_section
+from tests.soak.watched_run import watched
 from tests.support.ports import free_port, neighbouring_ports
 
 FLIGHTS = 20
@@ -132,48 +133,30 @@ async def fly(course: Course, folder: Path) -> Course:
     loop = asyncio.get_running_loop()
     ears, _ = await loop.create_datagram_endpoint(lambda: Listener(course.vehicle), local_addr=("127.0.0.1", second))
     command = ["run", str(mission), "--plain", "--router", f"tcp/127.0.0.1:{router}", *["--restart"] * course.restart]
-    began = time.monotonic()
-    run = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "tests.support.observed_run", f"udpout:127.0.0.1:{second}", *command),
-        cwd=ROOT,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.STDOUT,
-    )
-    try:
-        await asyncio.wait_for(_watch(run, course, folder / "run.log"), PATIENCE)
-        course.code = await run.wait()
-    except TimeoutError:
-        run.send_signal(signal.SIGTERM)
-        await run.wait()
-    finally:
-        if run.returncode is None:
-            run.kill()  # the kernel ends what it has started
-        ears.close()
-    course.seconds = time.monotonic() - began
-    return course
-
-
-async def _watch(run: asyncio.subprocess.Process, course: Course, log: Path) -> None:
-    assert run.stdout is not None
     pids: dict[str, int] = {}
-    loop = asyncio.get_running_loop()
 
     def kill() -> None:
         with suppress(ProcessLookupError):
             os.kill(pids[course.daemon], signal.SIGKILL)
             course.killed_at = time.monotonic()
 
-    with log.open("w", encoding="utf-8") as file:
-        async for raw in run.stdout:
-            line = raw.decode(errors="replace").rstrip()
-            file.write(line + "\n")
-            if started := _STARTED.search(line):
-                first = started["daemon"] not in pids
-                pids[started["daemon"]] = int(started["pid"])
-                if first and started["daemon"] == "agentd":
-                    loop.call_later(course.moment, kill)
-            if ended := re.search(r"s  argosy: ((?:done|failed|stopped).*)", line):
-                course.ending = ended[1]
+    def hears(line: str) -> None:
+        if started := _STARTED.search(line):
+            first = started["daemon"] not in pids
+            pids[started["daemon"]] = int(started["pid"])
+            if first and started["daemon"] == "agentd":
+                loop.call_later(course.moment, kill)
+        if ended := re.search(r"s  argosy: ((?:done|failed|stopped).*)", line):
+            course.ending = ended[1]
+
+    began = time.monotonic()
+    observed = ("tests.support.observed_run", f"udpout:127.0.0.1:{second}", *command)
+    try:
+        course.code = await watched(observed, folder / "run.log", hears, PATIENCE)
+    finally:
+        ears.close()
+    course.seconds = time.monotonic() - began
+    return course
 
 
 async def fly_all(courses: list[Course], folder: Path, jobs: int) -> None:

@@ -23,11 +23,11 @@ from collections import Counter
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TextIO
 
 from argosy.simulate.referee import Verdict, judge_run
 from schemas.mission.model import load_mission
 from tests.soak.report import ROOT, table, write_section
+from tests.soak.watched_run import watched
 from tests.support.ports import neighbouring_ports
 from tests.support.relay import Relay
 
@@ -158,15 +158,35 @@ class Troubles:
         self._course.diary.append(f"{time.monotonic() - self._began:6.1f} {text}")
 
 
+class Hearing:
+    """Troubles a run from its first lane on until it says how it ends."""
+
+    def __init__(self, course: Course, troubles: Troubles) -> None:
+        self._course, self._troubles = course, troubles
+        self._at_work: asyncio.Task[None] | None = None
+
+    def line(self, line: str) -> None:
+        """Take a line that the run has written."""
+        self._troubles.heard(line)
+        if self._at_work is None and "lane 0" in line:
+            self._at_work = asyncio.create_task(self._troubles.go_on())
+        if re.search(r"s  argosy: (done|failed|stopped)", line):
+            self.end()
+        if line.startswith("error:"):
+            self._course.why = line
+
+    def end(self) -> None:
+        """Make no more troubles."""
+        if self._at_work is not None:
+            self._at_work.cancel()
+
+
 async def fly(number: int, folder: Path, victims: int | None = None) -> Course:
     """Fly one run with its troubles, and let the referee judge it; with so many victims, or the mission's."""
     course = Course(number)
     routers, vehicles, between = neighbouring_ports(6), neighbouring_ports(3), neighbouring_ports(3)
     mission = write_mission(folder, number, vehicles, victims)
-    first, second = (
-        routers[3],
-        routers[4],
-    )  # where pi1 and pi2 listen for other boards, by `argosy.processes.process_table.places`
+    first, second = routers[3:5]  # where pi1 and pi2 listen for others, by `argosy.processes.process_table.places`
     pairs = list(zip((first, first, second), between, strict=True))
     wiring = ",".join(f"tcp/127.0.0.1:{target}=tcp/127.0.0.1:{relay}" for target, relay in pairs)
     report = folder / "report"
@@ -174,22 +194,14 @@ async def fly(number: int, folder: Path, victims: int | None = None) -> Course:
     began = time.monotonic()
     async with AsyncExitStack() as stack:
         relays = [await stack.enter_async_context(Relay(relay, target)) for target, relay in pairs]
-        run = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "tests.support.relayed_run", wiring, *command),
-            cwd=ROOT,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.STDOUT,
-            limit=2**20,
-        )
-        troubles = Troubles(course, relays)
+        relayed = ("tests.support.relayed_run", wiring, *command)
+        hearing = Hearing(course, Troubles(course, relays))
         try:
-            with (folder / "run.log").open("w", encoding="utf-8") as log:
-                await asyncio.wait_for(_watch(run, troubles, log, course), PATIENCE)
-        except TimeoutError:
-            course.why = f"not done after {PATIENCE:.0f} s"
+            course.code = await watched(relayed, folder / "run.log", hearing.line, PATIENCE)
         finally:
-            course.code = run.returncode
-            await _end(run)
+            hearing.end()
+        if course.code is None:
+            course.why = f"not done after {PATIENCE:.0f} s"
     course.seconds = time.monotonic() - began
     try:
         course.verdict = judge_run(load_mission(mission), report)
@@ -197,37 +209,6 @@ async def fly(number: int, folder: Path, victims: int | None = None) -> Course:
         course.why = str(error)
     (folder / "troubles.txt").write_text("\n".join(course.diary) + "\n", encoding="utf-8")
     return course
-
-
-async def _end(run: asyncio.subprocess.Process) -> None:
-    """End a run that has not ended by itself, and all that it has started."""
-    if run.returncode is None:
-        run.send_signal(signal.SIGTERM)
-        try:
-            await asyncio.wait_for(run.wait(), 60)
-        except TimeoutError:
-            run.kill()  # the kernel ends what it has started
-
-
-async def _watch(run: asyncio.subprocess.Process, troubles: Troubles, log: TextIO, course: Course) -> None:
-    assert run.stdout is not None
-    at_work: asyncio.Task[None] | None = None
-    try:
-        async for raw in run.stdout:
-            line = raw.decode(errors="replace").rstrip()
-            log.write(line + "\n")
-            log.flush()
-            troubles.heard(line)
-            if at_work is None and "lane 0" in line:
-                at_work = asyncio.create_task(troubles.go_on())
-            if at_work is not None and re.search(r"s  argosy: (done|failed|stopped)", line):
-                at_work.cancel()
-            if line.startswith("error:"):
-                course.why = line
-    finally:
-        if at_work is not None:
-            at_work.cancel()
-    await run.wait()
 
 
 def told(course: Course) -> str:

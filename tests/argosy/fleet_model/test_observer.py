@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import AsyncExitStack, contextmanager
-from pathlib import Path
+from contextlib import AsyncExitStack
 
 from argosy.fleet_model.mission_clock import steady_clock
 from argosy.fleet_model.model import FleetModel
 from argosy.fleet_model.observer import FleetObserver
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
+from tests.argosy.beside import crowd_of
 from tests.argosy.fleet_model.crowd import FLEET
 from tests.support.buses import async_test, session, until
-
-ROOT = Path(__file__).parents[3]
-
-
-@contextmanager
-def crowd_of(agents: int, endpoint: str) -> Iterator[None]:
-    """So many simulated agents in a process of their own."""
-    command = [sys.executable, "-m", "tests.argosy.fleet_model.crowd", endpoint, str(agents)]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == b"there\n"
-            yield
-        finally:
-            process.kill()
 
 
 async def _observer(stack: AsyncExitStack, endpoint: str) -> Bus:

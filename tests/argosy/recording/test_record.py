@@ -18,6 +18,7 @@ import pytest
 from msgspec.structs import replace
 
 from argosy.__main__ import main
+from argosy.recording.mind_inputs import Gap
 from argosy.recording.reader import open_recording
 from argosy.recording.recorder import NOTES, PERIOD
 from argosy.recording.records import RecorderNote, TokenSeen, Unread
@@ -178,11 +179,13 @@ async def test_inputs_that_nobody_keeps_any_more_are_told_as_missing(
         await seen(path, INPUTS, 2)
         code, out, _ = await recorder.end(signal.SIGTERM)
     assert code == 0
+    gap = Gap(FLEET, "uav", "b1", missing=((1, 2),), uncounted=0, batches=4)
     told = "uav (boot b1): batches 1-2 of 4 of its inputs are missing"
+    assert str(gap) == told
     assert f"warning: {told}" in out.splitlines()
     found = open_recording(path)
     assert found.end is not None
-    assert (found.end.gaps, found.end.why) == ((told,), "SIGTERM")
+    assert (found.end.gaps, found.end.why) == ((gap,), "SIGTERM")
     assert found.lives()[0].missing == [range(1, 3)]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.attacks.world import NAME, TEXT, World
 from tests.docs.pages import blocks
-from tests.support.buses import async_test
+from tests.support.buses import async_test, until
 from tests.support.secured import Secured
 
 INJECT = TEXT.replace("mission: three", "mission: three\nfleet: three\ninject: true")
@@ -65,11 +64,13 @@ async def test_an_operator_tells_percepts_and_an_observer_does_not(world: World)
         world.machine("eye", "pi1") as observer,
     ):
         percepts = member.percepts("a")
-        async with asyncio.timeout(120):
-            while not percepts.of("victim"):
-                observer.put(keys.percept(NAME, "a", "forged"), Perception(parameters=(1,)))
-                operator.put(keys.percept(NAME, "a", "victim"), Perception(parameters=(1,)))
-                await asyncio.sleep(0.1)
+
+        def arrives() -> bool:
+            observer.put(keys.percept(NAME, "a", "forged"), Perception(parameters=(1,)))
+            operator.put(keys.percept(NAME, "a", "victim"), Perception(parameters=(1,)))
+            return bool(percepts.of("victim"))
+
+        await until(arrives, "the operator's percept arrives")
         assert percepts.of("forged") == []
         assert percepts.of("victim") == [(1,)]
 

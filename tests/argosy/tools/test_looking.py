@@ -13,7 +13,6 @@ import sys
 import threading
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
-from pathlib import Path
 from typing import Any, cast
 
 import pytest
@@ -26,13 +25,14 @@ from argosy.tools.rate import MOST_KEYS, Rates, figures
 from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from schemas.wire.codec import Wire
-from schemas.wire.records import Health, Perception
+from schemas.wire.records import Header, Health, Perception
 from tests.argosy.stop.test_stop import beside
 from tests.argosy.tools.flying import Trial, trial
 from tests.argosy.watch.terminal import Terminal
 from tests.attacks.world import NAME, TEXT, World
+from tests.support import forked
 from tests.support.buses import Connect, async_test, bus_test, subscribed, until
-from tests.support.processes import ROOT, running
+from tests.support.processes import ROOT, Daemon, running
 from tests.support.secured import Secured
 
 
@@ -120,12 +120,6 @@ def test_when_nothing_is_heard_it_is_said_who_is_there(endpoint: str) -> None:
             "note: nothing was published by or to `nobody` within 3 s; fleet sar has uav1",
         )
         assert echo.process.poll() is None, "it goes on listening"
-
-
-@pytest.mark.parametrize("command", ["echo", "hz", "list"])
-def test_without_a_router_it_fails_in_words(command: str, endpoint: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, "--router", endpoint]) == 1
-    assert f"error: no router at {endpoint}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -368,48 +362,40 @@ async def test_what_comes_faster_than_it_is_shown_is_counted(connect: Connect) -
     assert len(taken) == ROOM
 
 
-def test_a_board_that_is_not_reached_is_told_while_others_speak() -> None:
+@pytest.fixture
+def two_of_three() -> Iterator[World]:
+    """Three boards with keys, of which pi3 is not there."""
     with Secured(TEXT) as fleet:
-        world = World(fleet)
         fleet.routers(["pi1", "pi2"])
-        options = ["--mission", str(fleet.path), "--keys", str(fleet.keys("eye"))]
-
-        async def body() -> None:
-            async with world.member("pi2", "b") as bus:
-                with (
-                    running("argosy", "echo", "b", "--count", "5", *options) as echo,
-                    running("argosy", "hz", "b", "--once", "--window", "5s", *options) as hz,
-                ):
-                    async with asyncio.timeout(240):
-                        while echo.process.poll() is None or hz.process.poll() is None:
-                            bus.put(keys.health(NAME, "b", "agentd"), Health(daemon="agentd"))
-                            await asyncio.sleep(0.1)
-                    assert (echo.ends(), hz.ends()) == (0, 0)
-            for tool in (echo, hz):
-                assert "note: board pi3 is not reached: " in tool.text
-            assert echo.text.count("agentd up 0 s") == 5, "what repeats itself is shown again"
-            (row,) = [line for line in hz.lines if line.startswith(f"argosy/{NAME}/b/health/agentd")]
-            assert int(row.split()[-2]) > 10
-
-        asyncio.run(body())
+        yield World(fleet)
 
 
-def test_of_several_boards_each_record_is_heard_once(tmp_path: Path) -> None:
-    with Secured(TEXT) as fleet:
-        world = World(fleet)
-        fleet.routers()
-        options = ["--mission", str(fleet.path), "--keys", str(fleet.keys("eye"))]
+@async_test
+async def test_of_several_boards_each_record_is_heard_once_and_one_that_is_not_reached_is_told(
+    two_of_three: World,
+) -> None:
+    fleet = two_of_three.fleet
+    options = ["b", "--mission", str(fleet.path), "--keys", str(fleet.keys("eye"))]
 
-        async def body() -> None:
-            async with world.member("pi2", "b") as bus:
-                with running("argosy", "echo", "b", "--json", "--count", "12", *options) as echo:
-                    async with asyncio.timeout(240):
-                        while echo.process.poll() is None:
-                            bus.put(keys.health(NAME, "b", "agentd"), Health(header=bus.header("h"), daemon="agentd"))
-                            await asyncio.sleep(0.1)
-                    assert echo.ends() == 0
-                seqs = [json.loads(line)["record"]["header"]["seq"] for line in echo.lines if line.startswith("{")]
-                assert seqs == sorted(set(seqs))
-                assert len(seqs) == 12
+    async def tell(bus: Bus, header: Callable[[], Header], *tools: Daemon) -> None:
+        while any(tool.process.poll() is None for tool in tools):
+            bus.put(keys.health(NAME, "b", "agentd"), Health(daemon="agentd", header=header()))
+            await asyncio.sleep(0.1)
+        assert [tool.ends() for tool in tools] == [0] * len(tools)
 
-        asyncio.run(body())
+    async with two_of_three.member("pi2", "b") as bus:
+        with (
+            running("argosy", "echo", "--count", "5", *options) as echo,
+            running("argosy", "hz", "--once", "--window", "5s", *options) as hz,
+        ):
+            await tell(bus, Header, echo, hz)
+        with running("argosy", "echo", "--json", "--count", "12", *options) as told:
+            await tell(bus, lambda: bus.header("h"), told)
+    for tool in (echo, hz):
+        assert "note: board pi3 is not reached: " in tool.text
+    assert echo.text.count("agentd up 0 s") == 5, "what repeats itself is shown again"
+    (row,) = [line for line in hz.lines if line.startswith(f"argosy/{NAME}/b/health/agentd")]
+    assert int(row.split()[-2]) > 10
+    seqs = [json.loads(line)["record"]["header"]["seq"] for line in told.lines if line.startswith("{")]
+    assert seqs == sorted(set(seqs))
+    assert len(seqs) == 12

@@ -7,11 +7,9 @@ AGENT ROBOT` is a member of a secured board, which says it in the names that it 
 from __future__ import annotations
 
 import asyncio
-import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 
 from commd.bus.bus import Bus, Query, open_bus
 from schemas.wire import keys
@@ -41,6 +39,7 @@ from schemas.wire.records import (
     RunState,
 )
 from schemas.wire.terms import Number, Term
+from tests.argosy.beside import there
 
 _, KIND, *NAMES = [*sys.argv[1:], "commands"][:5] if __name__ == "__main__" else ("", "commands")
 FLEET, AGENT, ROBOT = NAMES if len(NAMES) == 3 else ("hostile", "scout", "uav1")
@@ -56,18 +55,9 @@ IN_KEY = BAD.replace("/", "").replace("#", "").replace("?", "").replace("$", "")
 """What may be in a key of Zenoh's."""
 
 
-@contextmanager
-def saying(*arguments: str) -> Iterator[None]:
+def saying(*arguments: str) -> AbstractContextManager[None]:
     """Have a process of its own that says it, with the arguments above."""
-    command = [sys.executable, "-m", "tests.argosy.watch.hostile", *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE)
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"there\n"
-        yield
-    finally:
-        process.kill()
-        process.wait()
+    return there("-m", "tests.argosy.watch.hostile", *arguments)
 
 
 async def serve(router: str) -> None:

@@ -8,13 +8,13 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import pytest
 
+from tests.argosy.beside import crowd_of, there
 from tests.argosy.conftest import Start
-from tests.argosy.fleet_model.test_observer import crowd_of
 from tests.argosy.watch.hostile import RAW, saying
 from tests.argosy.watch.terminal import Terminal
 
@@ -30,17 +30,9 @@ asyncio.run(serve())
 COLOUR = re.compile(rb"\x1b\[[0-9;]*(3[0-7]|38;[25]|9[0-7])[0-9;]*m")
 
 
-@contextmanager
-def routed(endpoint: str) -> Iterator[None]:
+def routed(endpoint: str) -> AbstractContextManager[None]:
     """A router in a process of its own."""
-    process = subprocess.Popen([sys.executable, "-c", ROUTER, endpoint], stdout=subprocess.PIPE)
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"there\n"
-        yield
-    finally:
-        process.kill()
-        process.wait()
+    return there("-c", ROUTER, endpoint)
 
 
 @pytest.fixture
