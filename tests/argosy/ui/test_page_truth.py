@@ -316,6 +316,7 @@ async def run_told(bus: Bus, phase: RunPhase, seconds: float, **fields: str) -> 
 async def test_a_mission_that_is_done_is_shown_as_done_after_everybody_and_the_router_have_gone(endpoint: str) -> None:
     async with served(Where("sar", endpoint)) as browser, browsing(browser.auth.url) as seen:
         async with fleet(endpoint, {"uav1": FINE}) as ([uav1], [_]):
+            await seen.shows(".row[data-robot=uav1]")  # the page listens: what follows is said once
             uav1.tell()
             await run_told(uav1.bus, "flying", 61.0)
             await seen.shows("#run.good", "flying")
