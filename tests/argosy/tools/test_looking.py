@@ -216,7 +216,7 @@ def test_hz_on_a_terminal_draws_the_silence(endpoint: str) -> None:
     async def say(bus: Bus) -> None:
         await (asyncio.sleep(0.05) if quiet.is_set() else tell(bus))
 
-    silence = re.compile(r"percept/altitude +0\.00 +- .*nothing was said in the last 0\.5 s", re.DOTALL)
+    silence = re.compile(r"percept/altitude +0\.00 +- .*nothing was published in the last 0\.5 s", re.DOTALL)
     hz = ["argosy", "hz", "uav", "--router", endpoint, "--window", "500ms"]
     with talking(endpoint, say), Terminal(hz, columns=120) as terminal:
         terminal.until(lambda text: re.search(r"percept/altitude +[1-9]", text) is not None, "its rate")
@@ -310,7 +310,7 @@ def test_what_cannot_be_shown_is_written_otherwise_and_what_is_lost_is_no_succes
 async def test_list_of_nobody_fails(connect: Connect, endpoint: str) -> None:
     code, lines, said = await asyncio.to_thread(typed, "list", "--router", endpoint, "--wait", "300ms")
     assert (code, lines) == (1, [])
-    assert said == f"error: nobody of any fleet is on the bus at {endpoint}"
+    assert said == f"error: no daemon of any fleet is on the bus at {endpoint}"
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ async def test_without_a_router_nobody_was_told_and_without_a_robot_an_order_to_
         assert (await posted(browser, "/why", {"agent": "scout"}))["error"] == "the router is not reached"
         async with router(endpoint):
             await until(lambda: browser.following.link.up, "the server is linked")
-            assert (await posted(browser, "/stop", {"order": "land"}))["problem"] == "no robot is there"
+            assert (await posted(browser, "/stop", {"order": "land"}))["problem"] == "no robot is on the bus"
 
 
 @async_test

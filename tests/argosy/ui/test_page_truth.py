@@ -156,7 +156,7 @@ async def test_nothing_is_confirmed_while_it_is_not_known_whom_to_order(
         await seen.shows(".outcome.calm", "hold all: looking for robots")
         assert browser.following.orders.last[-1].state == "looking"
         known.set()
-        await seen.shows(".outcome.bad", "hold all: NOT ordered: no robot is there")
+        await seen.shows(".outcome.bad", "hold all: NOT ordered: no robot is on the bus")
 
 
 @async_test
