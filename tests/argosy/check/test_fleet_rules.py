@@ -79,64 +79,6 @@ def test_a_team_in_which_all_is_right_is_ok(pair: Path, capsys: pytest.CaptureFi
     assert said(pair, capsys) == []
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "expected"),
-    [
-        (
-            "one.asl",
-            "two, planner, old",
-            "two, planer",
-            "one.asl:2:12: warning: .send: nobody in the mission is called `planer`, did you mean `planner`?",
-        ),
-        (
-            "pair.yaml",
-            "presence: true, ",
-            "",
-            "one.asl:4:2: warning: online/1 is only believed with `presence: true`, which agent `one` has not",
-        ),
-        (
-            "pair.yaml",
-            "goal(recover)",
-            "goal(recover(1))",
-            "pair.yaml:4:67: warning: on_restart: the program has no plan for `+!recover/1`",
-        ),
-        (
-            "pair.yaml",
-            "goal(recover)",
-            "goal(recover",
-            "pair.yaml:4:67: error: `goal(recover`: expected a goal such as `goal(recover)`",
-        ),
-        (
-            "pair.yaml",
-            "{pi1: {address: 10.0.0.11}, pi2: {address: 10.0.0.12}}",
-            "{pi1: {}, pi2: {}}",
-            "pair.yaml:2:19: warning: pi1 and pi2 have no `address`: their routers find one another only under "
-            "`argosy run`",
-        ),
-        (
-            "pair.yaml",
-            "udpin:0.0.0.0:14550",
-            "udpin:127.0.0.1:14550",
-            "pair.yaml:12:11: warning: simulated on `sim`: link 'udpin:127.0.0.1:14550': it stays on its board, and "
-            "the simulator is elsewhere; write `udpin:0.0.0.0:14550`",
-        ),
-        (
-            "pair.yaml",
-            "program: two.asl, board: pi2",
-            "program: two.asl, board: pi3",
-            "pair.yaml:5:34: error: agents.two: there is no board `pi3`, did you mean `pi2`?",
-        ),
-    ],
-)
-def test_what_is_wrong_with_a_team_is_told_where_it_stands(
-    pair: Path, file: str, old: str, new: str, expected: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    changed = pair.with_name(file)
-    assert old in changed.read_text()
-    changed.write_text(changed.read_text().replace(old, new))
-    assert expected in said(pair, capsys)
-
-
 def test_programs_that_boards_could_not_be_given_are_told_before_units_are_written(
     pair: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -150,12 +92,6 @@ def test_programs_that_boards_could_not_be_given_are_told_before_units_are_writt
     assert "two.asl is not below the mission file, whose folder is what a board gets" in told
     inner.write_text(MISSION.replace("two.asl", "../two.asl").replace("{address: 10.0.0.12}", "{}"))
     assert not [line for line in said(inner, capsys) if "not below" in line], "nothing is copied to it"
-
-
-def test_whoever_may_be_created_at_run_time_may_be_sent_to(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    one = pair.with_name("one.asl")
-    one.write_text(ONE.replace(".send([two", '.create_agent(three, "two.asl"); .send([three'))
-    assert said(pair, capsys) == []
 
 
 def test_a_radio_between_agents_of_one_board_is_told_to_do_nothing(
