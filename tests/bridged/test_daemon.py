@@ -154,7 +154,8 @@ async def test_leaving_in_flight_carries_out_on_shutdown_and_fails_the_running_a
         assert field.vehicle.copter.mode.name == "RTL"
 
 
-def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_silent() -> None:
+@async_test
+async def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_silent() -> None:
     port, link_loss = free_port(), 5.0
     mission = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml"))
     readings: list[Reading] = []
@@ -171,26 +172,23 @@ def test_a_bridge_that_stood_still_reads_what_came_before_it_calls_the_vehicle_s
                     vehicle.sendto(ours.pack(place), ("127.0.0.1", port))
                 time.sleep(0.1)
 
-    async def body() -> None:
-        copter, robot = load_manifest("arducopter"), mission.robots["uav1"]
-        driver = MavlinkDriver(Setup("uav1", copter, robot, Path(), Clock(), readings.append, lambda: None))
-        driving = asyncio.create_task(driver.run())
-        await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
-        speaking = Thread(target=speak, args=(link_loss + 3.0,))
-        speaking.start()
-        await until(lambda: bool(readings), "the vehicle is heard")
-        time.sleep(link_loss + 1.0)  # a slow disk, say: the event loop gets no turn while packets come in
-        await until(lambda: len(told()) > link_loss, "what came meanwhile is read")
-        driving.cancel()
-        await asyncio.gather(driving, return_exceptions=True)
-        speaking.join()
-        assert driver.counters()["stalls"] >= 1
-
     def told() -> list[object]:
         beats = [reading.fields for reading in readings if reading.source == "HEARTBEAT"]
         return [fields["connected"] for fields in beats if fields]
 
-    asyncio.run(body())
+    copter, robot = load_manifest("arducopter"), mission.robots["uav1"]
+    driver = MavlinkDriver(Setup("uav1", copter, robot, Path(), Clock(), readings.append, lambda: None))
+    driving = asyncio.create_task(driver.run())
+    await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
+    speaking = Thread(target=speak, args=(link_loss + 3.0,))
+    speaking.start()
+    await until(lambda: bool(readings), "the vehicle is heard")
+    time.sleep(link_loss + 1.0)  # a slow disk, say: the event loop gets no turn while packets come in
+    await until(lambda: len(told()) > link_loss, "what came meanwhile is read")
+    driving.cancel()
+    await asyncio.gather(driving, return_exceptions=True)
+    speaking.join()
+    assert driver.counters()["stalls"] >= 1
     assert all(told())
 
 

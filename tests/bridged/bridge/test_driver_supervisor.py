@@ -32,7 +32,7 @@ from tests.bridged.radio import BEAT, Speaker
 from tests.bridged.sky import MISSION
 from tests.bridged.workshop import MISSION as workshop_mission
 from tests.bridged.workshop import Workshop, checked, in_the_workshop
-from tests.support.buses import Connect, async_test, on_a_bus, served
+from tests.support.buses import Connect, async_test, bus_test, on_a_bus, served
 from tests.support.notes import identities
 from tests.support.notify_socket import NotifySocket
 from tests.support.ports import free_port
@@ -303,46 +303,42 @@ def test_a_link_that_cannot_be_opened_at_the_start_takes_no_other_robot_down_and
     on_a_bus(endpoint, body)
 
 
-def test_a_robot_alone_waits_for_its_device_and_a_port_that_is_taken_ends_its_bridge(
-    endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+@bus_test
+async def test_a_robot_alone_waits_for_its_device_and_a_port_that_is_taken_ends_its_bridge(
+    connect: Connect, endpoint: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(connect: Connect) -> None:
-        await connect()
-        taken = Speaker()
-        mission = two_robots(tmp_path, f"udpin:127.0.0.1:{taken.port}", f"serial:{tmp_path}/nothing:57600")
-        ends, _ = serving(mission, endpoint, tmp_path, "r1")
-        assert await ends == 1
-        assert f"link udpin:127.0.0.1:{taken.port} cannot be opened: address already in use" in caplog.text
-        waits, stop = serving(mission, endpoint, tmp_path, "r2")
-        await until(lambda: "nothing:57600 cannot be opened: no such file or directory; it is tried" in caplog.text, "")
-        assert not waits.done()
-        stop.set()
-        assert await waits == 0
-        taken.close()
-
-    on_a_bus(endpoint, body)
+    await connect()
+    taken = Speaker()
+    mission = two_robots(tmp_path, f"udpin:127.0.0.1:{taken.port}", f"serial:{tmp_path}/nothing:57600")
+    ends, _ = serving(mission, endpoint, tmp_path, "r1")
+    assert await ends == 1
+    assert f"link udpin:127.0.0.1:{taken.port} cannot be opened: address already in use" in caplog.text
+    waits, stop = serving(mission, endpoint, tmp_path, "r2")
+    await until(lambda: "nothing:57600 cannot be opened: no such file or directory; it is tried" in caplog.text, "")
+    assert not waits.done()
+    stop.set()
+    assert await waits == 0
+    taken.close()
 
 
-def test_a_driver_that_cannot_be_made_and_a_state_folder_that_cannot_be_used_are_told_with_the_robot(
-    endpoint: str, tmp_path: Path, sonar: Any, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_a_driver_that_cannot_be_made_and_a_state_folder_that_cannot_be_used_are_told_with_the_robot(
+    connect: Connect, endpoint: str, tmp_path: Path, sonar: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(setup: object) -> None:
         raise KeyError("pin")
 
-    async def body(connect: Connect) -> None:
-        await connect()
-        mission = two_robots(tmp_path, f"udpin:127.0.0.1:{free_port()}", "udpin:127.0.0.1:0")
-        (tmp_path / "file").write_text("")
-        daemon, _ = serving(mission, endpoint, tmp_path / "file", "r1")
-        with pytest.raises(Findings, match=r"two.yaml:8:.* robot r1 cannot be served: .*file.*: Not a directory"):
-            await daemon
-        (tmp_path / "watchful.toml").write_text(WATCHFUL + PERCEPT)
-        monkeypatch.setattr(sonar, "make_driver", broken)
-        daemon, _ = serving(mission, endpoint, tmp_path, "r1")
-        with pytest.raises(Findings, match="robot r1 cannot be served: driver `sonar` cannot be made: KeyError: 'pin'"):
-            await daemon
-
-    on_a_bus(endpoint, body)
+    await connect()
+    mission = two_robots(tmp_path, f"udpin:127.0.0.1:{free_port()}", "udpin:127.0.0.1:0")
+    (tmp_path / "file").write_text("")
+    daemon, _ = serving(mission, endpoint, tmp_path / "file", "r1")
+    with pytest.raises(Findings, match=r"two.yaml:8:.* robot r1 cannot be served: .*file.*: Not a directory"):
+        await daemon
+    (tmp_path / "watchful.toml").write_text(WATCHFUL + PERCEPT)
+    monkeypatch.setattr(sonar, "make_driver", broken)
+    daemon, _ = serving(mission, endpoint, tmp_path, "r1")
+    with pytest.raises(Findings, match="robot r1 cannot be served: driver `sonar` cannot be made: KeyError: 'pin'"):
+        await daemon
 
 
 @async_test
@@ -399,20 +395,18 @@ def test_a_driver_that_looks_at_its_robot_and_then_opens_its_link_slowly_is_not_
 
 
 @pytest.mark.parametrize("link", ["udpout:slow.invalid:14550", "tcpin:slow.invalid:5760"])
-def test_a_link_whose_name_nobody_looks_up_is_given_up_for_now_and_may_come(
+@async_test
+async def test_a_link_whose_name_nobody_looks_up_is_given_up_for_now_and_may_come(
     link: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def never(*_: object, **__: object) -> None:
         await asyncio.Event().wait()
 
-    async def body() -> None:
-        monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", never)
-        with pytest.raises(LinkError, match="cannot be opened: the name service does not answer") as caught:
-            await open_link(LinkAddress.parse(link), lambda *_: None, system=255, component=190)
-        assert may_come(caught.value)
-
     monkeypatch.setattr(endpoints, "LOOKUP_TIMEOUT_S", 0.05)
-    asyncio.run(asyncio.wait_for(body(), 240))
+    monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", never)
+    with pytest.raises(LinkError, match="cannot be opened: the name service does not answer") as caught:
+        await open_link(LinkAddress.parse(link), lambda *_: None, system=255, component=190)
+    assert may_come(caught.value)
 
 
 def test_what_may_come_by_waiting_is_a_device_or_a_name() -> None:

@@ -12,6 +12,7 @@ from bridged.bridge.safety_orders import Step
 from schemas.wire.records import ActionStatus
 from schemas.wire.terms import Atom
 from tests.bridged.sky import GOAL, MISSION, Sky
+from tests.support.buses import async_test
 
 RANKED = MISSION.replace("    link:", "    lease: {priority: [other]}\n    link:")
 
@@ -136,24 +137,22 @@ def test_who_has_the_robot_outlives_the_bridge(sky: Sky, tmp_path: Path) -> None
     assert last.do("land", id="uav:t:93").state == "succeeded"
 
 
-def test_a_lost_holders_robot_is_brought_to_safety_first_and_then_anybodys(sky: Sky) -> None:
-    async def body() -> None:
-        sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 5.0), Step("rtl")))
-        for _ in range(100):
-            sky.step()
-            await asyncio.sleep(0)
-        refused = sky.begin("goto", *GOAL, agent="other")
-        assert end_of(refused[-1]) == ("refused", "agent uav is lost: the bridge brings the robot to safety first")
-        for _ in range(1500):
-            sky.step()
-            await asyncio.sleep(0)
-            if not sky.bridge.lease.closed:
-                break
-        assert sky.vehicle.copter.mode.name == "RTL"
-        assert holder(sky) == (None, None)
-        assert sky.begin("set_mode", "GUIDED", agent="other")[0].state == "accepted"
-
-    asyncio.run(body())
+@async_test
+async def test_a_lost_holders_robot_is_brought_to_safety_first_and_then_anybodys(sky: Sky) -> None:
+    sky.bridge.orders.agent_lost("uav", "no liveliness token", (Step("hold", 5.0), Step("rtl")))
+    for _ in range(100):
+        sky.step()
+        await asyncio.sleep(0)
+    refused = sky.begin("goto", *GOAL, agent="other")
+    assert end_of(refused[-1]) == ("refused", "agent uav is lost: the bridge brings the robot to safety first")
+    for _ in range(1500):
+        sky.step()
+        await asyncio.sleep(0)
+        if not sky.bridge.lease.closed:
+            break
+    assert sky.vehicle.copter.mode.name == "RTL"
+    assert holder(sky) == (None, None)
+    assert sky.begin("set_mode", "GUIDED", agent="other")[0].state == "accepted"
 
 
 def test_a_robot_that_knows_no_arming_is_anybodys_after_a_while_without_an_action() -> None:

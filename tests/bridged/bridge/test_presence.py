@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.bridge.safety_orders import SafetyOrders, Step
 from tests.bridged.sky import MISSION, Sky, is_command
+from tests.support.buses import async_test
 from tests.support.notes import identities
 
 
@@ -71,23 +72,21 @@ def test_a_dead_agents_vehicle_is_not_kept_from_its_own_failsafe(tmp_path: Path)
     sky.forward(lambda: sky.belief("override") == ("RTL",), "the percept of it", 3)
 
 
-def test_an_order_that_is_called_off_does_not_go_on_against_the_agent_that_is_back(tmp_path: Path) -> None:
-    async def body() -> None:
-        sky = Sky(tmp_path).flying()
-        orders = SafetyOrders(sky.bridge.action_server, sky.bridge.driver, sky.bridge.action_log, sky.clock)
-        deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
-        sky.hears_us = lambda message: not deaf(message)
-        orders.agent_lost("uav", "no liveliness token", [Step("rtl")])
-        await asyncio.sleep(0)
-        sky.wait(0.5)
-        assert sky.commands(dialect.MAV_CMD_DO_SET_MODE)
-        orders.call_off()
-        await asyncio.sleep(0.1)
-        sky.hears_us = lambda message: True
-        sky.wait(10)
-        assert sky.vehicle.copter.mode.name == "GUIDED"
-
-    asyncio.run(body())
+@async_test
+async def test_an_order_that_is_called_off_does_not_go_on_against_the_agent_that_is_back(tmp_path: Path) -> None:
+    sky = Sky(tmp_path).flying()
+    orders = SafetyOrders(sky.bridge.action_server, sky.bridge.driver, sky.bridge.action_log, sky.clock)
+    deaf = is_command(dialect.MAV_CMD_DO_SET_MODE)
+    sky.hears_us = lambda message: not deaf(message)
+    orders.agent_lost("uav", "no liveliness token", [Step("rtl")])
+    await asyncio.sleep(0)
+    sky.wait(0.5)
+    assert sky.commands(dialect.MAV_CMD_DO_SET_MODE)
+    orders.call_off()
+    await asyncio.sleep(0.1)
+    sky.hears_us = lambda message: True
+    sky.wait(10)
+    assert sky.vehicle.copter.mode.name == "GUIDED"
 
 
 def test_a_vehicle_that_does_not_tell_its_failsafe_is_a_warning(tmp_path: Path) -> None:

@@ -324,22 +324,19 @@ async def test_a_bridge_that_is_too_slow_keeps_the_newest_and_counts_the_rest(en
         assert pond.driver._bus.counters["dropped"] == BACKLOG
 
 
-def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch: pytest.MonkeyPatch) -> None:
+@async_test
+async def test_what_waits_for_a_slow_bridge_is_bounded_in_bytes_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("commd.bus.raw.ROOM", 100)
     monkeypatch.setattr("commd.bus.raw._read_sample", lambda sample: sample)
-
-    async def body() -> None:
-        told: list[Sample] = []
-        queue = _Queue(LoopDispatch(asyncio.get_running_loop(), Counter()), told.append)
-        samples = [Sample(f"k/{number}", bytes(40), "") for number in range(6)]
-        for some, dropped in ((samples[:3], 1), (samples[3:5], 1), (samples[5:], 1)):
-            for sample in some:
-                queue.push(cast(zenoh.Sample, sample))
-            await asyncio.sleep(0.01)
-            assert queue.dropped == dropped
-        assert told == samples[1:]
-
-    asyncio.run(body())
+    told: list[Sample] = []
+    queue = _Queue(LoopDispatch(asyncio.get_running_loop(), Counter()), told.append)
+    samples = [Sample(f"k/{number}", bytes(40), "") for number in range(6)]
+    for some, dropped in ((samples[:3], 1), (samples[3:5], 1), (samples[5:], 1)):
+        for sample in some:
+            queue.push(cast(zenoh.Sample, sample))
+        await asyncio.sleep(0.01)
+        assert queue.dropped == dropped
+    assert told == samples[1:]
 
 
 @async_test
@@ -431,25 +428,23 @@ async def test_replies_that_are_too_many_to_wait_are_counted(endpoint: str) -> N
         assert pond.driver._bus.counters["dropped"] == 5
 
 
-def test_a_router_that_is_away_is_named(endpoint: str) -> None:
-    async def everything() -> None:
-        async with AsyncExitStack() as stack:
-            router = await stack.enter_async_context(_bus(endpoint, "router"))
-            lamp = await stack.enter_async_context(_bus(endpoint))
-            robot = await stack.enter_async_context(_bus(endpoint))
-            pond = Pond(lamp, robot, manifest())
-            robot.raw.subscribe("lamp/set", lambda _: None)
+@async_test
+async def test_a_router_that_is_away_is_named(endpoint: str) -> None:
+    async with AsyncExitStack() as stack:
+        router = await stack.enter_async_context(_bus(endpoint, "router"))
+        lamp = await stack.enter_async_context(_bus(endpoint))
+        robot = await stack.enter_async_context(_bus(endpoint))
+        pond = Pond(lamp, robot, manifest())
+        robot.raw.subscribe("lamp/set", lambda _: None)
+        assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
+        await router.close()
+        await until(lambda: not lamp.router_up, "the router is missed")
+        outcome = await pond.do("set_light", on=True, colour="red")
+        assert outcome.reason == "nobody subscribes to lamp/set: the router is away"
+        async with _bus(endpoint, "router"):
+            await until(lambda: lamp.router_up and robot.router_up, "the router is back")
+            await until(lambda: pond.driver._topics["lamp/set", False].heard, "the lamp is seen again")
             assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
-            await router.close()
-            await until(lambda: not lamp.router_up, "the router is missed")
-            outcome = await pond.do("set_light", on=True, colour="red")
-            assert outcome.reason == "nobody subscribes to lamp/set: the router is away"
-            async with _bus(endpoint, "router"):
-                await until(lambda: lamp.router_up and robot.router_up, "the router is back")
-                await until(lambda: pond.driver._topics["lamp/set", False].heard, "the lamp is seen again")
-                assert (await pond.do("set_light", on=True, colour="red")).state == "succeeded"
-
-    asyncio.run(asyncio.wait_for(everything(), 240))
 
 
 def _bus(endpoint: str, mode: Literal["client", "router"] = "client") -> AbstractAsyncContextManager[Bus]:

@@ -20,7 +20,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.forked import Forked, run
 from tests.support.ports import free_port
 from tests.support.promises import kept
@@ -192,21 +192,19 @@ def test_vehicle_time_passes_at_the_speed_that_was_asked_for() -> None:
     assert kept(lambda: abs(asyncio.run(speed()) - 20), 5)
 
 
-def test_a_rebooted_copter_speaks_from_another_port() -> None:
-    async def story() -> None:
-        ear, port = Ear(), free_port()
-        link = await ear.open(port)
-        with copter(f"udpout:127.0.0.1:{port}", "--speed", "10"):
-            await ear.until("HEARTBEAT", 5)
-            link.send(dialect.MAVLink_command_long_message(1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0), 1)
-            await ear.until("COMMAND_ACK", 1)
-            beats = ear.count("HEARTBEAT")
-            await ear.until("HEARTBEAT", beats + 3)
-            await link.close()
-        assert len({peer for peer, _ in ear.heard}) == 2
-        assert link.counters.moves == 1
-
-    asyncio.run(story())
+@async_test
+async def test_a_rebooted_copter_speaks_from_another_port() -> None:
+    ear, port = Ear(), free_port()
+    link = await ear.open(port)
+    with copter(f"udpout:127.0.0.1:{port}", "--speed", "10"):
+        await ear.until("HEARTBEAT", 5)
+        link.send(dialect.MAVLink_command_long_message(1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0), 1)
+        await ear.until("COMMAND_ACK", 1)
+        beats = ear.count("HEARTBEAT")
+        await ear.until("HEARTBEAT", beats + 3)
+        await link.close()
+    assert len({peer for peer, _ in ear.heard}) == 2
+    assert link.counters.moves == 1
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

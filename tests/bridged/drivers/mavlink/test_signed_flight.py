@@ -10,7 +10,7 @@ import pytest
 from bridged.drivers.mavlink.transport.signing import MINUTE, Signing, Timestamps, key_of, now_10us
 from tests.bridged.drivers.mavlink.test_ground_stations import copter
 from tests.bridged.radio import BEAT, COPTER, Speaker, riding
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.notes import identities
 from tests.support.ports import free_port
 
@@ -47,26 +47,25 @@ def test_a_signed_copter_is_armed_by_who_has_the_passphrase_and_by_nobody_else(t
         asyncio.run(asyncio.wait_for(body(port), 240))
 
 
-def test_a_vehicle_whose_clock_is_an_hour_behind_is_told_the_time_by_a_signature_and_then_taken(tmp_path: Path) -> None:
+@async_test
+async def test_a_vehicle_whose_clock_is_an_hour_behind_is_told_the_time_by_a_signature_and_then_taken(
+    tmp_path: Path,
+) -> None:
     """It has no GPS yet. Nobody else on the link would tell it: the bridge listens, and had nothing to answer to."""
     late = now_10us() - 60 * MINUTE
     its = Signing(key_of(b"argo"), Timestamps(clock=lambda: late))
-
-    async def body() -> None:
-        port = free_port()
-        fields = f"link: 'udpin:127.0.0.1:{port}', signing: {{passphrase_file: '{phrase(tmp_path, 'argo')}'}}"
-        async with riding(fields, state=tmp_path) as [ride]:
-            vehicle = Speaker(port, signing=its)
-            for _ in range(5):
-                vehicle.say(BEAT)
-            await until(lambda: bool(vehicle.listen()), "we answer what is rightly signed")
-            said = ("packets_refused", f"outdated udp:127.0.0.1:{vehicle.port}")
-            assert said in identities(ride.driver.notes())
-            assert vehicle.kinds() == {"TIMESYNC"}, "no heartbeat, which would keep a failsafe from acting"
-            assert len(vehicle.raw) == 1, "once a second at most"
-            assert not its.objection(vehicle.raw[0]), "by which it takes our time over"
+    port = free_port()
+    fields = f"link: 'udpin:127.0.0.1:{port}', signing: {{passphrase_file: '{phrase(tmp_path, 'argo')}'}}"
+    async with riding(fields, state=tmp_path) as [ride]:
+        vehicle = Speaker(port, signing=its)
+        for _ in range(5):
             vehicle.say(BEAT)
-            await until(lambda: ride.driver.heard, "it is taken")
-            vehicle.close()
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+        await until(lambda: bool(vehicle.listen()), "we answer what is rightly signed")
+        said = ("packets_refused", f"outdated udp:127.0.0.1:{vehicle.port}")
+        assert said in identities(ride.driver.notes())
+        assert vehicle.kinds() == {"TIMESYNC"}, "no heartbeat, which would keep a failsafe from acting"
+        assert len(vehicle.raw) == 1, "once a second at most"
+        assert not its.objection(vehicle.raw[0]), "by which it takes our time over"
+        vehicle.say(BEAT)
+        await until(lambda: ride.driver.heard, "it is taken")
+        vehicle.close()

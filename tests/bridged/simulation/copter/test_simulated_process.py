@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridged.drivers.mavlink.transport.link import Link, LinkAddress, open_link
 from bridged.drivers.mavlink.transport.signing import Signing, key_of
 from tests.bridged.drivers.mavlink.test_ground_stations import copter
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.ports import free_port
 
 PATIENCE = 90.0
@@ -49,23 +49,21 @@ class Station:
         self.link.send(dialect.MAVLink_command_long_message(1, 1, number, 0, *padded))
 
 
-def test_a_pilot_on_a_link_of_his_own_changes_the_mode_and_the_bridge_sees_it() -> None:
-    async def story() -> None:
-        ports = [free_port(), free_port()]
-        bridge, pilot = [await Station().open(port) for port in ports]
-        links = [f"udpout:127.0.0.1:{port}" for port in ports]
-        with copter(links[0], "--link", links[1], "--speed", "10"):
-            await bridge.until("HEARTBEAT", custom_mode=0)
-            await pilot.until("HEARTBEAT", custom_mode=0)
-            await pilot.until("HOME_POSITION")  # the start of the vehicle is over
-            pilot.command(176, 1, 4)
-            await pilot.until("COMMAND_ACK", command=176, result=0)
-            await bridge.until("HEARTBEAT", custom_mode=4)
-            assert not [one for one in bridge.heard if one.get_type() == "COMMAND_ACK"]
-            await bridge.link.close()
-            await pilot.link.close()
-
-    asyncio.run(story())
+@async_test
+async def test_a_pilot_on_a_link_of_his_own_changes_the_mode_and_the_bridge_sees_it() -> None:
+    ports = [free_port(), free_port()]
+    bridge, pilot = [await Station().open(port) for port in ports]
+    links = [f"udpout:127.0.0.1:{port}" for port in ports]
+    with copter(links[0], "--link", links[1], "--speed", "10"):
+        await bridge.until("HEARTBEAT", custom_mode=0)
+        await pilot.until("HEARTBEAT", custom_mode=0)
+        await pilot.until("HOME_POSITION")  # the start of the vehicle is over
+        pilot.command(176, 1, 4)
+        await pilot.until("COMMAND_ACK", command=176, result=0)
+        await bridge.until("HEARTBEAT", custom_mode=4)
+        assert not [one for one in bridge.heard if one.get_type() == "COMMAND_ACK"]
+        await bridge.link.close()
+        await pilot.link.close()
 
 
 @pytest.fixture

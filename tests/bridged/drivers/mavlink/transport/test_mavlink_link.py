@@ -18,10 +18,13 @@ from bridged.drivers.mavlink.transport.endpoint import ROOM_EACH
 from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCounters
 from bridged.drivers.mavlink.transport.link import MAX_PEERS, Link, LinkError, open_link
 from tests.support.amount import some_of
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.ports import free_port
 
 RECORDINGS = Path(__file__).parents[4] / "data"
+
+LARGEST_BUFFER = int(Path("/proc/sys/net/core/rmem_max").read_text())
+"""Bytes of a receive buffer that the kernel grants, as it is asked for; it holds twice as many."""
 
 
 def heartbeat() -> dialect.MAVLink_message:
@@ -195,207 +198,188 @@ def test_a_field_out_of_range_is_a_value_error_with_the_message_name() -> None:
         Encoder(1, 1).pack(dialect.MAVLink_heartbeat_message(999, 3, 0, 0, 0, 3))
 
 
-def test_a_listening_link_answers_each_system_where_it_was_heard() -> None:
-    async def story() -> None:
-        station, one, two = Ear(), Ear(), Ear()
-        port = free_port()
-        listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
-        first = await one.open(f"udpout:127.0.0.1:{port}", 1)
-        second = await two.open(f"udpout:127.0.0.1:{port}", 2)
-        assert not listening.send(heartbeat())
-        first.send(heartbeat())
-        second.send(heartbeat())
-        await until(lambda: len(station.heard) == 2, "both vehicles heard")
-        assert listening.send(heartbeat(), 2)
-        await until(lambda: len(two.heard) == 1, "vehicle 2 answered")
-        assert not one.heard
-        assert not listening.send(heartbeat(), 9)
-        assert listening.counters.unroutable == 1
-        assert listening.send(heartbeat())
-        await until(lambda: bool(one.heard) and len(two.heard) == 2, "everybody answered")
-        await first.close()
-        again = await one.open(f"udpout:127.0.0.1:{port}", 1)
-        again.send(heartbeat())
-        await until(lambda: listening.counters.moves == 1, "vehicle 1 moved to another address")
-        listening.send(heartbeat(), 1)
-        await until(lambda: len(one.heard) == 2, "vehicle 1 answered at its new address")
-        for link in (listening, again, second):
-            await link.close()
-
-    asyncio.run(story())
+@async_test
+async def test_a_listening_link_answers_each_system_where_it_was_heard() -> None:
+    station, one, two = Ear(), Ear(), Ear()
+    port = free_port()
+    listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
+    first = await one.open(f"udpout:127.0.0.1:{port}", 1)
+    second = await two.open(f"udpout:127.0.0.1:{port}", 2)
+    assert not listening.send(heartbeat())
+    first.send(heartbeat())
+    second.send(heartbeat())
+    await until(lambda: len(station.heard) == 2, "both vehicles heard")
+    assert listening.send(heartbeat(), 2)
+    await until(lambda: len(two.heard) == 1, "vehicle 2 answered")
+    assert not one.heard
+    assert not listening.send(heartbeat(), 9)
+    assert listening.counters.unroutable == 1
+    assert listening.send(heartbeat())
+    await until(lambda: bool(one.heard) and len(two.heard) == 2, "everybody answered")
+    await first.close()
+    again = await one.open(f"udpout:127.0.0.1:{port}", 1)
+    again.send(heartbeat())
+    await until(lambda: listening.counters.moves == 1, "vehicle 1 moved to another address")
+    listening.send(heartbeat(), 1)
+    await until(lambda: len(one.heard) == 2, "vehicle 1 answered at its new address")
+    for link in (listening, again, second):
+        await link.close()
 
 
-def test_a_port_that_is_taken_is_one_clear_error() -> None:
-    async def story() -> None:
-        ear = Ear()
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-            taken.bind(("127.0.0.1", 0))
-            port = taken.getsockname()[1]
-            with pytest.raises(LinkError, match=f"link udpin:127.0.0.1:{port} cannot be opened: address already in"):
-                await ear.open(f"udpin:127.0.0.1:{port}", 255)
-        with pytest.raises(LinkError, match="link serial:/dev/null:57600 cannot be opened: it is not a serial device"):
-            await ear.open("serial:/dev/null:57600", 255)
-        with pytest.raises(LinkError, match="cannot be opened: no such file or directory"):
-            await ear.open("serial:/dev/no_such_device:57600", 255)
-
-    asyncio.run(story())
+@async_test
+async def test_a_port_that_is_taken_is_one_clear_error() -> None:
+    ear = Ear()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(LinkError, match=f"link udpin:127.0.0.1:{port} cannot be opened: address already in"):
+            await ear.open(f"udpin:127.0.0.1:{port}", 255)
+    with pytest.raises(LinkError, match="link serial:/dev/null:57600 cannot be opened: it is not a serial device"):
+        await ear.open("serial:/dev/null:57600", 255)
+    with pytest.raises(LinkError, match="cannot be opened: no such file or directory"):
+        await ear.open("serial:/dev/no_such_device:57600", 255)
 
 
-def test_a_tcp_link_waits_for_its_peer_and_comes_back_after_a_drop() -> None:
-    async def story() -> None:
-        station, vehicle = Ear(), Ear()
-        port = free_port()
-        calling = await station.open(f"tcp:127.0.0.1:{port}", 255)
-        assert not calling.send(heartbeat())
-        assert calling.counters.dropped == 1
-        listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
-        await until(lambda: calling.up, "connected")
-        calling.send(heartbeat())
-        await until(lambda: bool(vehicle.heard), "vehicle heard the station")
-        listening.send(heartbeat(), 255)
-        await until(lambda: bool(station.heard), "station heard the vehicle")
-        await listening.close()
-        await until(lambda: not calling.up, "loss noticed")
-        assert calling.why
-        listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
-        await until(lambda: calling.up, "connected again")
-        assert calling.counters.reopened == 1
-        assert station.states == [True, False, True]
-        await calling.close()
-        await listening.close()
-
-    asyncio.run(story())
+@async_test
+async def test_a_tcp_link_waits_for_its_peer_and_comes_back_after_a_drop() -> None:
+    station, vehicle = Ear(), Ear()
+    port = free_port()
+    calling = await station.open(f"tcp:127.0.0.1:{port}", 255)
+    assert not calling.send(heartbeat())
+    assert calling.counters.dropped == 1
+    listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
+    await until(lambda: calling.up, "connected")
+    calling.send(heartbeat())
+    await until(lambda: bool(vehicle.heard), "vehicle heard the station")
+    listening.send(heartbeat(), 255)
+    await until(lambda: bool(station.heard), "station heard the vehicle")
+    await listening.close()
+    await until(lambda: not calling.up, "loss noticed")
+    assert calling.why
+    listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
+    await until(lambda: calling.up, "connected again")
+    assert calling.counters.reopened == 1
+    assert station.states == [True, False, True]
+    await calling.close()
+    await listening.close()
 
 
-def test_a_serial_line_carries_packets_both_ways_and_its_loss_is_noticed() -> None:
-    async def story() -> None:
-        far, near = pty.openpty()
-        name = os.ttyname(near)
-        ear = Ear()
-        line = await ear.open(f"serial:{name}:57600", 255)
-        os.close(near)
-        await until(lambda: line.up, "open")
-        os.write(far, b"boot text\n" + Encoder(1, 1).pack(heartbeat()))
-        await until(lambda: bool(ear.heard), "heard over the line")
-        assert line.counters.skipped_bytes == len(b"boot text\n")
-        assert line.send(heartbeat(), 1)
-        assert os.read(far, 100) == Encoder(255, 1).pack(heartbeat())
-        os.close(far)
-        await until(lambda: not line.up, "unplugged")
-        assert not line.send(heartbeat())
-        await line.close()
-        await line.close()
-
-    asyncio.run(story())
+@async_test
+async def test_a_serial_line_carries_packets_both_ways_and_its_loss_is_noticed() -> None:
+    far, near = pty.openpty()
+    name = os.ttyname(near)
+    ear = Ear()
+    line = await ear.open(f"serial:{name}:57600", 255)
+    os.close(near)
+    await until(lambda: line.up, "open")
+    os.write(far, b"boot text\n" + Encoder(1, 1).pack(heartbeat()))
+    await until(lambda: bool(ear.heard), "heard over the line")
+    assert line.counters.skipped_bytes == len(b"boot text\n")
+    assert line.send(heartbeat(), 1)
+    assert os.read(far, 100) == Encoder(255, 1).pack(heartbeat())
+    os.close(far)
+    await until(lambda: not line.up, "unplugged")
+    assert not line.send(heartbeat())
+    await line.close()
+    await line.close()
 
 
-def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
-    async def story() -> None:
-        port = free_port()
-        vehicle = Ear()
-        listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
-        with socket.create_connection(("127.0.0.1", port)) as deaf:
-            deaf.send(Encoder(255, 1).pack(heartbeat()))
-            await until(lambda: bool(vehicle.heard), "the client is known")
-            text = dialect.MAVLink_statustext_message(6, b"x" * 50)
-            async with asyncio.timeout(240):
-                while not listening.counters.dropped:
-                    listening.send(text)
-                    await asyncio.sleep(0)
-        await listening.close()
-
-    asyncio.run(story())
-
-
-def test_an_error_in_the_handler_does_not_end_the_link() -> None:
-    async def story() -> None:
-        port, seen, complaints = free_port(), [], []
-        asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context["message"]))
-
-        def clumsy(message: dialect.MAVLink_message, _: object) -> None:
-            seen.append(message)
-            raise RuntimeError("clumsy")
-
-        listening = await open_link(LinkAddress.parse(f"udpin:127.0.0.1:{port}"), clumsy, system=255, component=1)
-        calling = await Ear().open(f"udpout:127.0.0.1:{port}", 1)
-        calling.send(heartbeat())
-        calling.send(heartbeat())
-        await until(lambda: len(seen) == 2, "the second packet was handled too")
-        assert complaints == [f"udpin:127.0.0.1:{port}: handling HEARTBEAT failed"] * 2
-        await listening.close()
-        await calling.close()
-
-    asyncio.run(story())
-
-
-def test_a_link_has_as_many_vehicles_as_there_are_system_ids_and_answers_each_where_it_speaks() -> None:
-    async def story() -> None:
-        station, port = Ear(), free_port()
-        listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
-        with contextlib.ExitStack() as stack:
-            vehicles = {}
-            for system in range(1, 255):
-                vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                vehicle.setblocking(False)
-                vehicles[system] = vehicle
-            for _ in range(2):
-                for system, vehicle in vehicles.items():
-                    vehicle.sendto(Encoder(system, 1).pack(heartbeat()), ("127.0.0.1", port))
-                    await asyncio.sleep(0)
-            await until(lambda: len(station.heard) == 2 * len(vehicles), "all vehicles are heard twice")
-            assert len(listening.peers) == len(vehicles)
-            assert listening.counters.moves == 0
-            assert all(listening.send(heartbeat(), system) for system in vehicles)
-            loop = asyncio.get_running_loop()
-            for vehicle in vehicles.values():
-                assert await asyncio.wait_for(loop.sock_recv(vehicle, 300), 120)
-        await listening.close()
-
-    asyncio.run(story())
-
-
-def test_what_waits_to_be_read_has_more_room_the_more_vehicles_speak_and_no_more_for_one() -> None:
-    rooms = []
-
-    async def story() -> None:
-        station, port = Ear(), free_port()
-        listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
-        wire = listening._endpoint._present.close.__self__._transport.get_extra_info("socket")  # type: ignore[union-attr]
-        with contextlib.ExitStack() as stack:
-            for system in range(1, 201):
-                vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                vehicle.sendto(Encoder(system, 1).pack(heartbeat()), ("127.0.0.1", port))
-                if system in (1, 200):
-                    await until(lambda system=system: len(station.heard) == system, "all are heard")  # type: ignore[misc]
-                    rooms.append(wire.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
+@async_test
+async def test_a_peer_that_does_not_read_costs_packets_not_memory() -> None:
+    port = free_port()
+    vehicle = Ear()
+    listening = await vehicle.open(f"tcpin:127.0.0.1:{port}", 1)
+    with socket.create_connection(("127.0.0.1", port)) as deaf:
+        deaf.send(Encoder(255, 1).pack(heartbeat()))
+        await until(lambda: bool(vehicle.heard), "the client is known")
+        text = dialect.MAVLink_statustext_message(6, b"x" * 50)
+        async with asyncio.timeout(240):
+            while not listening.counters.dropped:
+                listening.send(text)
                 await asyncio.sleep(0)
-        await listening.close()
+    await listening.close()
 
+
+@async_test
+async def test_an_error_in_the_handler_does_not_end_the_link() -> None:
+    port, seen, complaints = free_port(), [], []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context["message"]))
+
+    def clumsy(message: dialect.MAVLink_message, _: object) -> None:
+        seen.append(message)
+        raise RuntimeError("clumsy")
+
+    listening = await open_link(LinkAddress.parse(f"udpin:127.0.0.1:{port}"), clumsy, system=255, component=1)
+    calling = await Ear().open(f"udpout:127.0.0.1:{port}", 1)
+    calling.send(heartbeat())
+    calling.send(heartbeat())
+    await until(lambda: len(seen) == 2, "the second packet was handled too")
+    assert complaints == [f"udpin:127.0.0.1:{port}: handling HEARTBEAT failed"] * 2
+    await listening.close()
+    await calling.close()
+
+
+@async_test
+async def test_a_link_has_as_many_vehicles_as_there_are_system_ids_and_answers_each_where_it_speaks() -> None:
+    station, port = Ear(), free_port()
+    listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
+    with contextlib.ExitStack() as stack:
+        vehicles = {}
+        for system in range(1, 255):
+            vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            vehicle.setblocking(False)
+            vehicles[system] = vehicle
+        for _ in range(2):
+            for system, vehicle in vehicles.items():
+                vehicle.sendto(Encoder(system, 1).pack(heartbeat()), ("127.0.0.1", port))
+                await asyncio.sleep(0)
+        await until(lambda: len(station.heard) == 2 * len(vehicles), "all vehicles are heard twice")
+        assert len(listening.peers) == len(vehicles)
+        assert listening.counters.moves == 0
+        assert all(listening.send(heartbeat(), system) for system in vehicles)
+        loop = asyncio.get_running_loop()
+        for vehicle in vehicles.values():
+            assert await asyncio.wait_for(loop.sock_recv(vehicle, 300), 120)
+    await listening.close()
+
+
+@async_test
+async def test_what_waits_to_be_read_has_more_room_the_more_vehicles_speak_and_no_more_for_one() -> None:
+    rooms = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         unasked = other.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-    asyncio.run(story())
-    most = 2 * int(Path("/proc/sys/net/core/rmem_max").read_text())
+    station, port = Ear(), free_port()
+    listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
+    wire = listening._endpoint._present.close.__self__._transport.get_extra_info("socket")  # type: ignore[union-attr]
+    with contextlib.ExitStack() as stack:
+        for system in range(1, 201):
+            vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            vehicle.sendto(Encoder(system, 1).pack(heartbeat()), ("127.0.0.1", port))
+            if system in (1, 200):
+                await until(lambda system=system: len(station.heard) == system, "all are heard")  # type: ignore[misc]
+                rooms.append(wire.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
+            await asyncio.sleep(0)
+    await listening.close()
+    most = 2 * LARGEST_BUFFER
     assert rooms[0] == unasked
     assert rooms[1] >= min(most, 2 * 200 * ROOM_EACH)
 
 
-def test_noise_from_many_addresses_neither_grows_the_link_nor_drives_a_vehicle_out() -> None:
-    async def story() -> None:
-        station, vehicle, port = Ear(), Ear(), free_port()
-        listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
-        calling = await vehicle.open(f"udpout:127.0.0.1:{port}", 1)
-        calling.send(heartbeat())
-        await until(lambda: bool(station.heard), "the vehicle is heard")
-        random = Random(1)
-        for _ in range(4 * MAX_PEERS):
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noisy:
-                noisy.sendto(random.randbytes(random.randrange(1, 400)), ("127.0.0.1", port))
-            await asyncio.sleep(0)
-        await until(lambda: listening.counters.skipped_bytes > 0, "noise read")
-        assert len(listening.peers) == 1
-        assert listening.send(heartbeat(), 1)
-        await until(lambda: bool(vehicle.heard), "the vehicle is answered")
-        await listening.close()
-        await calling.close()
-
-    asyncio.run(story())
+@async_test
+async def test_noise_from_many_addresses_neither_grows_the_link_nor_drives_a_vehicle_out() -> None:
+    station, vehicle, port = Ear(), Ear(), free_port()
+    listening = await station.open(f"udpin:127.0.0.1:{port}", 255)
+    calling = await vehicle.open(f"udpout:127.0.0.1:{port}", 1)
+    calling.send(heartbeat())
+    await until(lambda: bool(station.heard), "the vehicle is heard")
+    random = Random(1)
+    for _ in range(4 * MAX_PEERS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noisy:
+            noisy.sendto(random.randbytes(random.randrange(1, 400)), ("127.0.0.1", port))
+        await asyncio.sleep(0)
+    await until(lambda: listening.counters.skipped_bytes > 0, "noise read")
+    assert len(listening.peers) == 1
+    assert listening.send(heartbeat(), 1)
+    await until(lambda: bool(vehicle.heard), "the vehicle is answered")
+    await listening.close()
+    await calling.close()

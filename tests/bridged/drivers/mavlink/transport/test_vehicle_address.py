@@ -23,7 +23,7 @@ from schemas.manifest.loader import load_manifest
 from schemas.mission.model import read_mission
 from tests.bridged.radio import Speaker, place, riding
 from tests.bridged.sky import MISSION
-from tests.support.buses import until
+from tests.support.buses import async_test, until
 from tests.support.ports import free_port
 
 MANIFEST = load_manifest("arducopter")
@@ -127,73 +127,67 @@ def test_ever_new_ports_fill_neither_the_log_nor_the_memory(caplog: pytest.LogCa
     assert len(sender.address._heard) <= 8
 
 
-def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_vehicle_for_the_agent() -> None:
+@async_test
+async def test_a_position_and_an_acknowledgement_from_a_second_port_do_not_move_the_vehicle_for_the_agent() -> None:
     """What an assessment did: telemetry of the vehicle's ids from elsewhere, and `goto` succeeded at once."""
-
-    async def body() -> None:
-        port = free_port()
-        async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
-            vehicle, forger, camera = Speaker(port), Speaker(port), Speaker(port, component=100)
-            state = ride.driver.vehicle
-            vehicle.say(FLYING, place(5.0))
-            await until(lambda: state.positions == 1, "the vehicle is where it says")
-            camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
-            forger.say(place(90.0), dialect.MAVLink_command_ack_message(400, 0), FLYING, place(90.0))
-            await until(lambda: ride.driver.counters()["foreign_packets"] == 4, "they are counted")
-            assert state.position is not None
-            assert (state.positions, state.position.altitude) == (1, 5.0)
-            assert ride.driver.counters()["messages"] == 2, "the vehicle's own"
-            said = [note for note in ride.driver.notes() if note.code == "foreign_packets"]
-            assert [(note.text, note.value) for note in said] == [
-                (
-                    f"packets of system 1 from udp:127.0.0.1:{forger.port} are refused: "
-                    f"its HEARTBEATs come from udp:127.0.0.1:{vehicle.port}",
-                    4.0,
-                )
-            ]
-            ride.driver._send(dialect.MAVLink_command_long_message(1, 1, 400, 0, 77.0, 0, 0, 0, 0, 0, 0))
-            await until(lambda: any(getattr(one, "param1", 0) == 77.0 for one in vehicle.listen()), "it is commanded")
-            assert not forger.listen(), "what we say does not go to the forger"
-            vehicle.say(place(6.0))
-            await until(lambda: state.positions == 2, "the vehicle goes on")
-
-    asyncio.run(body())
+    port = free_port()
+    async with riding(f"link: 'udpin:127.0.0.1:{port}'") as [ride]:
+        vehicle, forger, camera = Speaker(port), Speaker(port), Speaker(port, component=100)
+        state = ride.driver.vehicle
+        vehicle.say(FLYING, place(5.0))
+        await until(lambda: state.positions == 1, "the vehicle is where it says")
+        camera.say(dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
+        forger.say(place(90.0), dialect.MAVLink_command_ack_message(400, 0), FLYING, place(90.0))
+        await until(lambda: ride.driver.counters()["foreign_packets"] == 4, "they are counted")
+        assert state.position is not None
+        assert (state.positions, state.position.altitude) == (1, 5.0)
+        assert ride.driver.counters()["messages"] == 2, "the vehicle's own"
+        said = [note for note in ride.driver.notes() if note.code == "foreign_packets"]
+        assert [(note.text, note.value) for note in said] == [
+            (
+                f"packets of system 1 from udp:127.0.0.1:{forger.port} are refused: "
+                f"its HEARTBEATs come from udp:127.0.0.1:{vehicle.port}",
+                4.0,
+            )
+        ]
+        ride.driver._send(dialect.MAVLink_command_long_message(1, 1, 400, 0, 77.0, 0, 0, 0, 0, 0, 0))
+        await until(lambda: any(getattr(one, "param1", 0) == 77.0 for one in vehicle.listen()), "it is commanded")
+        assert not forger.listen(), "what we say does not go to the forger"
+        vehicle.say(place(6.0))
+        await until(lambda: state.positions == 2, "the vehicle goes on")
 
 
-def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_and_their_companions_are_not_meant(
+@async_test
+async def test_two_vehicles_at_one_port_of_a_real_link_are_told_and_not_armed_and_their_companions_are_not_meant(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.WARNING)
     port = free_port()
     robot = read_mission(MISSION.replace("127.0.0.1:0", f"127.0.0.1:{port}"), Path("test.yaml")).robots["uav1"]
+    driver = MavlinkDriver(Setup("uav1", MANIFEST, robot, Path(), Clock(), lambda reading: None, lambda: None))
+    driving = asyncio.create_task(driver.run())
+    await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
+    with socket.socket(type=socket.SOCK_DGRAM) as one, socket.socket(type=socket.SOCK_DGRAM) as other:
 
-    async def body() -> None:
-        driver = MavlinkDriver(Setup("uav1", MANIFEST, robot, Path(), Clock(), lambda reading: None, lambda: None))
-        driving = asyncio.create_task(driver.run())
-        await until(lambda: "bad_checksums" in driver.counters(), "the link is open")
-        with socket.socket(type=socket.SOCK_DGRAM) as one, socket.socket(type=socket.SOCK_DGRAM) as other:
+        def speak(component: int) -> None:
+            for vehicle, at in ((one, 1), (other, component)):
+                vehicle.sendto(Encoder(1, at).pack(BEAT), ("127.0.0.1", port))
 
-            def speak(component: int) -> None:
-                for vehicle, at in ((one, 1), (other, component)):
-                    vehicle.sendto(Encoder(1, at).pack(BEAT), ("127.0.0.1", port))
-
-            for _ in range(3):
-                speak(191)
-                await asyncio.sleep(0.05)
-            await until(lambda: driver.counters()["messages"] == 3, "the vehicle is heard beside its companion")
-            assert not two_told(driver)
-            assert driver.refuses(MANIFEST.actions["arm_motors"]) is None
-            for _ in range(3):
-                speak(1)
-                await asyncio.sleep(0.05)
-            await until(lambda: two_told(driver), "the warning")
-            refusal = driver.refuses(MANIFEST.actions["arm_motors"])
-            assert refusal is not None
-            assert refusal.reason.startswith("two vehicles are system 1, at udp:127.0.0.1")
-        driving.cancel()
-        await asyncio.gather(driving, return_exceptions=True)
-
-    asyncio.run(body())
+        for _ in range(3):
+            speak(191)
+            await asyncio.sleep(0.05)
+        await until(lambda: driver.counters()["messages"] == 3, "the vehicle is heard beside its companion")
+        assert not two_told(driver)
+        assert driver.refuses(MANIFEST.actions["arm_motors"]) is None
+        for _ in range(3):
+            speak(1)
+            await asyncio.sleep(0.05)
+        await until(lambda: two_told(driver), "the warning")
+        refusal = driver.refuses(MANIFEST.actions["arm_motors"])
+        assert refusal is not None
+        assert refusal.reason.startswith("two vehicles are system 1, at udp:127.0.0.1")
+    driving.cancel()
+    await asyncio.gather(driving, return_exceptions=True)
     assert "two vehicles are system 1" in caplog.text
 
 
