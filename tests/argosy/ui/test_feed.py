@@ -46,8 +46,8 @@ async def test_a_page_sees_robots_agents_minds_and_what_happens(endpoint: str) -
         scout.activity(kind="sent", id="m1", other="rescuer", performative="tell", text="victim(7)", time=3.0)
         scout.activity(kind="undelivered", id="m1", other="rescuer", reason="receiver_not_found", time=3.0)
         await feed.hear_until(lambda: any(one["what"] == "undelivered" for one in feed.events))
-        letters = [part for key, part in feed.parts.items() if key.startswith("letter/")]
-        assert [(one["content"], one["undelivered"]) for one in letters] == [("victim(7)", "receiver_not_found")]
+        messages = [part for key, part in feed.parts.items() if key.startswith("message/")]
+        assert [(one["content"], one["undelivered"]) for one in messages] == [("victim(7)", "receiver_not_found")]
 
 
 @async_test
