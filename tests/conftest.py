@@ -103,7 +103,6 @@ def pytest_collection_finish() -> None:
 SPREAD = (
     "tests/docs/test_following.py",
     "tests/argosy/ui/test_page_truth.py",
-    "tests/argosy/run/test_run.py",
     "tests/argosy/run/test_mission_runner.py",
     "tests/argosy/test_killed_agents.py",
     "tests/argosy/test_fleets.py",
