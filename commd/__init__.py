@@ -1,1 +1,1 @@
-"""How it is said: the typed Zenoh session that every daemon uses, and the board's comm daemon."""
+"""Communication: the typed Zenoh session that every daemon uses, and the comm daemon of a board."""

@@ -1,1 +1,1 @@
-"""What is said: records, terms, codec, key expressions, models of mission and manifest. Pure: no bus, no clock."""
+"""Data formats: records, terms, codec, key expressions, models of missions and manifests. Pure: no bus, no clock."""

@@ -1,7 +1,7 @@
-"""Mail for a program that is no agent: each message is acknowledged when the program is done with it.
+"""Mail of a Python program: each message is acknowledged when the program is done with it.
 
-Until then `commd` keeps it on disk and offers it again. What was done is told from what is new by the numbers of each
-sender; they are remembered for this life, and in a file for the next ones if there is one.
+Until then `commd` keeps it on disk and offers it again. Repeated messages are recognised by the numbers of each sender,
+which are kept in memory, and in a file for later processes if there is one.
 """
 
 from __future__ import annotations
@@ -24,32 +24,33 @@ from schemas.wire.records import Mail, Message, Refusal
 log = logging.getLogger("inbox")
 
 ANSWER_WITHIN = 2.0
-"""Wall seconds after which `commd` is told how far the program has come; what it is not done with is offered again."""
+"""Wall seconds after which `commd` gets a receipt of the messages that are done with; it offers the others again."""
 ASKING = 0.05
-"""The same while it waits for an answer: that may stand behind what `commd` is told of."""
+"""The same while the program waits for an answer, which may be behind these messages."""
 ROOM = 10_000
-"""Messages that wait here for the program at most; the others wait at `commd`."""
+"""Messages that may wait here for the program; further ones wait at `commd`."""
 QUESTION = "sync:"
-"""What the ids of a program's questions begin with: an agent answers `false` to who waits (`sync`); no name has `:`."""
+"""Prefix of the ids of a program's questions: an agent answers `false` to one that waits (`sync`); no name has a
+`:`."""
 LEAVE = 1.0
-"""Wall seconds for the last answers."""
+"""Wall seconds for the last receipts."""
 
 
 class ProgramInbox(ReceiveOnce):
-    """The incoming mail of one name; the numbers of what is done with are in `file`, if there is one."""
+    """The incoming mail of one name; `file`, if there is one, keeps the numbers of the messages that are done with."""
 
     NOT_DONE = Refusal(code="not_absorbed", text="the program is not done with it")
 
     def __init__(self, bus: Bus, name: str, file: Path | None) -> None:
         self._name, self._file = name, file
         self._waiting: deque[tuple[Message, float]] = deque()
-        """What the program is not done with, and when it expires; the first one may be in its hands."""
+        """The messages that the program is not done with, and when they expire; it may be working on the first one."""
         self._late: OrderedDict[tuple[Numbered, int], None] = OrderedDict()
-        """The last ones whose time was over before the program came to them."""
+        """The last messages that expired before the program read them."""
         self._asked: dict[str, asyncio.Future[Message]] = {}
-        """The questions whose answers are waited for."""
+        """The questions that wait for an answer."""
         self._answering = 0
-        """Queries of commd that are not answered yet."""
+        """Queries of commd without a receipt yet."""
         self._reader: Messages | None = None
         super().__init__(
             bus,
@@ -62,12 +63,12 @@ class ProgramInbox(ReceiveOnce):
             self.restore(read_numbers(file))
 
     def read(self) -> Messages:
-        """Begin to read: the messages that are not done with, and then those that come."""
+        """Begin to read: first the messages that are not done with, then new ones."""
         self._reader = Messages(self)
         return self._reader
 
     def done(self, message: Message) -> None:
-        """The program is done with the message that it has in hand."""
+        """Note that the program is done with the message that it is working on."""
         if self._waiting and self._waiting[0][0] is message:
             self._finish(message)
             self._waiting.popleft()
@@ -89,11 +90,11 @@ class ProgramInbox(ReceiveOnce):
 
     @property
     def undone(self) -> int:
-        """Messages that have come and that the program is not done with."""
+        """Number of received messages that the program is not done with."""
         return len(self._waiting)
 
     async def first(self, reader: Messages) -> Message:
-        """Wait for the first message that is not done with; it stays the first until it is."""
+        """Wait for the first message that is not done with, and return it."""
         while True:
             if reader is not self._reader:
                 raise RuntimeError("another loop reads the messages of this client by now")
@@ -107,7 +108,7 @@ class ProgramInbox(ReceiveOnce):
             await self._changed.wait()
 
     async def close(self) -> None:
-        """Take no mail any more; answer how far the program has come."""
+        """Accept no more mail, and send the last receipts."""
         self.withdraw()
         self._leaving = True
         self._notify()
@@ -117,10 +118,8 @@ class ProgramInbox(ReceiveOnce):
                     await self._changed.wait()
 
     def _pass_answers(self) -> None:
-        """Be done with answers, which no loop is handed, also with those that nobody waits for any more.
-
-        A number says of all below it that they are done: an answer stays while a message before it of its sender does.
-        """
+        """Mark answers as done, also those that nobody waits for any more: no loop gets them. A number marks all
+        below it as done: an answer waits for the earlier messages of its sender."""
         if not any(_is_answer(message) for message, _ in self._waiting):
             return
         left, held = deque[tuple[Message, float]](), set[tuple[str, str]]()
@@ -134,7 +133,7 @@ class ProgramInbox(ReceiveOnce):
         self._waiting = left
 
     def _finish(self, message: Message) -> None:
-        """The program is done with a message. Raises OSError if that cannot be written down."""
+        """Note that a message is done with. Raises OSError if the file cannot be written."""
         self._done(*_number(message))
         if self._file is not None:
             done = {
@@ -179,7 +178,7 @@ class ProgramInbox(ReceiveOnce):
 
 
 class Messages:
-    """What `async for` goes through: to ask for the next message is to be done with the one before."""
+    """An iterator for `async for`: asking for the next message marks the previous one as done."""
 
     def __init__(self, inbox: ProgramInbox) -> None:
         self._inbox = inbox
@@ -197,7 +196,7 @@ class Messages:
 
 
 def _is_answer(message: Message) -> bool:
-    """Whether a message answers a question of `ask`, in this life of the program or in one before."""
+    """Whether a message answers a question of `ask`, of this process or of one before it."""
     return message.in_reply_to.startswith(QUESTION)
 
 
@@ -206,7 +205,7 @@ def _number(message: Message) -> tuple[Numbered, int]:
 
 
 def read_numbers(file: Path) -> dict[Numbered, int]:
-    """Return the numbers of what a program was done with; a file that cannot be read is set aside."""
+    """Return the numbers of the messages that a program was done with; a file that cannot be read is set aside."""
     try:
         return {
             Numbered(str(sender), str(life)): int(number)

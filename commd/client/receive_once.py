@@ -1,8 +1,8 @@
-"""Receive the mail of one name once: what the inboxes of agents and of Python programs have in common
+"""Receive the mail of one name exactly once: the common part of the inboxes of agents and of Python programs
 (docs/guides/mail.md).
 
-`commd` offers a message until it is *done with*: its effects are on disk (an agent), or the next one was asked for
-(a program). What it offers again meanwhile is known by the numbers that each sender gives to its messages.
+`commd` offers a message until it is *done with*: its effects are on disk (an agent), or the next one was asked for (a
+program). Repeated messages are recognised by the numbers that each sender gives to its messages.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class ReceiveOnce:
         """Takes no mail any more."""
 
     def restore(self, done: Mapping[Numbered, int]) -> None:
-        """Go on where the process before this one ended."""
+        """Continue where the process before this one ended."""
         for whose, seq in done.items():
             self._progress.setdefault(whose.sender, OrderedDict())[whose.numbering] = Progress(seq, seq, seq)
 

@@ -1,4 +1,4 @@
-"""Mail of a program that is no agent: handed to the board's `commd`, which has it on disk when `send` returns."""
+"""Send mail: give messages to the board's `commd`, which has them on disk when it sends the receipt."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Unsendable(ValueError):
 
 
 class NotSent(Exception):
-    """A message that was not taken, and why."""
+    """A message that was not accepted; the text has the reason."""
 
     def __init__(self, message: Message, reason: str) -> None:
         super().__init__(f"{message.performative} to {message.receiver}: {reason}")
@@ -49,11 +49,12 @@ class TooLarge(NotSent, ValueError):
 
 
 class MailboxFull(NotSent):
-    """As many messages as may wait for this receiver do; none of them is given up for a new one."""
+    """The mailbox of the receiver is full; no waiting message is dropped for a new one."""
 
 
 class SendTimeout(NotSent, TimeoutError):
-    """`commd` has not said that it took the message. `send_again` sends it under its own number: never twice."""
+    """`commd` has not acknowledged the message. `send_again` sends it again with its number, so that it arrives
+    once."""
 
 
 def encoded(message: Message, wire: Wire) -> bytes:
@@ -105,11 +106,11 @@ class Sending:
         identity: str = "",
         until: float = inf,
     ) -> Message:
-        """Send a message and return it once it is on disk. Raises NotSent, and which one says why.
+        """Send a message and return it once it is on disk. Raises the subclass of NotSent for the reason.
 
-        `ttl` is in wall seconds, None = for ever; `commd` has `patience` wall seconds to take it.
-        `identity` is its id; none = one that is made of its number. It is given up `until` a time of the loop's clock,
-        also when its turn has not come: then it has not left.
+        `ttl` is in wall seconds, None = for ever; `commd` has `patience` wall seconds to take it. `identity` is its id;
+        none = one that is made of its number. It is given up `until` a time of the loop's clock, also when its turn has
+        not come: then it has not left.
         """
         message = Message(
             id=identity,

@@ -241,7 +241,7 @@ class MailService:
         bound: int | None,
         also: Callable[[Connection], None] | None = None,
     ) -> Receipt:
-        """Write a batch to disk and start its delivery; a `Refusal` stands in the place of a refused message."""
+        """Write a batch to disk and start its delivery; a `Refusal` takes the place of a refused message."""
         good = [one for one in rows if isinstance(one, StoredMessage)]
 
         def write(db: Connection) -> list[str]:

@@ -24,7 +24,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Section:
-    """A `[name]` and what stands below it. Names of options are in small letters."""
+    """A `[name]` and its options. Names of options are in lower case."""
 
     name: str
     line: int
@@ -33,7 +33,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Ini:
-    """A file's sections in their order, what holds in all of them, and what was wrong with the text."""
+    """The sections of a file in order, the options of `[DEFAULT]`, and the findings."""
 
     defaults: Section
     sections: tuple[Section, ...]

@@ -1,4 +1,4 @@
-"""Finds what ships with the project besides its code, in a checkout and in an installed wheel alike."""
+"""Find files that ship with the project besides its code, in a checkout or an installed wheel."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 Kind = Literal["manifests", "missions", "deploy"]
-"""Manifests of robots, missions with their programs, and what a board needs to start its daemons."""
+"""Manifests of robots, missions with their programs, and templates for boards."""
 _PACKAGE = Path(__file__).resolve().parents[1]
 _BASES = (_PACKAGE / "shipped", _PACKAGE.parent)
 
@@ -21,12 +21,12 @@ def shipped(kind: Kind, name: str) -> Path | None:
 
 
 def shipped_names(kind: Kind, suffix: str) -> list[str]:
-    """Return the names, without suffix, of what ships: for error messages that say what there is."""
+    """Return the names of the shipped files, without suffix, for error messages."""
     return sorted({path.stem for base in _BASES for path in (base / kind).glob(f"*{suffix}")})
 
 
 def mission_file(named: str | Path) -> Path:
-    """Return the file that `named` means: a path, or the bare name of a shipped mission where no such file stands."""
+    """Return the file of a mission: a path, or the bare name of a shipped mission if there is no such file."""
     path = Path(named)
     if path.suffix or path.name != str(named) or path.is_file():
         return path

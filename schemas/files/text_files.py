@@ -1,4 +1,4 @@
-"""Reads the files that people name: regular files, text in UTF-8, of a size that a person could have written."""
+"""Read files that users name: regular files of bounded size, text in UTF-8."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A change of a manifest: paths such as `percepts.altitude.rate`, and what a plain manifest is after it."""
+"""Apply a change to a manifest, by paths such as `percepts.altitude.rate`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WHAT = {"percepts": "percept", "actions": "action", "orders": "order"}
 
 
 class BadPath(ValueError):
-    """A path that leads nowhere in the manifest; says why."""
+    """A path that does not exist in the manifest; the text has the reason."""
 
 
 def changed(document: Mapping[str, Any], change: ManifestChange) -> tuple[dict[str, Any], list[str]]:
@@ -45,7 +45,7 @@ def _holds_nothing(value: object) -> bool:
 
 
 def part_of(document: Mapping[str, Any], path: str) -> tuple[tuple[str, ...], Any]:
-    """Return the steps of a path and what stands there. Raises BadPath."""
+    """Return the steps of a path and the value there. Raises BadPath."""
     steps = _steps(path)
     return steps, _lead(document, steps, path)
 
@@ -86,7 +86,7 @@ def _steps(path: str) -> tuple[str, ...]:
 
 
 def _lead(made: Any, steps: tuple[str, ...] | list[str], path: str) -> Any:
-    """Return what stands at the end of the steps."""
+    """Return the value at the end of the steps."""
     here = made
     for index, step in enumerate(steps):
         at = _step_in(here, step, path)

@@ -1,9 +1,9 @@
-"""The JSON Schema of manifests, for editors: types, ranges, choices and what everything means.
+"""The JSON Schema of manifests, for editors: types, ranges, choices and descriptions.
 
 `msgspec.json.schema` cannot write a default that is a `Duration`, and takes no docstrings of fields.
 
-What one field says of another (a key beyond the arguments, a minimum above the maximum) and what drivers know is beyond
-it: `argosy manifest check` tells that too.
+It cannot express rules between fields (a key beyond the arguments, a minimum above the maximum) and what drivers know:
+`argosy manifest check` checks those too.
 """
 
 from __future__ import annotations

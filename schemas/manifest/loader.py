@@ -1,4 +1,4 @@
-"""Reads manifests (design section 12): every problem at once, each at its line."""
+"""Read manifests (design section 12); all problems are reported together, each at its line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A manifest as plain data and as TOML text: what is told of a running one, and what a file of it says.
+"""A manifest as plain data and as TOML text.
 
 `tomli_w` is not used: it writes each element of a list on its own line, 410 lines for `arducopter` instead of 265.
 """

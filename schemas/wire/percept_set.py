@@ -183,7 +183,7 @@ def differences(before: Iterable[Perception], after: Iterable[Perception]) -> li
 
 
 def tells_of_none(digest: str) -> bool:
-    """Whether a digest is of an empty set."""
+    """Whether a digest is that of an empty set."""
     return digest.rpartition(":")[2] == "0" * 16
 
 

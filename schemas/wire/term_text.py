@@ -1,4 +1,4 @@
-"""Wire terms as AgentSpeak text and back: for the paper's message form, INI manifests and everything that people read.
+"""Convert wire terms to AgentSpeak text and back, for the paper's messages, INI manifests and people.
 
 Only plain terms are read here; what needs the language's own parser (rules, plans, expressions) is kept as `Source`.
 """
@@ -43,7 +43,7 @@ _AS_EXPRESSION = {value: text for text, value in _NOT_FINITE.items()}
 
 
 class BadTerm(ValueError):
-    """Text that is not a term; says where and what was expected."""
+    """Text that is not a term; the text has the place and what was expected."""
 
 
 def write(term: Term) -> str:

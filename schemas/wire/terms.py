@@ -1,4 +1,4 @@
-"""Terms as they travel on the wire and stand in files.
+"""Terms on the wire and in files.
 
 JSON stays readable for people and other tools: numbers, strings and lists are plain JSON, `true` and `false` are the
 atoms of that name, everything else is an object with a `kind`: `{"kind": "atom", "name": "guided"}`. JSON knows neither
