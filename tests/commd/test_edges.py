@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
@@ -199,38 +199,47 @@ async def test_an_old_node_and_an_agent_talk(endpoint: str, tmp_path: Path, free
         await node.close()
 
 
+@contextlib.asynccontextmanager
+async def near_and_distant(
+    mission: str, endpoint: str, state: Path, free_port: Callable[[], int], degraded: str
+) -> AsyncIterator[tuple[Client, Client]]:
+    """A program on each of two boards, whose commd say that mail between them is degraded."""
+    path = state / "mission.yaml"
+    path.write_text(mission)
+    other, between = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
+    with (
+        commd(path, state, endpoint, "--board", "pi1", "--listen", between) as one,
+        commd(path, state, other, "--board", "pi2", "--connect", between) as two,
+    ):
+        for daemon in (one, two):
+            await asyncio.to_thread(daemon.says, f"mail between boards is degraded on purpose{degraded}")
+        async with (
+            join("near", mission=path, router=endpoint) as near,
+            join("distant", mission=path, router=other) as distant,
+        ):
+            yield near, distant
+
+
 @async_test
 async def test_mail_crosses_a_bad_radio_once_and_in_order(
     endpoint: str, tmp_path: Path, free_port: Callable[[], int]
 ) -> None:
-    mission = tmp_path / "far.yaml"
-    mission.write_text(FAR)
-    other, between = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
-    with (
-        commd(mission, tmp_path, endpoint, "--board", "pi1", "--listen", between) as one,
-        commd(mission, tmp_path, other, "--board", "pi2", "--connect", between) as two,
-    ):
-        for daemon in (one, two):
-            await asyncio.to_thread(daemon.says, "mail between boards is degraded on purpose")
-        async with (
-            join("near", mission=mission, router=endpoint) as near,
-            join("distant", mission=mission, router=other) as distant,
-        ):
-            healths: dict[str, Health] = {}
-            near._bus.subscribe(keys.health("far", "*", "commd"), Health, healths.__setitem__)
-            for number in range(40):
-                await near.send("distant", "tell", number)
-                await distant.send("near", "tell", number)
-            there, here = await asyncio.gather(take(distant, 40), take(near, 40))
-            assert [message.content for message in there] == list(range(40))
-            assert [message.content for message in here] == list(range(40))
-            lost = [keys.health("far", board, "commd") for board in ("pi1", "pi2")]
-            await until(
-                lambda: all(key in healths and healths[key].counters.get("radio_lost", 0) > 0 for key in lost),
-                "both boards have lost transmissions",
-            )
-            degraded = [note for note in healths[lost[0]].notes if note.code == "radio_degraded"]
-            assert ["loss 0.3, delay 5ms" in note.text for note in degraded] == [True]
+    async with near_and_distant(FAR, endpoint, tmp_path, free_port, "") as (near, distant):
+        healths: dict[str, Health] = {}
+        near._bus.subscribe(keys.health("far", "*", "commd"), Health, healths.__setitem__)
+        for number in range(40):
+            await near.send("distant", "tell", number)
+            await distant.send("near", "tell", number)
+        there, here = await asyncio.gather(take(distant, 40), take(near, 40))
+        assert [message.content for message in there] == list(range(40))
+        assert [message.content for message in here] == list(range(40))
+        lost = [keys.health("far", board, "commd") for board in ("pi1", "pi2")]
+        await until(
+            lambda: all(key in healths and healths[key].counters.get("radio_lost", 0) > 0 for key in lost),
+            "both boards have lost transmissions",
+        )
+        degraded = [note for note in healths[lost[0]].notes if note.code == "radio_degraded"]
+        assert ["loss 0.3, delay 5ms" in note.text for note in degraded] == [True]
 
 
 APART = """
@@ -249,39 +258,30 @@ radio: {range: 300m}
 async def test_mail_waits_while_the_robots_are_out_of_range(
     endpoint: str, tmp_path: Path, free_port: Callable[[], int]
 ) -> None:
-    mission = tmp_path / "apart.yaml"
-    mission.write_text(APART)
-    other, between = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
-    with (
-        commd(mission, tmp_path, endpoint, "--board", "pi1", "--listen", between) as one,
-        commd(mission, tmp_path, other, "--board", "pi2", "--connect", between) as two,
+    async with near_and_distant(APART, endpoint, tmp_path, free_port, ", as the mission declares: range 300m") as (
+        near,
+        distant,
     ):
-        for daemon in (one, two):
-            await asyncio.to_thread(daemon.says, "degraded on purpose, as the mission declares: range 300m")
-        async with (
-            join("near", mission=mission, router=endpoint) as near,
-            join("distant", mission=mission, router=other) as distant,
-        ):
-            where = Perception(name="global_pos", parameters=(0.0, 0.01))  # 1.1 km to the east
+        where = Perception(name="global_pos", parameters=(0.0, 0.01))  # 1.1 km to the east
 
-            async def fly() -> None:
-                """Be the bridge of the distant robot."""
-                while True:
-                    distant._bus.put(keys.percept("apart", "distant", "global_pos"), where)
-                    await asyncio.sleep(0.05)
+        async def fly() -> None:
+            """Be the bridge of the distant robot."""
+            while True:
+                distant._bus.put(keys.percept("apart", "distant", "global_pos"), where)
+                await asyncio.sleep(0.05)
 
-            healths: dict[str, Health] = {}
-            near._bus.subscribe(keys.health("apart", "pi1", "commd"), Health, healths.__setitem__)
-            flying = asyncio.create_task(fly())
+        healths: dict[str, Health] = {}
+        near._bus.subscribe(keys.health("apart", "pi1", "commd"), Health, healths.__setitem__)
+        flying = asyncio.create_task(fly())
 
-            def lost() -> float:
-                return sum(one.counters.get("radio_out_of_range", 0) for one in healths.values())
+        def lost() -> float:
+            return sum(one.counters.get("radio_out_of_range", 0) for one in healths.values())
 
-            number = 0
-            while not lost():  # the air of pi1 has to hear of the position first
-                number += 1
-                await near.send("distant", "tell", number)
-                await asyncio.sleep(0.1)
-            where = Perception(name="global_pos", parameters=(0.0, 0.0025))  # 278 m
-            assert [one.content for one in await take(distant, number)] == list(range(1, number + 1))
-            flying.cancel()
+        number = 0
+        while not lost():  # the air of pi1 has to hear of the position first
+            number += 1
+            await near.send("distant", "tell", number)
+            await asyncio.sleep(0.1)
+        where = Perception(name="global_pos", parameters=(0.0, 0.0025))  # 278 m
+        assert [one.content for one in await take(distant, number)] == list(range(1, number + 1))
+        flying.cancel()

@@ -243,19 +243,19 @@ async def test_a_board_tells_that_its_router_has_little_room_left_and_who_takes_
     watching.cancel()
 
 
-def test_a_watch_over_links_that_fails_says_so_and_goes_on(fleet: FleetKeys, caplog: pytest.LogCaptureFixture) -> None:
-    async def body() -> None:
-        bus = FewLinks()
-        mission = read_mission(TWO.replace("ONE", "").replace("TWO", ""), Path("m.yaml"))
-        links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01)
-        watching = asyncio.create_task(links.watch())
-        bus.those = None
-        await until(lambda: identities(links.health().notes) == [("defect", "links")], "it is told")
-        bus.those = Counter({"": 1})
-        await until(lambda: links.health().notes == (), "it goes on")
-        watching.cancel()
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+@async_test
+async def test_a_watch_over_links_that_fails_says_so_and_goes_on(
+    fleet: FleetKeys, caplog: pytest.LogCaptureFixture
+) -> None:
+    bus = FewLinks()
+    mission = read_mission(TWO.replace("ONE", "").replace("TWO", ""), Path("m.yaml"))
+    links = Links(cast(Bus, bus), mission, "pi1", fleet.make("pi1", ends=90 * 86_400), look=0.01)
+    watching = asyncio.create_task(links.watch())
+    bus.those = None
+    await until(lambda: identities(links.health().notes) == [("defect", "links")], "it is told")
+    bus.those = Counter({"": 1})
+    await until(lambda: links.health().notes == (), "it goes on")
+    watching.cancel()
     assert caplog.text.count("defect in argosy: the watch over the links") < 3, "not at each look"
 
 

@@ -91,14 +91,12 @@ async def until_gone(bus: Bus, agent: str) -> None:
     await until(gone, f"no token of {agent}")
 
 
-def test_an_address_that_this_machine_does_not_have_yet_keeps_no_board_from_starting(
+@async_test
+async def test_an_address_that_this_machine_does_not_have_yet_keeps_no_board_from_starting(
     endpoint: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body() -> None:
-        async with session(endpoint, "pi1", "commd", router=True, listen=[NOWHERE]), session(endpoint, "a") as a:
-            await a.claim("a")
-
-    asyncio.run(asyncio.wait_for(body(), 240))
+    async with session(endpoint, "pi1", "commd", router=True, listen=[NOWHERE]), session(endpoint, "a") as a:
+        await a.claim("a")
     assert f"{NOWHERE} is no address of this machine yet" in caplog.text
 
 

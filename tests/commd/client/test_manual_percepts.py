@@ -17,7 +17,7 @@ from schemas.wire import keys, percept_set
 from schemas.wire.records import Perception
 from schemas.wire.terms import Structure, Variable
 from tests.commd.client.test_percept_sync import FakeBridge
-from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, subscribed, until
+from tests.support.buses import FLEET, Connect, bus_test, subscribed, until
 
 
 class Believing:
@@ -98,24 +98,21 @@ async def test_what_both_tell_ends_when_the_last_of_them_says_so(connect: Connec
     await until(lambda: ("link", ("up",)) not in mind.present(), "nobody tells it any more")
 
 
-def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once(
-    endpoint: str, caplog: pytest.LogCaptureFixture
+@bus_test
+async def test_without_inject_percepts_by_hand_are_ignored_counted_and_told_once(
+    connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.WARNING, "percepts")
-
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        mind = Believing(await connect("uav"), inject=False)
-        person = await connect("operator")
-        await until(lambda: mind.perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
-        asked = bridge.asked
-        for number in range(5):
-            await put(person, "victim", parameters=[number])
-        await until(lambda: mind.perceiving.counters["by_hand_ignored"] == 5, "all are counted")
-        assert mind.present() == set()
-        assert bridge.asked == asked, "they are no reason to doubt what the bridge has told"
-
-    on_a_bus(endpoint, body)
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    mind = Believing(await connect("uav"), inject=False)
+    person = await connect("operator")
+    await until(lambda: mind.perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    asked = bridge.asked
+    for number in range(5):
+        await put(person, "victim", parameters=[number])
+    await until(lambda: mind.perceiving.counters["by_hand_ignored"] == 5, "all are counted")
+    assert mind.present() == set()
+    assert bridge.asked == asked, "they are no reason to doubt what the bridge has told"
     told = [one.getMessage() for one in caplog.records if one.name == "percepts"]
     assert len(told) == 1
     assert "a percept `victim` put by hand is ignored" in told[0]

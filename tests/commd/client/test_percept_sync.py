@@ -111,33 +111,30 @@ async def test_a_lost_last_percept_is_repaired_by_the_digest_in_the_bridges_heal
     assert perceiving.counters["repairs"] == 2
 
 
-def test_a_percept_in_the_bridges_name_blinds_nobody(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+@bus_test
+async def test_a_percept_in_the_bridges_name_blinds_nobody(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
     """Somebody edits what a query has told and puts it: the bridge's own words must not be older than that for ever."""
-
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        perceiving, heard = perceive(await connect("uav"))
-        person = await connect("operator")
-        bridge.tell("altitude", 1)
-        await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
-        await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
-        [told] = bridge.percepts.snapshot()
-        key = keys.percept(FLEET, "uav", "altitude")
-        for ahead in (10**9, 1):
-            header = replace(told.header, seq=bridge.percepts.seq + ahead)
-            person.put(key, replace(told, header=header, parameters=(99,)))
-            await until(lambda: ("came", "altitude", (99,)) in heard, "it is believed")
-            health = asyncio.create_task(bridge.report_for_ever())
-            await until(lambda: heard[-1] == ("came", "altitude", bridge.now("altitude")), "the bridge is asked")
-            health.cancel()
-            heard.clear()
-            bridge.tell("altitude", ahead)
-            await until(lambda: heard == [("came", "altitude", bridge.now("altitude"))], "it is heard")
-            assert bridge.now("altitude") == (ahead,)
-        assert perceiving.counters["not_of_the_bridge"] == 2
-        assert perceiving.percepts.seq == bridge.percepts.seq
-
-    on_a_bus(endpoint, body)
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    perceiving, heard = perceive(await connect("uav"))
+    person = await connect("operator")
+    bridge.tell("altitude", 1)
+    await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
+    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    [told] = bridge.percepts.snapshot()
+    key = keys.percept(FLEET, "uav", "altitude")
+    for ahead in (10**9, 1):
+        header = replace(told.header, seq=bridge.percepts.seq + ahead)
+        person.put(key, replace(told, header=header, parameters=(99,)))
+        await until(lambda: ("came", "altitude", (99,)) in heard, "it is believed")
+        health = asyncio.create_task(bridge.report_for_ever())
+        await until(lambda: heard[-1] == ("came", "altitude", bridge.now("altitude")), "the bridge is asked")
+        health.cancel()
+        heard.clear()
+        bridge.tell("altitude", ahead)
+        await until(lambda: heard == [("came", "altitude", bridge.now("altitude"))], "it is heard")
+        assert bridge.now("altitude") == (ahead,)
+    assert perceiving.counters["not_of_the_bridge"] == 2
+    assert perceiving.percepts.seq == bridge.percepts.seq
     assert (
         "a percept in the name of uav1 was not of its bridge: its bridge is at seq 1, this set was at 1000000001"
         in (caplog.text)
@@ -162,49 +159,44 @@ async def test_after_a_forged_percept_a_bridge_that_tells_nothing_is_believed(co
     await until(lambda: heard[-1] == ("came", "link", ("up",)), "the bridge is heard")
 
 
-def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
-    endpoint: str, caplog: pytest.LogCaptureFixture
+@bus_test
+async def test_a_percept_of_a_life_that_the_bridge_never_had_is_taken_back(
+    connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        perceiving, heard = perceive(await connect("uav"))
-        person = await connect("operator")
-        bridge.tell("altitude", 1)
-        await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
-        await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
-        odd = Perception(header=Header(source="uav1", boot="zz", seq=5), name="victim", parameters=(1,))
-        person.put(keys.percept(FLEET, "uav", "victim"), odd)
-        await until(lambda: ("gone", "victim", (1,)) in heard, "the bridge is asked, and knows of none")
-        assert perceiving.counters["not_of_the_bridge"] == 1
-        bridge.tell("altitude", 2)
-        await until(lambda: ("came", "altitude", (2,)) in heard, "the bridge is heard")
-
-    on_a_bus(endpoint, body)
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    perceiving, heard = perceive(await connect("uav"))
+    person = await connect("operator")
+    bridge.tell("altitude", 1)
+    await until(lambda: heard == [("came", "altitude", (1,))], "the first percept arrives")
+    await until(lambda: perceiving.counters["repairs"] == 1, "what it asked at its start is answered")
+    odd = Perception(header=Header(source="uav1", boot="zz", seq=5), name="victim", parameters=(1,))
+    person.put(keys.percept(FLEET, "uav", "victim"), odd)
+    await until(lambda: ("gone", "victim", (1,)) in heard, "the bridge is asked, and knows of none")
+    assert perceiving.counters["not_of_the_bridge"] == 1
+    bridge.tell("altitude", 2)
+    await until(lambda: ("came", "altitude", (2,)) in heard, "the bridge is heard")
     assert "was not of its bridge: its bridge still runs as boot " in caplog.text
 
 
-def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
-    endpoint: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+@bus_test
+async def test_an_old_percept_in_the_bridges_name_is_counted_and_told(
+    connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("commd.client.percept_sync.IN_FLIGHT", 0.0)
-
-    async def body(connect: Connect) -> None:
-        bridge = FakeBridge(await connect("uav1", "bridged"))
-        perceiving, heard = perceive(await connect("uav"))
-        person = await connect("operator")
-        for height in range(3):
-            bridge.tell("altitude", height)
-        await until(lambda: len(heard) == 3, "all arrive")
-        [told] = bridge.percepts.snapshot()
-        header = replace(told.header, seq=2)
-        person.put(keys.percept(FLEET, "uav", "victim"), replace(told, header=header, name="victim"))
-        await until(lambda: perceiving.counters["stale"] == 1, "it is counted")
-        odd = replace(told, header=replace(told.header, seq=4), key=(-1,))
-        person.put(keys.percept(FLEET, "uav", "altitude"), odd)
-        await until(lambda: perceiving.counters["unreadable"] == 1, "a position below 0 is counted")
-        assert len(heard) == 3
-
-    on_a_bus(endpoint, body)
+    bridge = FakeBridge(await connect("uav1", "bridged"))
+    perceiving, heard = perceive(await connect("uav"))
+    person = await connect("operator")
+    for height in range(3):
+        bridge.tell("altitude", height)
+    await until(lambda: len(heard) == 3, "all arrive")
+    [told] = bridge.percepts.snapshot()
+    header = replace(told.header, seq=2)
+    person.put(keys.percept(FLEET, "uav", "victim"), replace(told, header=header, name="victim"))
+    await until(lambda: perceiving.counters["stale"] == 1, "it is counted")
+    odd = replace(told, header=replace(told.header, seq=4), key=(-1,))
+    person.put(keys.percept(FLEET, "uav", "altitude"), odd)
+    await until(lambda: perceiving.counters["unreadable"] == 1, "a position below 0 is counted")
+    assert len(heard) == 3
     assert "a percept victim changes nothing: its header has source uav1 and seq 2, after seq 3" in caplog.text
 
 

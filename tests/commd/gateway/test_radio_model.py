@@ -16,7 +16,7 @@ from schemas.mission.model import Mission, Radio, read_mission
 from schemas.wire import keys
 from schemas.wire.records import Header, Perception
 from schemas.wire.terms import Number, Term
-from tests.support.buses import FLEET, Connect, bus_test, on_a_bus, subscribed, until
+from tests.support.buses import FLEET, Connect, bus_test, subscribed, until
 
 HOME = (-27.604033, -48.518363)
 MISSION = """
@@ -129,14 +129,11 @@ async def test_the_position_of_a_robot_that_stands_still_is_asked_for(connect: C
         await until(lambda: not air._model.in_range("uav1", "uav2"), "the robot's position is known")
 
 
-def test_a_degraded_air_is_said_at_the_start(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+@bus_test
+async def test_a_degraded_air_is_said_at_the_start(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
     text = MISSION.replace("{range: 300m}", "{range: 300m, loss: 0.1, delay: 20ms, bandwidth: 250000}")
-
-    async def body(connect: Connect) -> None:
-        async with on_air(connect, mission(text)):
-            pass
-
-    on_a_bus(endpoint, body)
+    async with on_air(connect, mission(text)):
+        pass
     assert (
         "mail between boards is degraded on purpose, as the mission declares: "
         "range 300m, loss 0.1, delay 20ms, bandwidth 250000 bit/s" in caplog.text

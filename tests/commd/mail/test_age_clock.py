@@ -13,12 +13,18 @@ from schemas.wire.records import BoardServices, Header, MailSeen
 from tests.commd.offices import Time
 
 
-def test_time_goes_on_for_a_daemon_that_starts_again_and_counts_the_time_between() -> None:
+def saved_after_50(boot: str) -> tuple[sqlite3.Connection, Time, MailClock]:
+    """A file that a clock was saved in after 50 seconds, and both clocks."""
     db, now = sqlite3.connect(":memory:", isolation_level=None), Time()
     migrate(db)
-    first = MailClock(now, "boot 1")
+    clock = MailClock(now, boot)
     now.seconds += 50
-    first.save(db)
+    clock.save(db)
+    return db, now, clock
+
+
+def test_time_goes_on_for_a_daemon_that_starts_again_and_counts_the_time_between() -> None:
+    db, now, first = saved_after_50("boot 1")
     now.seconds += 25
     second = MailClock(now, "boot 1")
     assert second.now() == 0
@@ -27,11 +33,7 @@ def test_time_goes_on_for_a_daemon_that_starts_again_and_counts_the_time_between
 
 
 def test_after_a_boot_time_goes_on_from_what_was_written_down_with_the_seconds_since_the_boot() -> None:
-    db, now = sqlite3.connect(":memory:", isolation_level=None), Time()
-    migrate(db)
-    first = MailClock(now, "boot 1")
-    now.seconds += 50
-    first.save(db)
+    db, now, _ = saved_after_50("boot 1")
     now.seconds = 8.0
     second = MailClock(now, "boot 2")
     second.load(db)
@@ -44,11 +46,7 @@ def test_after_a_boot_time_goes_on_from_what_was_written_down_with_the_seconds_s
 
 
 def test_where_the_kernel_does_not_tell_its_boots_each_start_counts_as_one() -> None:
-    db, now = sqlite3.connect(":memory:", isolation_level=None), Time()
-    migrate(db)
-    first = MailClock(now, "")
-    now.seconds += 50
-    first.save(db)
+    db, now, _ = saved_after_50("")
     second = MailClock(now, "")
     second.load(db)
     assert second.now() == 200, "never less than what was written down"

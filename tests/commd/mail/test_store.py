@@ -49,19 +49,27 @@ def kept(db: Connection) -> dict[str, bytes]:
     return schema.kept(db, "test")
 
 
+KEEP_AND_DIE = """
+import asyncio, os, sys
+from pathlib import Path
+from commd.mail import schema
+from commd.mail.store import open_store
+
+async def main():
+    async with open_store(Path(sys.argv[1])) as store:
+        await store.write(lambda db: schema.keep(db, "test", "a", b"1"))
+        os.kill(os.getpid(), 9)
+
+asyncio.run(main())
+"""
+
+
+def keep_and_die(path: Path) -> None:
+    assert subprocess.run([sys.executable, "-c", KEEP_AND_DIE, str(path)], timeout=30).returncode == -9
+
+
 def test_what_was_written_is_there_when_the_process_was_killed_at_once(path: Path) -> None:
-    program = """if True:
-        import asyncio, os, sys
-        from pathlib import Path
-        from commd.mail import schema as facts
-        from commd.mail.store import open_store
-        async def main():
-            async with open_store(Path(sys.argv[1])) as store:
-                await store.write(lambda db: facts.keep(db, "test", "a", b"1"))
-                os.kill(os.getpid(), 9)
-        asyncio.run(main())
-    """
-    assert subprocess.run([sys.executable, "-c", program, str(path)], timeout=30).returncode == -9
+    keep_and_die(path)
 
     async def body(store: Store) -> None:
         assert await store.read(kept) == {"a": b"1"}
@@ -199,18 +207,7 @@ def test_a_board_that_starts_on_a_full_disk_after_a_power_cut_has_its_mail_when_
 ) -> None:
     monkeypatch.setattr(store_module, "OPEN_AGAIN", 0.1)
     path = small_disk / "pi1.mail"
-    program = """if True:
-        import asyncio, os, sys
-        from pathlib import Path
-        from commd.mail import schema as facts
-        from commd.mail.store import open_store
-        async def main():
-            async with open_store(Path(sys.argv[1])) as store:
-                await store.write(lambda db: facts.keep(db, "test", "a", b"1"))
-                os.kill(os.getpid(), 9)
-        asyncio.run(main())
-    """
-    assert subprocess.run([sys.executable, "-c", program, str(path)], timeout=30).returncode == -9
+    keep_and_die(path)
     fill_up(small_disk, "filler")
     Path(f"{path}-shm").unlink()  # as after a boot
     fill_up(small_disk, "more")
