@@ -11,10 +11,10 @@ import re
 import threading
 import types
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin
+from typing import Any, Final, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
@@ -32,19 +32,28 @@ def convert(value: object, kind: type[T], dec_hook: Callable[[type, Any], Any]) 
         return msgspec.convert(value, kind, dec_hook=dec_hook)
 
 
-Path = tuple[str, ...]
+Path = tuple[str | int, ...]
 Hook = Callable[[type, Any], Any]
 MAX_DEPTH = 40
 """No model of ours is nested deeper."""
 
 
-def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[tuple[Path, str]]:
-    """Yield the path and text of each mismatch: an unknown key, a missing field, a value of another kind.
+class Misfit(NamedTuple):
+    """A mismatch: an unknown key, a missing field, a value of another kind."""
+
+    path: Path
+    text: str
+    at_key: bool = False
+    """Whether it is about the key, not about the value."""
+
+
+def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[Misfit]:
+    """Yield each mismatch between plain data and a model.
 
     `hook` is msgspec's `dec_hook`: it raises ValueError for a value that it cannot decode.
     """
     if len(path) > MAX_DEPTH:
-        yield path, "nested too deeply"
+        yield Misfit(path, "nested too deeply")
         return
     options = _options(model)
     struct = next((one for one in options if is_struct(one)), None)
@@ -55,26 +64,32 @@ def misfits(value: object, model: Any, hook: Hook, path: Path = ()) -> Iterator[
     elif isinstance(value, dict) and mapping is not None:
         for key, item in value.items():
             yield from misfits(item, get_args(mapping)[1], hook, (*path, str(key)))
-    elif isinstance(value, list) and array is not None:
+    elif isinstance(value, list) and array is not None and len(items := _items(array, len(value))) == len(value):
         for index, item in enumerate(value):
-            yield from misfits(item, get_args(array)[0], hook, (*path, str(index)))
+            yield from misfits(item, items[index], hook, (*path, index))
     else:
         try:
             convert(value, model, hook)
         except msgspec.ValidationError as error:
-            yield path, _plain(error, value, options)
+            yield Misfit(path, _plain(error, value, options))
 
 
-def _fields(value: dict[str, Any], model: Any, hook: Hook, path: Path) -> Iterator[tuple[Path, str]]:
+def _items(array: Any, count: int) -> Sequence[Any]:
+    """Return the types of the elements of a list with `count` of them: each its own, if the length is fixed."""
+    kinds = get_args(array)
+    return kinds if get_origin(array) is tuple and Ellipsis not in kinds else kinds[:1] * count
+
+
+def _fields(value: dict[str, Any], model: Any, hook: Hook, path: Path) -> Iterator[Misfit]:
     fields = _fields_of(model)
     for name, item in value.items():
         if name in fields:
             yield from misfits(item, fields[name].type, hook, (*path, name))
         else:
-            yield (*path, name), f"there is no such field{did_you_mean(name, fields)}"
+            yield Misfit((*path, name), f"there is no such field{did_you_mean(name, fields)}", at_key=True)
     for name, field in fields.items():
         if field.required and name not in value:
-            yield path, f"needs the field `{name}`"
+            yield Misfit(path, f"needs the field `{name}`", at_key=True)
 
 
 @lru_cache(maxsize=64)
@@ -102,7 +117,8 @@ def _plain(error: msgspec.ValidationError, value: object, options: tuple[Any, ..
     said = str(error).partition(" - at `")[0]
     choices = [choice for one in options if get_origin(one) is Literal for choice in get_args(one)]
     if said.startswith("Invalid enum") or (choices and isinstance(value, str)):
-        return f"expected {' or '.join(f'`{choice}`' for choice in choices)}, got `{value}`"
+        listed = ["a list"] if any(get_origin(one) in (tuple, list) for one in options) else []
+        return f"expected {' or '.join([*(f'`{choice}`' for choice in choices), *listed])}, got `{value}`"
     plain = _KINDS.sub(_kinds, said)
     if ", got" not in plain and isinstance(value, str | int | float):
         plain += f", got `{str(value)[:40]}`"
@@ -111,7 +127,7 @@ def _plain(error: msgspec.ValidationError, value: object, options: tuple[Any, ..
 
 def _kinds(quoted: re.Match[str]) -> str:
     """Return msgspec's quoted types, such as `str | object | null`, in the terms of files."""
-    names = [name for name in quoted[1].split(" | ") if name != "null"]
+    names = [name for name in quoted[1].split(" | ") if name != "null"] or ["null"]
     return " or ".join(_WORDS.get(name, f"`{name}`") for name in names)
 
 

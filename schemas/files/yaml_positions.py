@@ -5,18 +5,17 @@ Files are untrusted: only plain YAML of bounded size and depth, no tags that con
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from typing import Any, TypeVar, get_args
+from itertools import islice
+from typing import Any, TypeVar
 
-import msgspec
 import yaml
 from yaml.composer import Composer
 from yaml.resolver import Resolver
 
-from schemas.files.findings import Finding, Findings, did_you_mean
+from schemas.files.findings import Finding, Findings
 from schemas.files.validation import convert as _convert_value
-from schemas.files.validation import is_struct
+from schemas.files.validation import misfits
 
 if yaml.__with_libyaml__:
     from yaml._yaml import CParser as _Parser  # five times as fast
@@ -139,94 +138,12 @@ class _Reader:
         return found
 
 
-_MESSAGE = re.compile(r"(.*?)(?: - at `(\$.*)`)?", re.DOTALL)
-_STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
-_UNKNOWN = re.compile(r"Object contains unknown field `(.*)`")
-_MISSING = re.compile(r"Object missing required field `(.*)`")
-
-
 def convert(
-    value: Any,
-    model: type[T],
-    positions: Positions,
-    dec_hook: Callable[[type, Any], Any],
-    at: Steps = (),
+    value: Any, model: type[T], positions: Positions, dec_hook: Callable[[type, Any], Any]
 ) -> tuple[T | None, list[Finding]]:
-    """Return the model of the value at path `at` of a file, and all findings.
-
-    msgspec stops at the first problem, so each problem is removed from the value and the rest is converted again.
-    Convert mappings with free keys entry by entry: msgspec does not say in which entry a problem is.
-    """
-    findings: list[Finding] = []
-    removed: set[Steps] = set()
-    value = _copy(value)
-    for _ in range(MAX_FINDINGS):
-        try:
-            found = _convert_value(value, model, dec_hook)
-        except msgspec.ValidationError as error:
-            path, finding = _explain(str(error), value, model, positions, at, removed)
-            findings += [finding] if finding else []
-            if not path:
-                break
-            removed.add(path)
-            _cut(value, path)
-        else:
-            return (None if findings else found), findings
-    return None, findings
-
-
-def _explain(
-    error: str, value: Any, model: type, positions: Positions, at: Steps, removed: set[Steps]
-) -> tuple[Steps, Finding | None]:
-    """Return the path to remove before the next attempt, and the finding."""
-    split = _MESSAGE.fullmatch(error)
-    assert split is not None
-    message, path = split[1], _resolve(split[2] or "$", value)
-    if unknown := _UNKNOWN.fullmatch(message):
-        here = (*path, unknown[1])
-        hint = did_you_mean(unknown[1], _fields(model, path))
-        return here, positions.finding((*at, *here), f"unknown field `{unknown[1]}`{hint}", at_key=True)
-    if missing := _MISSING.fullmatch(message):
-        if (*path, missing[1]) in removed:
-            return path, None
-        name = ".".join(map(str, (*at, *path))) or "the file"
-        return path, positions.finding((*at, *path), f"{name}: needs the field `{missing[1]}`", at_key=True)
-    name = ".".join(map(str, (*at, *path))) or "the file"
-    return path, positions.finding((*at, *path), f"{name}: {message[:1].lower()}{message[1:]}")
-
-
-def _copy(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _copy(item) for key, item in value.items()}
-    return [_copy(item) for item in value] if isinstance(value, list) else value
-
-
-def _cut(value: Any, path: Steps) -> None:
-    while path and isinstance(path[-1], int):  # a list goes as a whole: shorter, it would be wrong in another way
-        path = path[:-1]
-    for step in path[:-1]:
-        value = value[step]
-    del value[path[-1]]
-
-
-def _resolve(where: str, value: Any) -> Steps:
-    """Turn msgspec's `$.simulate.home[1]` into a path of steps that exist in the value."""
-    found: list[str | int] = []
-    for field, index in _STEP.findall(where.removeprefix("$")):
-        step: str | int = field or (int(index) if index.isdigit() else "")
-        try:
-            value = value[step]
-        except (KeyError, IndexError, TypeError):
-            break
-        found.append(step)
-    return tuple(found)
-
-
-def _fields(model: type, path: Steps) -> list[str]:
-    """Return the field names of the struct at `path` of the model."""
-    here: Any = model
-    for step in path:
-        types = {field.name: field.type for field in msgspec.structs.fields(here)} if is_struct(here) else {}
-        options = [types.get(str(step)), *get_args(types.get(str(step)))]
-        here = next((option for option in options if is_struct(option)), None)
-    return [field.encode_name for field in msgspec.structs.fields(here)] if is_struct(here) else []
+    """Return the model of the values of a file, and all findings."""
+    findings = []
+    for path, text, at_key in islice(misfits(value, model, dec_hook), MAX_FINDINGS):
+        name = ".".join(map(str, path)) or "the file"
+        findings.append(positions.finding(path, f"{name}: {text}", at_key=at_key))
+    return None if findings else _convert_value(value, model, dec_hook), findings

@@ -172,7 +172,8 @@ class _Reader:
         if not isinstance(content, dict):
             self.problem(f"expected a table `[{'.'.join(path)}]`", *path)
             return None
-        wrong = list(islice(misfits(content, kind, decode_hook), MAX_FINDINGS))
+        found = islice(misfits(content, kind, decode_hook), MAX_FINDINGS)
+        wrong = [(tuple(map(str, one.path)), one.text) for one in found]
         bad = {where[0] for where, _ in wrong if where}
         try:
             entry = convert({field: value for field, value in content.items() if field not in bad}, kind, decode_hook)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
@@ -42,7 +42,6 @@ PERFORMATIVES = frozenset(
 NO_STEPS = "none"
 """The value of `on_idle` that switches it off."""
 
-M = TypeVar("M", bound="FileModel")
 Accepted: TypeAlias = tuple[str, ...] | Literal["all"]
 """Performatives."""
 Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]
@@ -260,13 +259,13 @@ class Security(FileModel, frozen=True, kw_only=True):
 
 
 class MissionFile(FileModel, frozen=True, kw_only=True):
-    """The top level of a mission file; boards, agents, robots and clients are read one by one."""
+    """The top level of a mission file."""
 
     mission: str
     fleet: str | None = None
-    boards: dict[str, Any] = {}
-    agents: dict[str, Any]
-    robots: dict[str, Any] = {}
+    boards: dict[str, Board] = {}
+    agents: dict[str, Agent]
+    robots: dict[str, Robot] = {}
     done: str | tuple[str, ...] = ()
     failed: str | tuple[str, ...] = ()
     timeout: Duration = Duration(900)
@@ -278,7 +277,7 @@ class MissionFile(FileModel, frozen=True, kw_only=True):
     restart: Literal["never", "on-failure"] = "never"
     wire: Literal["json", "msgpack"] = "json"
     router: Router = Router()
-    clients: dict[str, Any] = {}
+    clients: dict[str, Client] = {}
     gateway: Gateway | None = None
     mail: MailRules = MailRules()
     radio: Radio | None = None
@@ -373,18 +372,14 @@ def read_mission(text: str, path: Path) -> Mission:
     if not isinstance(raw, dict):
         raise Findings([positions.finding((), "expected a mission: fields such as `mission:` and `agents:`")])
     top, findings = convert(raw, MissionFile, positions, decode_hook)
-    boards = _entries(raw, "boards", Board, positions, findings)
-    agents = _entries(raw, "agents", Agent, positions, findings)
-    robots = _entries(raw, "robots", Robot, positions, findings)
-    clients = _entries(raw, "clients", Client, positions, findings)
-    if top is None or findings:
+    if top is None:
         raise Findings(findings)
     mission = Mission(
         name=top.mission,
         fleet=top.fleet or top.mission,
-        boards=boards,
-        agents=agents,
-        robots=robots,
+        boards=top.boards,
+        agents=top.agents,
+        robots=top.robots,
         done=_endings(top.done),
         failed=_endings(top.failed),
         timeout=float(top.timeout),
@@ -394,7 +389,7 @@ def read_mission(text: str, path: Path) -> Mission:
         restart=top.restart,
         wire=top.wire,
         router=top.router,
-        clients=clients,
+        clients=top.clients,
         gateway=top.gateway,
         mail=top.mail,
         radio=top.radio,
@@ -409,21 +404,6 @@ def read_mission(text: str, path: Path) -> Mission:
     if findings := _check(mission):
         raise Findings(findings)
     return mission
-
-
-def _entries(
-    raw: dict[str, Any], field: str, model: type[M], positions: Positions, findings: list[Finding]
-) -> dict[str, M]:
-    entries: dict[str, M] = {}
-    values = raw.get(field)
-    if not isinstance(values, dict):
-        return entries
-    for name, value in values.items():
-        entry, found = convert(value, model, positions, decode_hook, (field, name))
-        findings += found
-        if entry is not None:
-            entries[name] = entry
-    return entries
 
 
 def _endings(texts: str | tuple[str, ...]) -> tuple[Ending, ...]:

@@ -158,7 +158,7 @@ def test_a_session_that_zenoh_does_not_close_is_left_behind_and_the_log_says_so(
             "mission: x\nagents:\n  uav: {progam: a.asl}\n",
             [
                 "PATH:3:3: error: agents.uav: needs the field `program`",
-                "PATH:3:9: error: unknown field `progam`, did you mean `program`?",
+                "PATH:3:9: error: agents.uav.progam: there is no such field, did you mean `program`?",
             ],
         ),
         (

@@ -60,7 +60,7 @@ def test_a_mission_that_does_not_check(refused: Refused, single_uav: Path) -> No
     edit(single_uav, "^timeout:", "time_out:")
     code, err = refused(single_uav)
     assert code == 2
-    assert "unknown field `time_out`, did you mean `timeout`?" in err
+    assert "time_out: there is no such field, did you mean `timeout`?" in err
 
 
 @pytest.mark.parametrize("named", [True, False])

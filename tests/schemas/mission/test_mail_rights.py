@@ -103,7 +103,7 @@ def test_reserved_senders_send_their_notices_alone() -> None:
         ("{fra: all}", "accepts: there is no agent, client or node `fra`, did you mean `far`?"),
         ("{mail: all}", "accepts: `mail` sends notices alone, which every agent takes: leave it out"),
         ("{far: [tellhow]}", "accepts: no agent handles `tellhow` by itself, did you mean `tellHow`?"),
-        ("{far: some}", "agents.a.accepts: invalid enum value 'some'"),
+        ("{far: some}", "agents.a.accepts.far: expected `all` or a list, got `some`"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(accepts: str, finding: str) -> None:

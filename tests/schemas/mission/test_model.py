@@ -68,8 +68,16 @@ def test_the_shipped_mission_reads() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("    robot: uav1", "    robott: uav1", "m.yaml:5:5: error: unknown field `robott`, did you mean `robot`?"),
-        ("timeout: 15min", "timout: 15min", "m.yaml:12:1: error: unknown field `timout`, did you mean `timeout`?"),
+        (
+            "    robot: uav1",
+            "    robott: uav1",
+            "m.yaml:5:5: error: agents.uav.robott: there is no such field, did you mean `robot`?",
+        ),
+        (
+            "timeout: 15min",
+            "timout: 15min",
+            "m.yaml:12:1: error: timout: there is no such field, did you mean `timeout`?",
+        ),
         (
             "timeout: 15min",
             "timeout: 15parsec",
