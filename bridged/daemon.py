@@ -53,7 +53,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(args: Namespace) -> int:
-    """Run the daemon until it is told to stop. Returns the exit code."""
+    """Run the daemon until SIGTERM or SIGINT. Returns the exit code."""
 
     async def main(stop: asyncio.Event) -> int:
         asyncio.get_running_loop().call_later(SETTLED, _settle)
@@ -110,7 +110,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         await asyncio.wait([ended, *work], return_when=asyncio.FIRST_COMPLETED)
         unit.stopping(f"leaving {', '.join(bridge.name for bridge in bridges)} as on_shutdown says")
         stay = float(mission.bring_home) if args.until_home else 0.0
-        stop.clear()  # told again it leaves
+        stop.clear()  # at a second signal it leaves
         await asyncio.gather(*(leave(bridge, mission, stay, stop) for bridge in bridges))
         return await finish([ended, *work], bridges)
 

@@ -119,7 +119,7 @@ class CompositeDriver:
             return _defect(order, error)
 
     def pause(self, interrupted: Collection[Execution]) -> Execution:
-        """Hold the robot until `resume`; `interrupted` end, their followers are not told; other actions go on."""
+        """Hold the robot until `resume`; `interrupted` end without a word to their followers; others continue."""
         for execution in interrupted:
             begun = self._of.get(execution)
             if begun is not None and not (begun.driver is self.own and isinstance(self.own, Pausable)):

@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 SAFETY: tuple[Order, ...] = ("hold", "rtl", "land")
-"""The orders from the least safe to the safest: what stays in the air needs somebody, what comes down does not."""
+"""The orders from the least safe to the safest: a robot in the air needs somebody, one that comes down does not."""
 
 
 def defers(order: Order | None, under_way: Order | None) -> bool:
@@ -79,7 +79,7 @@ class Execution:
     waits_for: str = ""
     """What it waits for now, for people: the reason if it runs out of time."""
     cause: str = ""
-    """Why it cannot go on now, in the robot's own words (`Compass not calibrated`); empty = nothing hinders it."""
+    """Why it cannot continue now, in the robot's own words (`Compass not calibrated`); empty = nothing hinders it."""
     ended: Callable[[], None] | None = None
     """Called once when the outcome is known."""
 
@@ -164,7 +164,7 @@ class Driver(Protocol):
         """Begin one of its `orders`, which override every action; running executions end as `ending`.
 
         The operator's orders `insist`; the others end when a pilot, a ground station or a failsafe takes over, and
-        succeed at once where a safer motion is under way (`defers`), whoever began it.
+        succeed immediately where a safer motion is under way (`defers`), whoever began it.
         """
 
     def stop(self, execution: Execution, outcome: Outcome, *, hold: bool) -> None:

@@ -55,7 +55,7 @@ class Into:
 
 @dataclass(frozen=True)
 class Taken:
-    """A topic or service by which mavros is told something."""
+    """A topic or service by which mavros takes something."""
 
     method: Method
     entry: ActionEntry

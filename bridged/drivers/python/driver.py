@@ -14,7 +14,7 @@ from typing import Any, cast
 
 from bridged.drivers.api import Execution, Outcome, Setup, Value
 from bridged.drivers.python.plugins import Function, Plugins, arguments_of, fields_in, misfits, names
-from bridged.drivers.python.worker_threads import Call, Raised, Result, Returned, Worker, outcome_of
+from bridged.drivers.python.worker_threads import FunctionRun, Raised, Result, Returned, Worker, outcome_of
 from bridged.drivers.simple import SimpleDriver
 from schemas.files.findings import Findings
 from schemas.manifest.loader import ActionEntry, Manifest
@@ -45,7 +45,7 @@ class PythonDriver(SimpleDriver):
         self._plugins = Plugins(simulated=setup.simulated)
         self._functions: dict[str, Function] = {}
         self._workers: dict[str, Worker] = {}
-        self._calls: set[Call] = set()
+        self._calls: set[FunctionRun] = set()
         """Calls that have not returned, also of actions that are over."""
         self._unused: set[str] = set()
         """Functions that the manifest no longer names, and that still have a thread."""
@@ -86,7 +86,7 @@ class PythonDriver(SimpleDriver):
 
     def perform(self, name: str, entry: ActionEntry, arguments: Mapping[str, Value]) -> Execution:
         """Begin to call a function."""
-        call = Call(name, entry.call)
+        call = FunctionRun(name, entry.call)
         if refused := self.refuses(entry):
             call.end(refused)
             return call
@@ -112,7 +112,7 @@ class PythonDriver(SimpleDriver):
 
         The manifest knows no `hold` here.
         """
-        if isinstance(execution, Call) and execution in self._calls:
+        if isinstance(execution, FunctionRun) and execution in self._calls:
             execution.abandon()
             worker = self._workers[execution.function]
             worker.bound = worker.busy + CLOSING
@@ -147,7 +147,7 @@ class PythonDriver(SimpleDriver):
         ]
         return hang + [Note("function_fails", f"`{name}` fails: {why}", name) for name, why in self._failing.items()]
 
-    def _returned(self, call: Call, result: Result) -> None:
+    def _returned(self, call: FunctionRun, result: Result) -> None:
         """Take in the result of a call, for an action that waits for it or is over."""
         self._calls.discard(call)
         self._counts["failed"] += isinstance(result, Raised)

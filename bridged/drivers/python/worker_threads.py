@@ -130,7 +130,7 @@ MAX_RATE = 500.0
 """Most steps of a generator in a wall second: it need not pause by itself."""
 
 
-class Call(Execution):
+class FunctionRun(Execution):
     """One call of a function for an action; of a generator, until its end or until the action is over."""
 
     def __init__(self, name: str, function: str) -> None:

@@ -185,7 +185,7 @@ def _camera(args: argparse.Namespace, vehicle: "Vehicle") -> "Callable[[asyncio.
     vehicle.on_step = lambda place: camera.look(place, vehicle.age, time.monotonic())
 
     async def tell(stop: asyncio.Event) -> None:
-        with suppress(BusClosed):  # it was told to end before the router was there
+        with suppress(BusClosed):  # it was to end before the router was there
             await tell_sightings(camera, args.router, args.camera_key, stop)
 
     return tell

@@ -102,7 +102,7 @@ class Mission:
         self._jumped.clear()
 
     def store(self, items: list[Item]) -> None:
-        """Replace the items; `items[0]` stands for home and is not kept."""
+        """Replace the items; `items[0]` is home and is not kept."""
         self.items = items[1:]
         self.rewind()
 
@@ -131,7 +131,7 @@ class Mission:
         return actions, None
 
     def _jump(self, item: Item) -> int:
-        """Where a DO_JUMP leads: to its item so many times (for ever if negative), then past it."""
+        """Return where a DO_JUMP leads: to its item as often as it says (for ever if negative), then past it."""
         times = self._jumped.get(item.seq, 0)
         if 0 <= item.params[1] <= times or self.item(int(item.params[0])) is None:
             return item.seq + 1

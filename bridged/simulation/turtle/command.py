@@ -78,7 +78,7 @@ class TurtleKeys:
     """A turtle on the bus: publishes `pose`, subscribes to `cmd_vel`, serves the rest."""
 
     def __init__(self, turtle: Turtle, raw: RawBus, prefix: str) -> None:
-        """`prefix` stands before each key, such as `turtle1/`."""
+        """`prefix` comes before each key, such as `turtle1/`."""
         self.turtle = turtle
         self.unreadable = 0
         """Unreadable `cmd_vel` samples."""

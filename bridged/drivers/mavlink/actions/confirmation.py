@@ -351,7 +351,7 @@ def stands(flight: ProcedureContext, run: ProcedureRun, fast_at: float, where: s
 
 
 def parked(flight: ProcedureContext) -> bool:
-    """Whether the vehicle stands disarmed."""
+    """Whether the vehicle rests disarmed."""
     vehicle = flight.vehicle
     return vehicle.connected and not vehicle.armed and vehicle.speed <= FALLS
 

@@ -245,10 +245,10 @@ async def open_link(
 ) -> Link:
     """Open a link and keep it open.
 
-    `system` and `component` are our own MAVLink ids. `signing` signs what is sent and checks what comes; `make_gate`
-    chooses and checks what comes instead. Raises LinkError if a port cannot be bound or a device cannot be opened. A
+    `system` and `component` are our own MAVLink ids. `signing` signs what is sent and checks what arrives; `make_gate`
+    chooses and checks what arrives instead. Raises LinkError if a port cannot be bound or a device cannot be opened. A
     TCP peer that does not answer yet, and a link that is lost later, are tried again with backoff until `close`;
-    `on_state` tells.
+    `on_state` is called at each change.
     """
     link = Link(address, on_packet, Ids(system, component), on_state, signing, make_gate)
     await link.open()

@@ -52,7 +52,7 @@ class SignedStreams:
 
     @property
     def latest(self) -> int:
-        """The latest bound of all: whoever is told the time must be told a later one."""
+        """The latest bound of all; a time that is sent to anybody must be later."""
         return max(self._bounds.values(), default=0)
 
     def objection(self, stream: bytes, timestamp: int, present: int) -> str:

@@ -215,7 +215,7 @@ class Vehicle:
         }
 
     def not_ready(self) -> list[str]:
-        """Why arming would be refused or flying in this mode would not work, in words; empty = ready."""
+        """Why arming would be refused or flying in this mode would not work, for people; empty = ready."""
         missing = []
         if not self.connected:
             missing.append("no heartbeat from the vehicle")

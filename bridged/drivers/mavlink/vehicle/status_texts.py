@@ -106,11 +106,11 @@ class Warnings:
 
     def __init__(self) -> None:
         self.dropped = 0
-        """Warnings so far that were not told, as there were too many."""
+        """Warnings so far that were not passed on, as there were too many."""
         self._heard: dict[tuple[int, str], float] = {}
 
     def take(self, said: Said, within: float) -> bool | None:
-        """Take in a text. Returns whether it is news, None if it is not to be told; `within`: mission seconds."""
+        """Take in a text. Returns whether it is news, None if it is not passed on; `within`: mission seconds."""
         if said.severity > NOTABLE:
             return None
         self._heard = {known: at for known, at in self._heard.items() if said.at - at <= within}

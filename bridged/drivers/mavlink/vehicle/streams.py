@@ -36,7 +36,7 @@ SPORADIC = frozenset({"POSITION_TARGET_GLOBAL_INT", "POSITION_TARGET_LOCAL_NED",
 DEFAULT_RATE = 2.0
 """Hz for a percept whose manifest names no rate."""
 IDLE_RATE = 0.5
-"""Hz of wall time at most while the vehicle stands disarmed and nothing is asked of it: whatever the speed, a parked
+"""Hz of wall time at most while the vehicle rests disarmed and nothing is asked of it: whatever the speed, a parked
 robot costs next to nothing."""
 WINDOW = 4.0
 """Mission and wall seconds over which the rate is judged."""

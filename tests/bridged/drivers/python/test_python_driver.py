@@ -14,7 +14,7 @@ import pytest
 
 from bridged.drivers import registry
 from bridged.drivers.python.driver import PythonDriver
-from bridged.drivers.python.worker_threads import MAX_RATE, Call
+from bridged.drivers.python.worker_threads import MAX_RATE, FunctionRun
 from schemas.files.findings import Findings
 from schemas.manifest.loader import read_manifest
 from schemas.wire.records import Note
@@ -476,5 +476,5 @@ def test_a_generator_that_does_not_pause_is_asked_at_a_bounded_rate() -> None:
             asked.append(time.monotonic())
             yield {"to_go": number}
 
-    Call("go", "x.go").work(eager, {})
+    FunctionRun("go", "x.go").work(eager, {})
     assert asked[-1] - asked[0] >= 49 / MAX_RATE
