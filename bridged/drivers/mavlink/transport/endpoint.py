@@ -62,13 +62,6 @@ class Peer:
     def __str__(self) -> str:
         return self.label
 
-    def encoder(self, ids: Ids) -> Encoder:
-        """Return the encoder for this peer and these ids: each has its own sequence numbers."""
-        encoder = self.encoders.get(ids)
-        if encoder is None:
-            encoder = self.encoders[ids] = Encoder(*ids)
-        return encoder
-
 
 MAX_QUEUED_BYTES = 65536
 """Bytes that may wait for one peer; about 1500 packets, 11 s of a 57600 baud line."""

@@ -24,7 +24,7 @@ from bridged.drivers.mavlink.transport.endpoint import (
     open_serial,
     open_udp,
 )
-from bridged.drivers.mavlink.transport.framing import AUTOPILOT, Framer, Gate, check_ids
+from bridged.drivers.mavlink.transport.framing import AUTOPILOT, Encoder, Framer, Gate, check_ids
 from bridged.drivers.mavlink.transport.signing import Signing
 
 __all__ = ["Ids", "Link", "LinkAddress", "LinkCounters", "LinkError", "OnPacket", "OnState", "Peer", "open_link"]
@@ -108,10 +108,12 @@ class Link:
         signing: Signing | None = None,
     ) -> bool:
         """Send to some peers. Returns False if it was dropped for all of them."""
-        packed = [(peer, peer.encoder(ids or self._ids).pack(message, signing or self.signing)) for peer in peers]
-        sent = 0
-        for peer, packet in packed:
-            sent += peer.write(packet)
+        ids, signing, packed = ids or self._ids, signing or self.signing, []
+        for peer in peers:
+            if ids not in peer.encoders:  # each has its own sequence numbers
+                peer.encoders[ids] = Encoder(*ids)
+            packed.append((peer, peer.encoders[ids].pack(message, signing)))
+        sent = sum(peer.write(packet) for peer, packet in packed)
         self.counters.sent += sent
         self.counters.dropped += len(packed) - sent
         return sent > 0
