@@ -11,10 +11,9 @@ from bridged.drivers.mavlink.transport.framing import Encoder, Framer, WireCount
 from bridged.simulation.copter.boot import BootKind
 from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.flight_modes import Mode
-from bridged.simulation.copter.geodesy import Place
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
+from tests.bridged.sky import HOME
 
-FIELD = Place(-27.604033, -48.518363, 21.0)
 STEP = 0.1
 
 
@@ -22,7 +21,7 @@ class Station:
     """Says things to one vehicle and keeps what it hears. `now` is vehicle time."""
 
     def __init__(self, boot: BootKind = "quick", system: int = 1, ready: bool = True) -> None:
-        self.vehicle = Vehicle(FIELD, system=system, boot=boot)
+        self.vehicle = Vehicle(HOME, system=system, boot=boot)
         self.copter = self.vehicle.copter
         self.heard: list[dialect.MAVLink_message] = []
         self._encoder, self._framer = Encoder(255, 190), Framer(WireCounters())

@@ -11,7 +11,8 @@ from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.flight_control import Landed
 from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.geodesy import FlatMap
-from tests.bridged.virtual_copter import FIELD, Station
+from tests.bridged.sky import HOME
+from tests.bridged.virtual_copter import Station
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 
@@ -138,7 +139,7 @@ def test_home_is_where_the_copter_was_armed(station: Station) -> None:
     station.guided()
     station.command(400, 1)
     (home,) = [message for message in station.heard if message.get_type() == "HOME_POSITION"]
-    assert abs((home.latitude / 1e7 - FIELD.lat) * 111_319.5 - 20.0) < 0.5
+    assert abs((home.latitude / 1e7 - HOME.lat) * 111_319.5 - 20.0) < 0.5
 
 
 def test_a_setpoint_during_a_takeoff_cancels_it_and_flies_straight_to_the_goal(station: Station) -> None:
@@ -313,7 +314,7 @@ def test_a_reboot_is_refused_with_motors_on_and_otherwise_begins_anew(station: S
 
 def test_dronekits_guided_mission_item_is_a_goal(station: Station) -> None:
     station.fly_to(10.0)
-    goal = FlatMap(FIELD).place(Vector(10.0, 10.0, 0.0))
+    goal = FlatMap(HOME).place(Vector(10.0, 10.0, 0.0))
     item = dialect.MAVLink_mission_item_message(1, 1, 0, 3, 16, 2, 0, 0, 0, 0, 0, goal.lat, goal.lon, 12.0)
     (ack,) = station.say(item)
     assert (ack.get_type(), ack.type) == ("MISSION_ACK", 0)
@@ -326,7 +327,7 @@ def test_the_mission_list_of_a_fresh_vehicle_is_home_alone_and_the_other_lists_a
     counts = [station.say(dialect.MAVLink_mission_request_list_message(1, 1, kind))[0].count for kind in (0, 1, 2)]
     assert counts == [1, 0, 0]
     (item,) = station.say(dialect.MAVLink_mission_request_int_message(1, 1, 0))
-    assert (item.x, item.y) == (FIELD.lat_e7, FIELD.lon_e7)
+    assert (item.x, item.y) == (HOME.lat_e7, HOME.lon_e7)
 
 
 def test_auto_without_a_mission_is_refused(station: Station) -> None:

@@ -14,7 +14,8 @@ from bridged.simulation.copter.dynamics import Vector
 from bridged.simulation.copter.geodesy import FlatMap, Place
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from bridged.simulation.copter.protocol.parameters import Parameters
-from tests.bridged.virtual_copter import FIELD, Station
+from tests.bridged.sky import HOME
+from tests.bridged.virtual_copter import Station
 from tests.support.amount import some_of
 
 
@@ -86,7 +87,7 @@ def test_no_messages_break_the_vehicle_and_all_that_it_says_can_be_packed(
 @settings(max_examples=some_of(100, 2), deadline=None)
 @given(st.lists(st.binary(max_size=300), max_size=10))
 def test_no_bytes_break_the_vehicle(noise: list[bytes]) -> None:
-    vehicle, framer, encoder = Vehicle(FIELD), Framer(WireCounters()), Encoder(255, 190)
+    vehicle, framer, encoder = Vehicle(HOME), Framer(WireCounters()), Encoder(255, 190)
     for data in noise:
         for message in framer.feed_datagram(data):
             vehicle.receive(message)

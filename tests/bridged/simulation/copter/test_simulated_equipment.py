@@ -16,7 +16,8 @@ from bridged.simulation.copter.flight_control import Landed
 from bridged.simulation.copter.flight_modes import Mode
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from bridged.simulation.copter.protocol.parameters import Parameters
-from tests.bridged.virtual_copter import FIELD, Station
+from tests.bridged.sky import HOME
+from tests.bridged.virtual_copter import Station
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 SET_SERVO, REPEAT_SERVO, GRIPPER, REQUEST = 183, 184, 211, 512
@@ -247,7 +248,7 @@ def taken(vehicle: Vehicle, channel: int, data: bytes) -> tuple[int, int]:
 
 
 def test_a_vehicle_with_a_key_takes_signed_packets_only_but_what_radios_add() -> None:
-    vehicle = Vehicle(FIELD, key=KEY)
+    vehicle = Vehicle(HOME, key=KEY)
     arm = dialect.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
     signed = packet(Signing(KEY), arm)
     assert taken(vehicle, 0, signed) == (1, 0)
@@ -292,7 +293,7 @@ def heard(vehicle: Vehicle, message: dialect.MAVLink_message, channel: int = 0) 
 
 
 def test_each_link_has_streams_of_its_own_and_hears_what_happens_by_orders_on_another() -> None:
-    vehicle = Vehicle(FIELD, channels=2)
+    vehicle = Vehicle(HOME, channels=2)
     vehicle.advance(4.0)
     vehicle.waiting(1)
     heard(vehicle, dialect.MAVLink_command_long_message(1, 1, 511, 0, 33, 100_000, 0, 0, 0, 0, 0))
@@ -305,7 +306,7 @@ def test_each_link_has_streams_of_its_own_and_hears_what_happens_by_orders_on_an
 
 
 def test_a_copter_whose_autopilot_restarts_in_the_air_falls_and_starts_anew_on_the_ground(station: Station) -> None:
-    station.vehicle = Vehicle(FIELD, faults=Faults(reboots=(30.0,)))
+    station.vehicle = Vehicle(HOME, faults=Faults(reboots=(30.0,)))
     station.heartbeat()
     station.wait(4.0)
     station.fly_to(20.0)
@@ -324,6 +325,6 @@ def test_the_page_of_the_simulated_copter_tells_how_many_parameters_it_has() -> 
 
 
 def test_parameters_can_be_set_before_the_vehicle_is_switched_on() -> None:
-    assert Vehicle(FIELD, parameters=[("RTL_ALT", 3000)]).copter.parameters["RTL_ALT"] == 3000
+    assert Vehicle(HOME, parameters=[("RTL_ALT", 3000)]).copter.parameters["RTL_ALT"] == 3000
     with pytest.raises(ValueError, match="has no parameter 'RTL_HEIGHT'"):
-        Vehicle(FIELD, parameters=[("RTL_HEIGHT", 3000)])
+        Vehicle(HOME, parameters=[("RTL_HEIGHT", 3000)])

@@ -13,7 +13,8 @@ from bridged.simulation.copter.geodesy import Place
 from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
 from bridged.simulation.copter.world import APART, Area, ServoLog, Victim, read_moves, victims_of
 from schemas.geo import distance
-from tests.bridged.virtual_copter import FIELD, Station
+from tests.bridged.sky import HOME
+from tests.bridged.virtual_copter import Station
 
 AREA = Area(-27.603853, -48.519300, -27.602955, -48.517300)
 SET_SERVO, ACCEPTED = 183, 0
@@ -86,7 +87,7 @@ def test_what_an_output_does_is_logged_once_for_each_change_with_the_place_where
     log.close()
     moves = list(read_moves(tmp_path / "uav1.servo.jsonl"))
     assert [(one.output, one.pulse, one.armed) for one in moves] == [(9, 1900, False), (9, 1100, False)]
-    assert (moves[0].lat, moves[0].lon) == pytest.approx((FIELD.lat, FIELD.lon))
+    assert (moves[0].lat, moves[0].lon) == pytest.approx((HOME.lat, HOME.lon))
     assert (moves[0].height, moves[0].home) == (0.0, 0.0)
 
 
@@ -99,7 +100,7 @@ def test_a_log_with_a_line_that_is_none_is_refused_with_its_number(tmp_path: Pat
 
 @pytest.mark.parametrize(("told", "seconds"), [({}, 120.0), ({"charge_time": 30.0}, 30.0)])
 def test_an_empty_battery_is_full_at_home_after_the_time_that_was_told(told: dict[str, float], seconds: float) -> None:
-    vehicle = Vehicle(FIELD, **told)  # type: ignore[arg-type]
+    vehicle = Vehicle(HOME, **told)  # type: ignore[arg-type]
     vehicle.advance(5.0)
     copter = vehicle.copter
     assert copter.flight.landed is not Landed.IN_AIR
