@@ -26,6 +26,7 @@ from agentd.mind.data.intention import PLAN
 from agentd.mind.introspection.decision_log import Failure
 from agentd.mind.introspection.term_snapshot import short_text
 from agentd.replay.replayed_mind import CannotReplay, Done, ReplayedMind, digest_of
+from agentd.trace.decision_digest import brief
 from agentd.trace.input_records import CameBack, Given, MailRefused, NamesRead
 from schemas.files.text_files import read_bounded
 from schemas.wire.mind_records import DecisionView, MindBirth, MindDecisions, MindInputs
@@ -338,9 +339,8 @@ class _Keys:
         if type(what) is Failure:
             return what.intention, what.failed.error
         if type(what) is tuple:
-            relevant, frame = what[2][0], what[6]
-            event = done.line.rpartition(" ")[0].rpartition(" ")[0]  # without how many were tried, and the place
-            return relevant.text, event, "" if frame is None else self._plan(frame[PLAN])
+            (relevant, args, *_), frame = what[2], what[6]
+            return what[0], repr(relevant), *map(brief, args), None if frame is None else self._plan(frame[PLAN])
         return (_PLACE.sub("", done.line) if isinstance(what, Log) else done.line,)
 
     def _plan(self, plan: Any) -> str:

@@ -75,7 +75,7 @@ class DecisionDigest:
                 if type(term) is float:
                     number(term)
                 else:
-                    text(_brief(term))
+                    text(brief(term))
 
     def did(self, effect: str) -> None:
         """Add an effect: `effect_line`."""
@@ -106,11 +106,11 @@ class DecisionLines:
         relevant, args, _, _ = entry[2]
         frame, rejected = entry[6], entry[5]
         place = self._names[None if frame is None else frame[PLAN]]
-        terms = " ".join(map(_brief, args))
+        terms = " ".join(map(brief, args))
         return f"{entry[0]} {self._names[relevant]} {terms} {0 if rejected is None else len(rejected)} {place}"
 
 
-def _brief(term: Any) -> str:
+def brief(term: Any) -> str:
     """Return what mostly distinguishes a term, in the same time for large ones."""
     kind = type(term)
     if kind is float:

@@ -187,19 +187,11 @@ class MatchCompiler(TermCompiler):
                 self.function.emit(f"{linked}.ref = {other}")
             then(inner)
             return
-        if self._is_new(left, scope):
-            inner = dict(scope)
-            value = self.function.assign(self.build(right, inner))
-            if left.anonymous:
-                then(inner)
+        for new, node in ((left, right), (right, left)):
+            if self._is_new(new, scope):
+                inner = dict(scope)
+                self.match(new, self.function.assign(self.build(node, inner)), inner, then)
                 return
-            self.match(left, value, inner, then)
-            return
-        if self._is_new(right, scope):
-            inner = dict(scope)
-            value = self.function.assign(self.build(left, inner))
-            self.match(right, value, inner, then)
-            return
         if all(name in scope for name in variables(right)):
             value = self.function.assign(self.build(right, dict(scope)))
             self.match(left, value, scope, then)

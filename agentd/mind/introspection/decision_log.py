@@ -287,13 +287,9 @@ class Decisions:
             by = None  # a goal condition, or an operator
         self._dropped.extend((frame, by) for frame in frames[-MOST_FRAMES:])
 
-    def was_dropped(self, frame: Frame) -> bool:
-        """Whether a plan was dropped, as far as is remembered."""
-        return any(frame is dropped for dropped, _ in self._dropped)
-
-    def dropped_by(self, frame: Frame) -> Step | None:
-        """The formula that has dropped a plan, as far as is remembered."""
-        return next((by for dropped, by in self._dropped if dropped is frame), None)
+    def dropped_by(self, frame: Frame) -> tuple[bool, Step | None]:
+        """Whether a plan was dropped, and the formula that has done it, as far as both are remembered."""
+        return next(((True, by) for dropped, by in self._dropped if dropped is frame), (False, None))
 
     def _noting(self, where: list[Any] | deque[Any]) -> Callable[[Any], None]:
         """The function that notes a record there and passes it to the listener."""

@@ -75,7 +75,7 @@ class Views:
         relevant, frame = made.relevant, made.frame
         outcome, failure = self._outcome(frame)
         recorder = self._mind.recorder
-        dropped_by = recorder.dropped_by(frame) if recorder and frame and outcome == "dropped" else None
+        dropped_by = recorder.dropped_by(frame)[1] if recorder and frame and outcome == "dropped" else None
         plans: list[Plan] = relevant.plans
         chosen = None if frame is None else frame[PLAN]
         after = plans[plans.index(chosen) + 1 :] if chosen in plans else []
@@ -108,7 +108,7 @@ class Views:
         if id(frame) in self._alive:
             return "running", None
         recorder = self._mind.recorder
-        dropped = frame[STEP] is not None or (recorder is not None and recorder.was_dropped(frame))
+        dropped = frame[STEP] is not None or (recorder is not None and recorder.dropped_by(frame)[0])
         return ("dropped" if dropped else "ended"), None
 
     def _goal(self, frame: Frame) -> str:
