@@ -74,7 +74,7 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     ),
     "a code: `trigger`, `context`, `error` or `choice`": (
         "agentd/mind/introspection/failure_report.py: rejected.why != 'context'",
-        "agentd/standalone/decision_printer.py: rejected.why != 'context'",
+        "agentd/standalone/decision_printer.py: rejected.why == 'context'",
         "argosy/why/wording.py: rejected.why != 'context'",
     ),
     "the belief that an operator wrote, in the language": (

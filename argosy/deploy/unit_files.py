@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from argosy.deploy.board_needs import Reach, agents_of, reach_of_robots, reaches_machines, robots_of
 from schemas.files.shipped_files import shipped
@@ -163,9 +162,3 @@ def _unknown(robots: Sequence[str]) -> str:
     return (
         f"# {names}: what its driver needs is not known here; devices are allowed by DeviceAllow= in a file of yours.\n"
     )
-
-
-def templates() -> list[Path]:
-    """Return the shipped templates."""
-    names = ("commd", "bridged", "agentd", "board")
-    return [path for name in names if (path := shipped("deploy", f"systemd/{name}@.service")) is not None]

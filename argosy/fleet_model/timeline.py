@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, Literal
+from typing import Literal
 
 from argosy.cli.journal import Level
 from argosy.fleet_model.message_log import MessageLog
@@ -49,14 +49,6 @@ class Entry:
     """Of the action or message."""
     other: str = ""
     """The agent to which or from which a message goes."""
-    performative: str = ""
-    in_reply_to: str = ""
-    state: str = ""
-    """Of an outcome: the final state of the action."""
-    reason: str = ""
-    """Why an action failed or a message was not delivered."""
-    mission: float | None = None
-    """Mission seconds of the agent's clock, if an agent reported it."""
 
     @property
     def clock(self) -> str:
@@ -78,14 +70,11 @@ class Timeline:
         """Called with each new entry."""
 
     def add(
-        self, at: float, who: str, what: What, text: str, level: Level = "info", *, id: str = "", **more: Any
+        self, at: float, who: str, what: What, text: str, level: Level = "info", *, id: str = "", other: str = ""
     ) -> Entry:
-        """Enter an event; `more` are further fields of the entry. `at` is in Unix seconds."""
+        """Enter an event. `at` is in Unix seconds."""
         self.number += 1
-        short: dict[str, Any] = {
-            name: shortened(value) if isinstance(value, str) else value for name, value in more.items()
-        }
-        entry = Entry(self.number, at, who, what, shortened(text), level, shortened(id), **short)
+        entry = Entry(self.number, at, who, what, shortened(text), level, shortened(id), shortened(other))
         self.entries.append(entry)
         if self.listener is not None:
             self.listener(entry)
@@ -115,38 +104,21 @@ class Reporter:
         """Enter the beginning or the outcome of an action, as its bridge reports it."""
         what: What = "outcome" if status.final else "action"
         if self._is_new(what, status.id):
-            state = status.state if status.final else ""
-            self._timeline.add(self._now(), who, what, text, level, id=status.id, state=state, reason=status.reason)
+            self._timeline.add(self._now(), who, what, text, level, id=status.id)
 
     def activity(self, agent: str, told: MindActivity) -> None:
         """Enter what an agent has done."""
         for event in told.events:
             late = (told.now - event.time) / told.speed if told.now and told.speed > 0 else 0.0
-            self._event(agent, event, self._now() - min(max(0.0, late), LONGEST_WAIT) * self._rate)
+            at = self._now() - min(max(0.0, late), LONGEST_WAIT) * self._rate
+            self._messages.event(agent, event, at)
+            what: What = "told" if event.kind == "stopped" else event.kind
+            if what not in ("action", "outcome") or self._is_new(what, event.id):
+                level, text = _level(event), _text(agent, event)
+                self._timeline.add(at, agent, what, text, level, id=event.id, other=event.other)
         self.left_out += told.left_out
         if told.left_out:
             self(agent, f"{told.left_out} of its activity events were not published: too many at a time", "warning")
-
-    def _event(self, agent: str, event: ActivityEvent, at: float) -> None:
-        self._messages.event(agent, event, at)
-        what: What = "told" if event.kind == "stopped" else event.kind
-        level, text = _level(event), _text(agent, event)
-        if what in ("action", "outcome") and not self._is_new(what, event.id):
-            return
-        self._timeline.add(
-            at,
-            agent,
-            what,
-            text,
-            level,
-            id=event.id,
-            other=event.other,
-            performative=event.performative,
-            in_reply_to=event.in_reply_to,
-            state=event.state,
-            reason=event.reason,
-            mission=event.time,
-        )
 
     def _is_new(self, what: What, id: str) -> bool:
         if not id:

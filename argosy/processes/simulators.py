@@ -74,7 +74,7 @@ def command(
     LinkAddressError if the simulator could not reach the bridge.
     """
     vehicle = vehicle_of(mission.robots[name])
-    logged = log_arguments(name, logs) if vehicle == "copter" else []
+    logged = ["--servo-log", str(servo_log(logs, name))] if vehicle == "copter" and logs is not None else []
     return ["bridged", "simulate", vehicle, *VEHICLES[vehicle](mission, name, router, address), *logged]
 
 
@@ -176,11 +176,6 @@ def victims(world: World) -> list[Victim]:
 def servo_log(folder: Path, robot: str) -> Path:
     """Return the file of a robot's servo log."""
     return folder / f"{robot}.servo.jsonl"
-
-
-def log_arguments(name: str, folder: Path | None) -> list[str]:
-    """Return the servo log's arguments of a copter's simulator; empty without a folder."""
-    return ["--servo-log", str(servo_log(folder, name))] if folder is not None else []
 
 
 def camera_arguments(mission: Mission, name: str, router: str) -> list[str]:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import msgspec
 
-from schemas.wire import keys
 from schemas.wire.mind_records import MindInputs
 
 PART = "trace/inputs"
@@ -49,16 +48,6 @@ class Life:
     def until(self) -> float:
         """Mission time of its last recorded input, in seconds."""
         return max((step.now for batch in self.batches for step in batch.steps), default=0.0)
-
-
-def lives_of(inputs: Iterable[tuple[str, MindInputs]]) -> list[Life]:
-    """Return the lives that batches, given with their keys, belong to, ordered by their first batch in the file."""
-    found: dict[tuple[str, str, str], dict[int, MindInputs]] = {}
-    for key, batch in inputs:
-        parsed = keys.parse(key)
-        if parsed is not None:
-            found.setdefault((parsed[0], parsed[1], batch.header.boot), {}).setdefault(batch.number, batch)
-    return [Life(*whose, [batches[number] for number in sorted(batches)]) for whose, batches in found.items()]
 
 
 def stretches(numbers: Iterable[int]) -> list[range]:

@@ -206,8 +206,8 @@ class ReplayCheck:
         last = result.difference.cycle if result.difference is not None else None
         for act in acts(batches, files=self.texts or None, until=last):
             if act.decision is not None and act.decision.name.partition("/")[0] == self.args.why:
-                for line in timed_decision(act.time, act.decision, self.other):
-                    print(line)
+                for index, line in enumerate(decision_words(act.decision, self.other)):
+                    print(f"{f'{act.time:.3f} s' if index == 0 else '':>11}  {line}")
 
 
 def _batches(numbers: list[range]) -> str:
@@ -305,12 +305,6 @@ def _alike(one: Act | None, other: Act | None) -> bool:
     made = one.decision, other.decision
     heads = [(d.event, d.chosen.label, d.chosen.trigger, len(d.rejected)) for d in made if d.chosen is not None]
     return len(heads) == 2 and heads[0] == heads[1]
-
-
-def timed_decision(at: float, decision: DecisionView, name: Named) -> Iterator[str]:
-    """Yield a decision as lines, the first one with its mission time `at` in seconds."""
-    for index, line in enumerate(decision_words(decision, name)):
-        yield f"{f'{at:.3f} s' if index == 0 else '':>11}  {line}"
 
 
 def decision_words(decision: DecisionView, name: Named) -> list[str]:

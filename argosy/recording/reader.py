@@ -14,7 +14,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from argosy.recording.mcap_records import BadRecording as BadRecording
 from argosy.recording.mcap_records import Damage, McapFile
 from argosy.recording.metadata import BEGIN, END, SECOND, End, Facts, end_of, facts_of, intact
-from argosy.recording.mind_inputs import PART, Life, lives_of
+from argosy.recording.mind_inputs import PART, Life
 from argosy.recording.records import PREFIX, RECORDS, fleet_of, is_plain
 from schemas.wire import keys
 from schemas.wire.codec import BadRecord, codec
@@ -145,19 +145,20 @@ class Recording:
                 yield message, found
 
     def lives(self, agent: str | None = None, unread: Counter[tuple[str, str]] | None = None) -> list[Life]:
-        """Return the recorded lives of all minds, or of one agent's.
+        """Return the recorded lives of all minds, or of one agent's, ordered by their first batch in the file.
 
         Adds to `unread` the number of batches that do not decode, by fleet and agent.
         """
-        return lives_of(self._inputs(agent, Counter() if unread is None else unread))
-
-    def _inputs(self, agent: str | None, unread: Counter[tuple[str, str]]) -> Iterator[tuple[str, MindInputs]]:
+        found: dict[tuple[str, str, str], dict[int, MindInputs]] = {}
         only = f"{keys.ROOT}/*/{agent or '*'}/{PART}"
         for message in self.messages(only=(only,), records=(MindInputs,)):
+            if (parsed := keys.parse(message.key)) is None:
+                continue
             if isinstance(batch := message.record, MindInputs):
-                yield message.key, batch
-            elif (parsed := keys.parse(message.key)) is not None:
+                found.setdefault((parsed[0], parsed[1], batch.header.boot), {}).setdefault(batch.number, batch)
+            elif unread is not None:
                 unread[parsed[0], parsed[1]] += 1
+        return [Life(*whose, [batches[number] for number in sorted(batches)]) for whose, batches in found.items()]
 
     def _look_through(self) -> Facts:
         """Read all files once, to count messages and find what is missing."""

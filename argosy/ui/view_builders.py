@@ -121,7 +121,6 @@ def robot_view(model: FleetModel, robot: FleetRobot, named: Robot | None, shared
         satellites=seen.satellites,
         home=_place(seen.home),
         radius=None if named is None or named.limits.radius is None else float(named.limits.radius),
-        ceiling=None if named is None or named.limits.altitude is None else float(named.limits.altitude),
         operator=seen.operator,
         paused=seen.paused,
         told=dict(list(seen.told.items())[:8]),

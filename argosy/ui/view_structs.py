@@ -190,8 +190,6 @@ class RobotView(View, frozen=True, kw_only=True):
     home: tuple[float, float] | None = None
     radius: float | None = None
     """Metres around home that it may not leave."""
-    ceiling: float | None = None
-    """Metres above home."""
     operator: str = ""
     """The operator's order that is in force."""
     paused: bool = False
