@@ -47,7 +47,8 @@ class Recorder:
     async def until_cycle(self, cycle: int) -> None:
         """Wait until everything up to a cycle has been told."""
         await until(
-            lambda: max((batch.last for batch in self.batches.values()), default=0) >= cycle, f"cycle {cycle} is told"
+            lambda: max((batch.last for batch in self.batches.values()), default=0) >= cycle,
+            f"cycle {cycle} is published",
         )
 
     @property

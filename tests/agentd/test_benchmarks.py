@@ -47,7 +47,7 @@ def test_each_reasoner_runs_each_program_in_turn_and_its_rounds_are_read(tmp_pat
     assert all(speeds.rss > 5 for runs in result.runs.values() for speeds in runs)
 
 
-def test_a_program_that_prints_no_round_is_told_with_its_last_words(tmp_path: Path) -> None:
+def test_a_program_that_prints_no_round_is_reported_with_its_last_words(tmp_path: Path) -> None:
     silent = tmp_path / "silent.asl"
     silent.write_text('!a. +!a <- .print("nothing measured"); .stopMAS.', encoding="utf-8")
     with pytest.raises(BenchmarkFailed, match=r"no round of tiny; it printed last: \[ag\] nothing measured"):
@@ -151,7 +151,7 @@ def _figures(warm_of_a: float) -> Figures:
     return Figures(1, rows, {one.title: {"agentd": one.limit / 2, "agentspeak": 9.0} for one in FOOTPRINTS})
 
 
-def test_targets_and_limits_are_goals_and_a_missed_one_is_told_as_missed() -> None:
+def test_targets_and_limits_are_goals_and_a_missed_one_is_reported_as_missed() -> None:
     assert all(goal.met for goal in goals(_figures(200.0)))
     assert [goal.title for goal in goals(_figures(110.0)) if not goal.met] == [
         "sub-goal: speed beside python-agentspeak, warm"

@@ -36,7 +36,7 @@ def test_agents_of_two_daemons_talk_through_commd(tmp_path: Path, endpoint: str)
         end(a, b)
 
 
-def test_an_agent_leaves_within_a_second_when_told_to(tmp_path: Path, endpoint: str) -> None:
+def test_an_agent_leaves_within_a_second_when_asked_to(tmp_path: Path, endpoint: str) -> None:
     path = mission(tmp_path)
 
     def leaving() -> float:

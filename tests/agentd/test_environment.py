@@ -246,7 +246,7 @@ def test_another_thread_asks_for_a_call_while_the_team_sleeps() -> None:
     assert called == [threading.current_thread()]
 
 
-def test_a_call_that_asks_for_itself_at_once_keeps_nobody_from_acting() -> None:
+def test_a_call_that_asks_for_itself_immediately_keeps_nobody_from_acting() -> None:
     class Busy(Environment):
         def init(self, arguments: list[str]) -> None:
             self.again()
@@ -271,7 +271,7 @@ def test_perceive_brings_the_percepts_up_to_date_before_the_next_formula() -> No
     ) == ["[bob] 12"]
 
 
-def test_the_environment_is_told_its_arguments_and_the_end() -> None:
+def test_the_environment_gets_its_arguments_and_the_end() -> None:
     lamp = Lamp()
     stage = Stage({"bob": "!s. +!s <- switch(on); .stopMAS."}, environment=lamp, environment_arguments=["a", "b"])
     stage.run()
@@ -333,7 +333,7 @@ def test_the_command_finds_the_class_from_the_working_directory(folder: Path, na
         ("typo:X", "typo cannot be imported: SyntaxError: "),
     ],
 )
-def test_a_class_that_cannot_be_used_is_told_without_a_traceback(folder: Path, name: str, told: str) -> None:
+def test_a_class_that_cannot_be_used_is_reported_without_a_traceback(folder: Path, name: str, told: str) -> None:
     (folder / "typo.py").write_text("class X(:\n  pass\n")
     done = agentd("run", "--env", name, "agent.asl", cwd=folder)
     assert done.returncode == 2
@@ -352,7 +352,7 @@ def test_a_module_that_fails_in_what_it_imports_itself_names_that(
         load_class("needs_more:X", Environment)
 
 
-def test_what_is_told_of_percepts_is_what_has_changed_not_what_holds() -> None:
+def test_a_percept_board_gives_what_has_changed_not_all_that_holds() -> None:
     board = PerceptBoard()
     board.join("bob")
     for number in range(10_000):

@@ -64,7 +64,7 @@ def test_a_signal_lets_the_environment_stop_and_shows_in_the_exit_code(folder: P
 
 @needs_full
 @pytest.mark.parametrize("command", [["run", "fast.asl"], ["check", "--json", "fast.asl"], ["test", "t.asl"]])
-def test_output_that_cannot_be_written_is_told_in_one_line(folder: Path, command: list[str]) -> None:
+def test_output_that_cannot_be_written_is_reported_in_one_line(folder: Path, command: list[str]) -> None:
     (folder / "t.asl").write_text("@t[test] +!t <- !force_pass.")
     with FULL.open("w") as full:
         done = subprocess.run(
@@ -75,7 +75,7 @@ def test_output_that_cannot_be_written_is_told_in_one_line(folder: Path, command
 
 
 @pytest.mark.parametrize("command", ["run fast.asl", "check --json fast.asl"])
-def test_a_closed_standard_output_is_told(folder: Path, command: str) -> None:
+def test_a_closed_standard_output_is_reported(folder: Path, command: str) -> None:
     shell = f'exec "{sys.executable}" -m agentd {command} >&-'
     done = subprocess.run(["sh", "-c", shell], cwd=folder, capture_output=True, text=True, timeout=60, check=False)
     assert done.stderr == "agentd: error: standard output is closed; send it to /dev/null if nobody wants it\n"
@@ -98,7 +98,7 @@ def test_a_wait_beyond_all_bounds_is_only_a_long_wait(folder: Path) -> None:
     assert (done.stdout, done.stderr, done.returncode) == ("[long] here\n", "", 0)
 
 
-def test_an_environment_that_would_end_the_process_is_told_with_its_place(folder: Path) -> None:
+def test_an_environment_that_would_end_the_process_is_reported_with_its_place(folder: Path) -> None:
     done = agentd("run", "--env", "motors:Quitter", "acts.asl", cwd=folder)
     assert "execute went wrong in act/0: SystemExit: 7 (" in done.stdout
     assert "motors.py:14, in execute)" in done.stderr
@@ -108,7 +108,7 @@ def test_an_environment_that_would_end_the_process_is_told_with_its_place(folder
     assert done.returncode == 2
 
 
-def test_an_internal_action_that_would_end_the_process_is_told_with_its_place(folder: Path) -> None:
+def test_an_internal_action_that_would_end_the_process_is_reported_with_its_place(folder: Path) -> None:
     source = (folder / "motors.py").read_text()
     action = """
 from agentd import internal_action

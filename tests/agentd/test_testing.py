@@ -1,4 +1,4 @@
-"""``agentd test``: which plans are tests, how they are run, what is told of them."""
+"""``agentd test``: which plans are tests, how they are run, what is reported of them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tests.agentd.conftest import Command, Ran, agentd
 REPOSITORY = Path(__file__).parents[2]
 
 
-class Told(Ran):
-    """What the command said."""
+class Reported(Ran):
+    """What the command printed, by test."""
 
     @property
     def lines(self) -> list[str]:
@@ -42,17 +42,17 @@ class Told(Ran):
 def run(command: Command):
     """Run the tests of a program, beside other files."""
 
-    def run(program: str | None, *arguments: str, name: str = "some_test.asl", **files: str) -> Told:
+    def run(program: str | None, *arguments: str, name: str = "some_test.asl", **files: str) -> Reported:
         if program is not None:
             files, arguments = {name: program, **files}, (name, *arguments)
         ran = command(files, "test", *arguments)
-        return Told(ran.code, ran.out, ran.err)
+        return Reported(ran.code, ran.out, ran.err)
 
     return run
 
 
 def test_plans_with_the_annotation_test_are_run_and_only_they(run) -> None:
-    told = run(
+    ran = run(
         """
         double(X, Y) :- Y = 2 * X.
         @doubles[test] +!doubles <- ?double(2, Y); !assert_equals(4, Y).
@@ -62,13 +62,13 @@ def test_plans_with_the_annotation_test_are_run_and_only_they(run) -> None:
         +!plain <- .fail.
         """
     )
-    assert told.lines == [
+    assert ran.lines == [
         "ok      some_test.asl:3 doubles",
         "ok      some_test.asl:4 nameless(X)",
         "ok      some_test.asl:5 with_more(X)",
     ]
-    assert told.code == 0
-    assert re.fullmatch(r"3 tests: 3 passed \(\d+\.\d s\)", told.summary)
+    assert ran.code == 0
+    assert re.fullmatch(r"3 tests: 3 passed \(\d+\.\d s\)", ran.summary)
 
 
 ASSERTIONS = [
@@ -112,16 +112,16 @@ ASSERTIONS = [
 
 @pytest.mark.parametrize(("body", "message"), ASSERTIONS)
 def test_an_assertion_holds_or_says_what_was_expected_and_what_was_there(run, body: str, message: str | None) -> None:
-    told = run(f"known(1). derived(X) :- known(X).\n@t[test] +!t <- {body}.\n")
+    ran = run(f"known(1). derived(X) :- known(X).\n@t[test] +!t <- {body}.\n")
     if message is None:
-        assert (told.code, told.verdict("t")) == (0, "ok"), told.out
+        assert (ran.code, ran.verdict("t")) == (0, "ok"), ran.out
     else:
-        assert told.code == 1
-        assert told.lines == [f"FAIL    some_test.asl:2 t: {message}"]
+        assert ran.code == 1
+        assert ran.lines == [f"FAIL    some_test.asl:2 t: {message}"]
 
 
 def test_a_failed_assertion_names_its_line_its_formula_its_values_and_the_goals_that_led_to_it(run) -> None:
-    told = run(
+    ran = run(
         """@outer[test] +!outer
   <- X = 3;
      .print("X is ", X);
@@ -130,7 +130,7 @@ def test_a_failed_assertion_names_its_line_its_formula_its_values_and_the_goals_
   <- !assert_equals(4, N).
 """
     )
-    assert told.details("outer") == [
+    assert ran.details("outer") == [
         "expected 4, got 3",
         "at some_test.asl:6: <- !assert_equals(4, N).",
         "that is: !assert_equals(4,3)",
@@ -142,19 +142,19 @@ def test_a_failed_assertion_names_its_line_its_formula_its_values_and_the_goals_
 
 
 def test_a_failed_assertion_fails_the_test_even_where_the_program_handles_the_failure(run) -> None:
-    told = run(
+    ran = run(
         """
         @t[test] +!t <- !risky; !force_pass.
         +!risky <- !assert_true(false).
         -!risky <- .print(handled).
         """
     )
-    assert (told.code, told.verdict("t")) == (1, "FAIL")
-    assert "[some_test] handled" in told.details("t")
+    assert (ran.code, ran.verdict("t")) == (1, "FAIL")
+    assert "[some_test] handled" in ran.details("t")
 
 
 def test_a_test_that_fails_otherwise_is_in_error_with_the_reason_and_the_formula(run) -> None:
-    told = run(
+    ran = run(
         """
         @no_plan[test] +!a <- !nowhere(1).
         @action[test] +!b <- fly(3).
@@ -166,33 +166,33 @@ def test_a_test_that_fails_otherwise_is_in_error_with_the_reason_and_the_formula
             X > 3.
         """
     )
-    assert told.code == 1
-    assert {line.split()[0] for line in told.lines} == {"ERROR"}
-    assert told.details("no_plan")[1:] == [
+    assert ran.code == 1
+    assert {line.split()[0] for line in ran.lines} == {"ERROR"}
+    assert ran.details("no_plan")[1:] == [
         "at some_test.asl:2: @no_plan[test] +!a <- !nowhere(1).",
         "that is: nowhere(1)[source(self)]",
     ]
-    assert told.details("action")[0] == "action_failed: there is no environment that could perform fly"
-    assert told.details("own_reason")[0] == "internal_action: too windy"
-    assert told.details("context") == [
+    assert ran.details("action")[0] == "action_failed: there is no environment that could perform fly"
+    assert ran.details("own_reason")[0] == "internal_action: too windy"
+    assert ran.details("context") == [
         "no_applicable: the context of the test plan does not hold",
         "no plan applied to +!d",
         "context[test] (some_test.asl:5): windy does not hold",
     ]
-    assert told.details("dropped")[0] == "dropped: the intention of the test was dropped before it ended"
-    assert told.details("stopped") == [".stopMAS ended the team with exit code 3"]
-    assert told.details("relation")[1:3] == ["at some_test.asl:9: X > 3.", "that is: (1 > 3)"]
+    assert ran.details("dropped")[0] == "dropped: the intention of the test was dropped before it ended"
+    assert ran.details("stopped") == [".stopMAS ended the team with exit code 3"]
+    assert ran.details("relation")[1:3] == ["at some_test.asl:9: X > 3.", "that is: (1 > 3)"]
 
 
 def test_a_test_without_an_assertion_passes_with_a_warning(run) -> None:
-    told = run("@t[test] +!t <- true.")
-    assert told.code == 0
-    assert told.lines == ["ok      some_test.asl:1 t  (warning: passed without an assertion)"]
-    assert "1 without an assertion" in told.summary
+    ran = run("@t[test] +!t <- true.")
+    assert ran.code == 0
+    assert ran.lines == ["ok      some_test.asl:1 t  (warning: passed without an assertion)"]
+    assert "1 without an assertion" in ran.summary
 
 
 def test_each_test_has_a_fresh_agent_with_the_beliefs_and_goals_of_its_file(run) -> None:
-    told = run(
+    ran = run(
         """
         count(0).
         !set_up.
@@ -202,32 +202,32 @@ def test_each_test_has_a_fresh_agent_with_the_beliefs_and_goals_of_its_file(run)
         @two[test] +!t : ready & seen(0) <- !assert_true(count(0)).
         """
     )
-    assert told.code == 0, told.out
+    assert ran.code == 0, ran.out
 
 
 def test_the_initial_goals_of_an_included_program_are_not_pursued_but_its_plans_and_beliefs_are_there(
     run, tmp_path: Path
 ) -> None:
     (tmp_path / "agent.asl").write_text("home(here). !begin. +!begin <- +begun. +!go(X) : home(X) <- +went.")
-    told = run('{ include("agent.asl") }\n@t[test] +!t <- !assert_false(begun); !go(here); !assert_true(went).')
-    assert told.code == 0, told.out
+    ran = run('{ include("agent.asl") }\n@t[test] +!t <- !assert_false(begun); !go(here); !assert_true(went).')
+    assert ran.code == 0, ran.out
 
 
 def test_waiting_takes_no_time(run) -> None:
     begun = time.monotonic()
-    told = run(
+    ran = run(
         """
         @t[test] +!t <- .nano_time(A); .wait(1800000); .nano_time(B); !assert_equals(1800, (B - A) / 1000000000, 1).
         @u[test] +!u <- .at("now +5 m", {+!late}); .wait(late(_)); !force_pass.
         +!late <- +late(now).
         """
     )
-    assert told.code == 0, told.out
+    assert ran.code == 0, ran.out
     assert time.monotonic() - begun < 60
 
 
-def test_a_test_that_waits_for_ever_is_told_at_once_and_one_that_takes_too_long_at_its_limit(run) -> None:
-    told = run(
+def test_a_test_that_waits_for_ever_ends_immediately_and_one_that_takes_too_long_at_its_limit(run) -> None:
+    ran = run(
         """
         @waits[test] +!a <- .wait({+never}).
         @ticks[test] +!b <- !!tick; .wait(never).
@@ -241,16 +241,16 @@ def test_a_test_that_waits_for_ever_is_told_at_once_and_one_that_takes_too_long_
         "--timeout",
         "0.5",
     )
-    assert told.code == 1
-    assert [line.partition(": ")[2] for line in told.lines] == [
+    assert ran.code == 1
+    assert [line.partition(": ")[2] for line in ran.lines] == [
         "it waits for something that can no longer happen",
         "not done after 0.5 s of its own time",
         "not done after 0.5 s of its own time",
         "not done after 0.5 s of real time",
         "not done after 0.5 s of real time",
     ]
-    assert told.details("waits")[1] == "at some_test.asl:2: @waits[test] +!a <- .wait({+never})."
-    assert told.summary.startswith("5 tests: 0 passed, 5 timed out")
+    assert ran.details("waits")[1] == "at some_test.asl:2: @waits[test] +!a <- .wait({+never})."
+    assert ran.summary.startswith("5 tests: 0 passed, 5 timed out")
 
 
 HANGS = """
@@ -286,17 +286,17 @@ class Never(Environment):
 
 
 @pytest.mark.parametrize(
-    ("name", "told_so"),
+    ("name", "expected"),
     [
         ("Init", "the environment's init was not done after 0.3 s of real time"),
         ("Swallows", "not done after 0.3 s of real time"),
         ("Stop", "the environment's stop was not done after 0.3 s of real time"),
     ],
 )
-def test_the_limit_of_a_test_holds_for_its_environment(run, tmp_path: Path, name: str, told_so: str) -> None:
+def test_the_limit_of_a_test_holds_for_its_environment(run, tmp_path: Path, name: str, expected: str) -> None:
     (tmp_path / "hangs.py").write_text(HANGS)
-    told = run("@t[test] +!t <- act; !force_pass.", "--timeout", "0.3", "--env", "hangs.py:" + name)
-    assert (told.code, [line.partition(": ")[2] for line in told.lines]) == (1, [told_so])
+    ran = run("@t[test] +!t <- act; !force_pass.", "--timeout", "0.3", "--env", "hangs.py:" + name)
+    assert (ran.code, [line.partition(": ")[2] for line in ran.lines]) == (1, [expected])
 
 
 def test_an_environment_that_nothing_ends_ends_the_command(tmp_path: Path) -> None:
@@ -309,7 +309,7 @@ def test_an_environment_that_nothing_ends_ends_the_command(tmp_path: Path) -> No
 
 def test_other_agents_of_a_test_live_and_end_with_it(run, tmp_path: Path) -> None:
     (tmp_path / "echo.asl").write_text("+!say(X)[source(S)] <- .wait(1000); .print(X); .send(S, tell, said(X)).")
-    told = run(
+    ran = run(
         """
         @one[test] +!one
           <- .create_agent(echo, "echo.asl"); .send(echo, achieve, say(hi)); .wait({+said(X)});
@@ -318,17 +318,17 @@ def test_other_agents_of_a_test_live_and_end_with_it(run, tmp_path: Path) -> Non
         """,
         "-v",
     )
-    assert told.code == 0, told.out
-    assert "        [echo] hi\n        [some_test] hi\n" in told.out
+    assert ran.code == 0, ran.out
+    assert "        [echo] hi\n        [some_test] hi\n" in ran.out
 
 
 def test_what_runs_on_after_the_goal_of_a_test_may_still_fail_it(run) -> None:
-    told = run("@t[test] +!t <- !!later; !force_pass. +!later <- +x; +y; !assert_true(z).")
-    assert (told.code, told.verdict("t")) == (1, "FAIL")
+    ran = run("@t[test] +!t <- !!later; !force_pass. +!later <- +x; +y; !assert_true(z).")
+    assert (ran.code, ran.verdict("t")) == (1, "FAIL")
 
 
 def test_a_program_keeps_the_assertions_that_it_brings(run) -> None:
-    told = run(
+    ran = run(
         """
         +!assert_equals(X, Y) <- .print("mine"); X = Y.
         @t[test] +!t <- !assert_equals(f(Z), f(1)).
@@ -336,24 +336,24 @@ def test_a_program_keeps_the_assertions_that_it_brings(run) -> None:
         """,
         "-v",
     )
-    assert told.lines[0] == "ok      some_test.asl:3 t"
-    assert told.verdict("u") == "ERROR"
-    assert "[some_test] mine" in told.out
+    assert ran.lines[0] == "ok      some_test.asl:3 t"
+    assert ran.verdict("u") == "ERROR"
+    assert "[some_test] mine" in ran.out
 
 
 def test_a_program_that_catches_every_goal_gets_its_assertions_all_the_same(run) -> None:
-    told = run("@t[test] +!t <- !assert_true(false). +!G <- .print(caught, G).")
-    assert told.verdict("t") == "FAIL"
+    ran = run("@t[test] +!t <- !assert_true(false). +!G <- .print(caught, G).")
+    assert ran.verdict("t") == "FAIL"
 
 
 def test_assertions_work_within_a_namespace(run) -> None:
-    told = run("{ begin namespace(lab) } @t[test] +!t <- !assert_equals(1, 2). { end }")
-    assert told.lines[0].startswith("FAIL")
-    assert told.lines[0].endswith("expected 1, got 2")
+    ran = run("{ begin namespace(lab) } @t[test] +!t <- !assert_equals(1, 2). { end }")
+    assert ran.lines[0].startswith("FAIL")
+    assert ran.lines[0].endswith("expected 1, got 2")
 
 
 def test_what_a_test_begins_goes_on_after_its_goal_for_ten_seconds_of_its_own_time(run) -> None:
-    told = run(
+    ran = run(
         """
         @t[test] +!t <- !!later(50); !force_pass.
         @u[test] +!u <- !!later(11000); !force_pass.
@@ -362,18 +362,18 @@ def test_what_a_test_begins_goes_on_after_its_goal_for_ten_seconds_of_its_own_ti
         +!again <- .wait(1000); !again.
         """
     )
-    assert [told.verdict(name) for name in "tuv"] == ["FAIL", "ok", "ok"]
+    assert [ran.verdict(name) for name in "tuv"] == ["FAIL", "ok", "ok"]
 
 
 @pytest.mark.parametrize("mapped", [False, True])
 def test_programs_for_the_harness_of_jason_run_without_it(run, tmp_path: Path, mapped: bool) -> None:
     (tmp_path / "jason" / "test" / "inc").mkdir(parents=True)
     (tmp_path / "jason" / "test" / "inc" / "tester_agent.asl").write_text("!run_all. +!run_all <- .fail.")
-    told = run(
+    ran = run(
         '{ include("$jasonJar/test/inc/tester_agent.asl") }\n@t[test] +!t <- !assert_equals(1, 1).',
         *(["--map", "$jasonJar=jason"] if mapped else []),
     )
-    assert (told.code, told.lines) == (0, ["ok      some_test.asl:2 t"])
+    assert (ran.code, ran.lines) == (0, ["ok      some_test.asl:2 t"])
 
 
 FOR_JASON = """
@@ -392,14 +392,14 @@ def test_a_program_for_the_harness_of_jason_includes_it_by_its_name_alone(
     run, tmp_path: Path, there: tuple[str, ...]
 ) -> None:
     _make_harness(tmp_path / "inc", there)
-    told = run(FOR_JASON, "--include-path", "inc")
-    assert told.lines == [
+    ran = run(FOR_JASON, "--include-path", "inc")
+    assert ran.lines == [
         "ok      some_test.asl:4 lists",
         "FAIL    some_test.asl:5 no_lists: expected the members of a, got [a]: both must be lists",
         "FAIL    some_test.asl:6 other_members: expected the members of [a], got [a,c]",
         "ok      some_test.asl:7 timed",
     ]
-    assert "no plan" not in told.out
+    assert "no plan" not in ran.out
 
 
 def test_a_file_that_is_only_named_as_one_of_the_harness_of_jason_is_included(run, tmp_path: Path) -> None:
@@ -413,10 +413,12 @@ def _make_harness(folder: Path, names: tuple[str, ...]) -> None:
         (folder / name).write_text("+!assert_equals(_, _) <- .fail.")
 
 
-def test_an_included_file_that_is_not_found_is_told_with_the_option_that_names_its_folder(run, tmp_path: Path) -> None:
-    told = run('{ include("tester_agent.asl") }\n{ include("bob.asl") }\n@t[test] +!t <- !force_pass.', name="t/t.asl")
-    assert told.code == 2
-    assert "give its folder by --include-path FOLDER" in told.err
+def test_an_included_file_that_is_not_found_is_reported_with_the_option_that_names_its_folder(
+    run, tmp_path: Path
+) -> None:
+    ran = run('{ include("tester_agent.asl") }\n{ include("bob.asl") }\n@t[test] +!t <- !force_pass.', name="t/t.asl")
+    assert ran.code == 2
+    assert "give its folder by --include-path FOLDER" in ran.err
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib" / "bob.asl").write_text("b.")
     assert run(None, "t/t.asl", "--include-path", "lib").code == 0
@@ -430,23 +432,23 @@ def test_a_folder_is_searched_for_files_with_test_plans_and_each_plan_is_run_onc
         "b/broken.asl": "+!work <- ; .",
         "b/notes.txt": "@t[test] +!t <- .fail.",
     }
-    told = run(None, ".", **files)
-    assert told.lines == ["ok      a/one.asl:1 t", "ok      b/deep/two.asl:1 u"]
-    assert told.code == 0
+    ran = run(None, ".", **files)
+    assert ran.lines == ["ok      a/one.asl:1 t", "ok      b/deep/two.asl:1 u"]
+    assert ran.code == 0
 
 
 def test_a_folder_is_searched_for_marks_over_several_lines(run, tmp_path: Path) -> None:
     (tmp_path / "lines.asl").write_text("@one[atomic,\n  test] +!one <- .fail.\n@[x,\ntest]\n+!two <- !force_pass.")
     (tmp_path / "open.asl").write_text("// test " + "@[" * 100_000 + "\n+!work <- true.")
-    told = run(None, ".")
-    assert [line.split()[:3] for line in told.lines] == [["ERROR", "lines.asl:1", "one:"], ["ok", "lines.asl:3", "two"]]
-    assert (told.code, told.err) == (1, "")
+    ran = run(None, ".")
+    assert [line.split()[:3] for line in ran.lines] == [["ERROR", "lines.asl:1", "one:"], ["ok", "lines.asl:3", "two"]]
+    assert (ran.code, ran.err) == (1, "")
 
 
 def test_a_folder_may_hold_programs_that_only_speak_of_tests(run, tmp_path: Path) -> None:
     (tmp_path / "agent.asl").write_text("// tests are marked so: @name[test]\n+!work <- true.")
-    told = run("@t[test] +!t <- !force_pass.", ".")
-    assert (told.code, told.err) == (0, "")
+    ran = run("@t[test] +!t <- !force_pass.", ".")
+    assert (ran.code, ran.err) == (0, "")
 
 
 def test_an_action_that_a_thread_settles_is_waited_for_in_real_time(run, tmp_path: Path) -> None:
@@ -459,61 +461,61 @@ def test_an_action_that_a_thread_settles_is_waited_for_in_real_time(run, tmp_pat
         "        threading.Timer(0.05, later.succeed).start()\n"
         "        return later\n"
     )
-    told = run("@t[test] +!t <- act; !force_pass.", "--env", "slow.py:Slow")
-    assert told.code == 0, told.out
+    ran = run("@t[test] +!t <- act; !force_pass.", "--env", "slow.py:Slow")
+    assert ran.code == 0, ran.out
 
 
 def test_a_filter_chooses_by_a_part_of_the_name_or_a_pattern(run) -> None:
     program = "@walk[test] +!a <- !force_pass. @run_far[test] +!b <- !force_pass. @run_fast[test] +!c <- !force_pass."
     assert [line.split()[2] for line in run(program, "--filter", "run").lines] == ["run_far", "run_fast"]
     assert [line.split()[2] for line in run(program, "--filter", "*k").lines] == ["walk"]
-    told = run(program, "--filter", "swim")
-    assert told.code == 2
-    assert "there is no test whose name fits swim in some_test.asl" in told.err
+    ran = run(program, "--filter", "swim")
+    assert ran.code == 2
+    assert "there is no test whose name fits swim in some_test.asl" in ran.err
 
 
 def test_nothing_to_run_is_no_success(run, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    told = run(None, "empty")
-    assert (told.code, told.err) == (2, "agentd test: error: there is no test in empty\n")
-    told = run("+!t <- true.")
-    assert told.code == 2
-    assert "some_test.asl: error: there is no test plan; mark one as @name[test] +!goal <- ..." in told.err
+    ran = run(None, "empty")
+    assert (ran.code, ran.err) == (2, "agentd test: error: there is no test in empty\n")
+    ran = run("+!t <- true.")
+    assert ran.code == 2
+    assert "some_test.asl: error: there is no test plan; mark one as @name[test] +!goal <- ..." in ran.err
 
 
-def test_what_cannot_be_read_is_told_and_the_rest_is_run(run, tmp_path: Path) -> None:
+def test_what_cannot_be_read_is_reported_and_the_rest_is_run(run, tmp_path: Path) -> None:
     (tmp_path / "good.asl").write_text("@t[test] +!t <- !force_pass.")
-    told = run("@t[test] +!t <- ; .", "good.asl", "gone.asl", name="bad.asl")
-    assert told.code == 2
-    assert told.lines == ["ok      good.asl:1 t"]
-    assert "bad.asl:1:17: error:" in told.err
-    assert "gone.asl: error: cannot read the program: No such file or directory" in told.err
-    assert "1 test: 1 passed, 2 unreadable" in told.summary
+    ran = run("@t[test] +!t <- ; .", "good.asl", "gone.asl", name="bad.asl")
+    assert ran.code == 2
+    assert ran.lines == ["ok      good.asl:1 t"]
+    assert "bad.asl:1:17: error:" in ran.err
+    assert "gone.asl: error: cannot read the program: No such file or directory" in ran.err
+    assert "1 test: 1 passed, 2 unreadable" in ran.summary
 
 
-def test_a_mark_on_a_plan_that_is_for_no_goal_is_told(run) -> None:
-    told = run("@t[test] +b(X) <- true.")
-    assert told.code == 2
-    assert "some_test.asl:1:1: error: a test is a plan for a goal, +!goal; this one is for +b(X)" in told.err
+def test_a_mark_on_a_plan_that_is_for_no_goal_is_an_error(run) -> None:
+    ran = run("@t[test] +b(X) <- true.")
+    assert ran.code == 2
+    assert "some_test.asl:1:1: error: a test is a plan for a goal, +!goal; this one is for +b(X)" in ran.err
 
 
-def test_bad_options_are_told(run) -> None:
+def test_bad_options_are_errors(run) -> None:
     program = "@t[test] +!t <- !force_pass."
     for value in ("0", "-1", "nan", "inf", "soon"):
         with pytest.raises(SystemExit) as ended:
             run(program, "--timeout", value)
         assert ended.value.code == 2
-    told = run(program, "--env", "nowhere:World")
-    assert told.code == 2
-    assert "there is no Python module nowhere" in told.err
-    told = run(program, "--junit", "no/such/folder.xml")
-    assert told.code == 2
-    assert "cannot write no/such/folder.xml: No such file or directory" in told.err
+    ran = run(program, "--env", "nowhere:World")
+    assert ran.code == 2
+    assert "there is no Python module nowhere" in ran.err
+    ran = run(program, "--junit", "no/such/folder.xml")
+    assert ran.code == 2
+    assert "cannot write no/such/folder.xml: No such file or directory" in ran.err
 
 
 def test_junit_xml_has_a_case_per_test_plan_and_reads_as_the_schema_of_junit_wants_it(run, tmp_path: Path) -> None:
     (tmp_path / "bad.asl").write_text("@t[test] +!t <- ; .")
-    told = run(
+    ran = run(
         """
         @good[test] +!a <- !force_pass.
         @differs[test] +!b <- .print("<&\x01>"); !assert_equals("<a>", "&").
@@ -524,7 +526,7 @@ def test_junit_xml_has_a_case_per_test_plan_and_reads_as_the_schema_of_junit_wan
         "--junit",
         "out.xml",
     )
-    assert told.code == 2
+    assert ran.code == 2
     root = ElementTree.parse(tmp_path / "out.xml").getroot()
     _valid(root)
     assert [(s.get("name"), s.get("tests"), s.get("failures"), s.get("errors")) for s in root] == [
@@ -579,8 +581,8 @@ def test_the_tests_of_the_first_mission_pass_with_a_vehicle_that_pretends() -> N
     assert done.stdout.count("ok ") == 9
 
 
-def test_a_test_that_fails_as_no_plan_applied_to_an_event_tells_why_each_did_not(run) -> None:
-    told = run(
+def test_a_test_that_fails_as_no_plan_applied_to_an_event_says_why_each_did_not(run) -> None:
+    ran = run(
         """
         @rescues[test] +!rescues <- +victim(1, 2); .wait(10); !assert_true(rescued).
         @flies[test] +!flies <- !go(1).
@@ -589,13 +591,13 @@ def test_a_test_that_fails_as_no_plan_applied_to_an_event_tells_why_each_did_not
         +!go(X) : X > 5.
         """
     )
-    assert told.verdict("ok") == "ok"
-    assert told.details("rescues")[-2:] == [
+    assert ran.verdict("ok") == "ok"
+    assert ran.details("rescues")[-2:] == [
         "no plan applied to +victim(1,2), raised at some_test.asl:2",
         "nearby (some_test.asl:5): armed does not hold",
     ]
-    assert told.details("flies")[-2:] == [
+    assert ran.details("flies")[-2:] == [
         "no plan applied to +!go(1), raised at some_test.asl:3",
         "+!go(X) (some_test.asl:6): 1 > 5 does not hold",
     ]
-    assert told.out.count("no plan applied") == 2
+    assert ran.out.count("no plan applied") == 2

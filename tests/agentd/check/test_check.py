@@ -99,7 +99,7 @@ def test_what_is_fine_is_not_told(text: str) -> None:
     assert findings_of(text) == []
 
 
-def test_without_a_manifest_actions_and_percepts_are_taken_as_known_and_misspelt_beliefs_are_told() -> None:
+def test_without_a_manifest_actions_and_percepts_are_taken_as_known_and_misspelt_beliefs_are_reported() -> None:
     assert check_program(parse_program("+!g : altitude(A) & A > 1 <- fly(A).", "a.asl")) == []
     (finding,) = check_program(parse_program("waypoint(1). +!g : waypont(A) <- fly(A).", "a.asl"))
     assert finding.message.endswith("did you mean waypoint?")
@@ -141,7 +141,7 @@ def test_included_files_are_checked_with_the_program(check: Check) -> None:
 
 
 @pytest.mark.parametrize("way", ["main.asl", "more.asl"])
-def test_files_that_include_one_another_without_end_are_told_as_by_the_run(way: str, check: Check) -> None:
+def test_files_that_include_one_another_without_end_are_reported_as_by_the_run(way: str, check: Check) -> None:
     told = check({"main.asl": f'{{ include("{way}") }}\n!s. +!s.\n', "more.asl": '{ include("main.asl") }\n'})
     assert told.err == f'{way}:1:1: error: cannot include "main.asl": files include one another without end\n'
     assert told.code == 1

@@ -31,7 +31,7 @@ def test_what_an_included_file_holds_counts(check: Check) -> None:
 
 
 @pytest.mark.parametrize("call", ['.include("moer.asl")', '.create_agent(x, "moer.asl")'])
-def test_a_file_that_is_missing_is_told_with_the_near_one(call: str, check: Check) -> None:
+def test_a_file_that_is_missing_is_reported_with_the_near_one(call: str, check: Check) -> None:
     told = check({"main.asl": f"!start. +!start <- {call}.\n", "more.asl": "other(1).\n"}, "--json")
     (one,) = told.findings
     assert (one["kind"], one["severity"]) == ("file", "error")
@@ -51,7 +51,9 @@ def test_a_created_agent_is_one_of_the_team(check: Check) -> None:
 def test_a_file_that_only_the_run_knows_is_said_once(call: str, check: Check) -> None:
     told = check(f"file(a). !start. +!start : file(F) <- {call}; {call}.\n{MISTAKES}", "--json")
     assert [one["severity"] for one in told.findings if one["kind"] == "known-when-run"] == ["info"]
-    assert "busy-loop" in {one["kind"] for one in told.findings}, "what needs nothing but the plan is told all the same"
+    assert "busy-loop" in {one["kind"] for one in told.findings}, (
+        "what needs nothing but the plan is reported all the same"
+    )
 
 
 @pytest.mark.parametrize("name", ['"new.asl"', "F"])

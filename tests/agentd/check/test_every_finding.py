@@ -1,4 +1,4 @@
-"""One program holds every finding that `agentd check` knows; its comments say which is told in which line."""
+"""One program holds every finding that `agentd check` knows; its comments say which line has which."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FOLDER = ROOT / "tests" / "data" / "check"
 PROGRAM = "tests/data/check/every_finding.asl"
 KINDS = {kind.label for kind in Kind}
 ONLY_ELSEWHERE = {"undotted-internal-action", "file", "syntax", "project", "known-when-run"}
-"""What is told only without a manifest, what hides other findings and so stands in a file of its own, and projects."""
+"""What is found only without a manifest, what hides other findings and so has a file of its own, and projects."""
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +40,7 @@ def test_the_program_has_the_findings_that_its_comments_promise_and_every_kind_i
     assert {kind for other in others for _, _, kind in check({}, "--json", other).kinds} >= ONLY_ELSEWHERE
 
 
-def test_what_hides_other_findings_is_told_where_it_stands(check: Check) -> None:
+def test_what_hides_other_findings_is_reported_where_it_stands(check: Check) -> None:
     assert check({}, "--json", "tests/data/check/incomplete.asl").kinds == {
         ("incomplete.asl", 2, "file"),
         ("no_program.asl", 2, "syntax"),

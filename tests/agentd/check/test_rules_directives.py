@@ -43,7 +43,7 @@ def test_files_include_one_another_by_paths_relative_to_themselves(tmp_path: Pat
     assert world.prints == ["a", "b", "7", "7"]
 
 
-def test_a_file_that_is_not_there_is_told_where_it_is_included(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_reported_where_it_is_included(tmp_path: Path) -> None:
     (tmp_path / "main.asl").write_text('b.\n{ include("nowhere.asl") }')
     with pytest.raises(DirectiveError) as refused:
         compile_program(parse_file(tmp_path / "main.asl"), parse_file)

@@ -112,7 +112,7 @@ def test_no_predicate_is_left_out_for_another_with_many_facts() -> None:
     assert Beliefs(world.mind).shown(Look(beliefs=0), 0.0) == ((), 3002)
 
 
-def test_a_belief_that_changes_without_a_word_is_read_anew_at_each_look() -> None:
+def test_a_belief_that_changes_without_a_word_is_read_again_at_each_look() -> None:
     world = World(mind_of("!go. +!go <- .map.create(M); +store(M); .wait({+more}); .map.put(M, a, 1)."))
     beliefs = Beliefs(world.settle().mind)
     (before,), _ = beliefs.shown(Look(), 0.0)
@@ -191,7 +191,7 @@ def test_decisions_can_be_asked_for_by_name() -> None:
     assert decisions_of(world.mind, Look(last=0)) == ((), ())
 
 
-def test_a_decision_whose_outcome_is_known_is_not_made_anew_and_others_are_told_as_they_go_on() -> None:
+def test_a_decision_whose_outcome_is_known_is_not_made_again_and_others_are_sent_as_they_go_on() -> None:
     world = World(mind_of("!a. +!a <- !b; .wait(1000); .fail. +!b <- true.", decisions=50)).settle()
     (a, b), _ = decisions_of(world.mind)
     assert (a.outcome, b.outcome) == ("running", "ended")

@@ -116,7 +116,7 @@ def test_what_is_no_token_is_an_error_and_the_rest_is_still_read() -> None:
         (";", Class.PUNCTUATION),
     ],
 )
-def test_each_kind_of_token_is_told(piece: str, of: Class) -> None:
+def test_each_kind_of_token_is_recognised(piece: str, of: Class) -> None:
     assert {kind for _, kind, text in classed(SAMPLE) if text == piece} == {of}
 
 
@@ -133,7 +133,7 @@ def test_a_project_file_comes_out_as_it_went_in() -> None:
     assert not any(kind is Error for _, kind, _ in pieces)
 
 
-def test_pygments_is_told_of_both_lexers() -> None:
+def test_pygments_knows_both_lexers() -> None:
     points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["pygments.lexers"]
     found = set()
     for target in points.values():
@@ -147,7 +147,7 @@ def test_pygments_is_told_of_both_lexers() -> None:
 
 def test_the_files_of_the_grammar_are_of_the_present_language() -> None:
     for path, text in ((textmate.JSON_FILE, textmate.json_text()), (textmate.PLIST_FILE, textmate.plist_text())):
-        assert path.read_text(encoding="utf-8") == text, f"python -m {textmate.__name__} writes it anew"
+        assert path.read_text(encoding="utf-8") == text, f"python -m {textmate.__name__} rewrites it"
     assert plistlib.loads(textmate.PLIST_FILE.read_bytes())["patterns"] == textmate.grammar()["patterns"]
 
 

@@ -1,4 +1,4 @@
-"""Packages that provide internal actions and functions: found by entry points, used, and told about when broken."""
+"""Packages that provide internal actions and functions: found by entry points, used, and reported when broken."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_what_a_package_does_not_provide_or_not_with_so_many_arguments_fails(ran
     ]
 
 
-def test_an_error_in_a_package_is_told_with_its_action_file_and_line(ran, mylib: Path) -> None:
+def test_an_error_in_a_package_is_reported_with_its_action_file_and_line(ran, mylib: Path) -> None:
     done = ran(
         """
         !a. !b.
@@ -151,9 +151,9 @@ def test_a_package_that_cannot_be_imported_is_named_where_it_is_used(ran, name: 
         +!c <- X = {name}.f(1).   -!c[error_msg(M)] <- .print(M).
         """
     )
-    told = f"the plug-in {name} of my-package 2.3 cannot be loaded: {reason}"
-    assert done.stdout.count(told) == 2
-    assert told in done.stderr
+    warning = f"the plug-in {name} of my-package 2.3 cannot be loaded: {reason}"
+    assert done.stdout.count(warning) == 2
+    assert warning in done.stderr
     assert "Traceback" not in done.stderr
 
 

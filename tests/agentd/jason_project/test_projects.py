@@ -96,14 +96,14 @@ BAD = mistakes("projects.txt")
 
 
 @pytest.mark.parametrize(("text", "place", "message"), BAD)
-def test_a_bad_project_file_is_told_with_its_place(text: str, place: str, message: str) -> None:
+def test_a_bad_project_file_is_reported_with_its_place(text: str, place: str, message: str) -> None:
     with pytest.raises(SyntaxErrors) as told:
         _parse(text)
     (finding,) = told.value.findings
     assert (finding.file, f"{finding.line}:{finding.column}", finding.message) == ("team.mas2j", place, message)
 
 
-def test_the_errors_of_several_agents_are_told_at_once() -> None:
+def test_the_errors_of_several_agents_are_reported_together() -> None:
     with pytest.raises(SyntaxErrors) as told:
         _parse("MAS x { agents: a #x; b; c [y]; d agentClass; }")
     assert [finding.column for finding in told.value.findings] == [20, 30, 45]
@@ -125,7 +125,7 @@ def test_the_source_path_begins_at_the_projects_folder_and_at_the_working_folder
     assert (told.code, sorted(told.lines), told.err) == (0, ["[ann] hi", "[bob] hi"], "")
 
 
-def test_all_that_is_wrong_with_the_programs_of_a_project_is_told_at_once(run) -> None:
+def test_all_that_is_wrong_with_the_programs_of_a_project_is_reported_together(run) -> None:
     told = run({"team.mas2j": "MAS t { agents: bad; gone; worse; }", "bad.asl": "!a <- .", "worse.asl": "+!a <- ; ."})
     assert told.code == 2
     assert told.err.count(": error:") == 3
@@ -271,13 +271,13 @@ def test_a_python_environment_takes_the_place_of_the_java_one_with_its_arguments
         ("MAS t { agents: bad; }", "bad.asl:1:12: error:"),
     ],
 )
-def test_a_project_that_cannot_be_run_is_told_and_ends_with_two(run, project: str, told: str) -> None:
+def test_a_project_that_cannot_be_run_is_reported_and_ends_with_two(run, project: str, told: str) -> None:
     ran = run({"team.mas2j": project, "bob.asl": HELLO, "bad.asl": "!s. +!s <- ; ."})
     assert (ran.code, ran.lines) == (2, [])
     assert told in ran.err
 
 
-def test_a_project_file_that_is_not_there_or_not_alone_is_told(command: Command) -> None:
+def test_a_project_file_that_is_not_there_or_not_alone_is_reported(command: Command) -> None:
     alone = "a project file is run alone: it names its agents\n"
     assert command({}, "run", "team.mas2j", "bob.asl") == Ran(2, "", alone)
     gone = "gone.mas2j: error: cannot read the project: No such file or directory\n"

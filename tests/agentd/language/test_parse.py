@@ -513,7 +513,7 @@ def test_a_hundred_blocks_may_stand_one_inside_the_other() -> None:
     assert run("!s. +!s <- " + "if (1 < 2) { " * 99 + ".print(inside)" + " }" * 99 + ".").prints == ["inside"]
 
 
-def test_what_is_nested_deep_and_not_closed_is_told_in_one_line() -> None:
+def test_what_is_nested_deep_and_not_closed_is_reported_in_one_line() -> None:
     with pytest.raises(SyntaxErrors) as caught:
         parse_program("+!g <- X = " + "(" * DEPTH + ".", "deep.asl")
     (finding,) = caught.value.findings

@@ -20,7 +20,7 @@ from tests.support.buses import FLEET, Connect, bus_test, served, until
 
 
 class Desk:
-    """Serves the outbox of agent a as commd does: takes each message once, or does with a batch as it is told."""
+    """Serves the outbox of agent a as commd does: takes each message once, or answers a batch as the test says."""
 
     def __init__(self) -> None:
         self.taken: list[Message] = []
@@ -98,7 +98,9 @@ async def test_nothing_leaves_before_it_is_on_disk(connect: Connect) -> None:
 
 
 @bus_test
-async def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_at_once_when_it_comes(connect: Connect) -> None:
+async def test_mail_waits_for_a_commd_that_is_not_there_yet_and_leaves_immediately_when_it_comes(
+    connect: Connect,
+) -> None:
     outbox, _ = an_outbox(await connect("a"))
     send(outbox, 1)
     keep(outbox)
@@ -186,7 +188,7 @@ async def test_a_defect_in_telling_of_a_refusal_is_counted_and_does_not_end_the_
 
 
 @bus_test
-async def test_what_commd_refuses_for_good_is_told_with_its_content(connect: Connect) -> None:
+async def test_what_commd_refuses_for_good_is_reported_with_its_content(connect: Connect) -> None:
     desk = await a_desk(connect)
     outbox, refused = an_outbox(await connect("a"))
     desk.answer = lambda messages: Receipt(taken=len(messages) - 1, refused={1: Refusal(code="receiver_not_found")})
@@ -235,7 +237,7 @@ async def test_more_than_may_wait_is_not_taken_and_a_broadcast_is_taken_whole_or
 
 
 @bus_test
-async def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_anew(connect: Connect) -> None:
+async def test_a_new_life_hands_over_the_rest_under_its_old_numbers_and_counts_from_the_start(connect: Connect) -> None:
     bus = await connect("a")
     first, _ = an_outbox(bus)
     for number in range(3):
@@ -364,7 +366,7 @@ async def test_a_new_life_takes_no_message_again_that_the_last_one_kept(connect:
 
 
 @bus_test
-async def test_numbers_that_did_not_come_are_told(connect: Connect) -> None:
+async def test_numbers_that_did_not_come_are_reported(connect: Connect) -> None:
     reader = await a_reader(connect)
     reader.inbox.restore({Numbered("a", "n"): 7})
     answer = asyncio.create_task(reader.hand_over(numbered(8), numbered(12), numbered(13, "bad"), numbered(14)))

@@ -165,7 +165,7 @@ def test_predicates_are_gone_through_in_the_order_in_which_they_were_first_menti
     assert [p.sig.functor for p in life.next().mind.beliefs.predicates()][: len(order)] == order
 
 
-def test_a_percept_is_not_kept_and_comes_anew_with_its_event() -> None:
+def test_a_percept_is_not_kept_and_comes_again_with_its_event() -> None:
     source = "+at(X)[source(percept)] <- .print(at(X))."
     life = begun(source)
     life.feed(PerceptAdded(term("at(1)")), PerceptAdded(term("at(2)"))).save()
@@ -368,7 +368,7 @@ def test_functions_of_a_file_included_in_the_run_are_known_again() -> None:
     assert life.next().feed(GoalAdded(term("go"))).prints == ["3"]
 
 
-def test_what_cannot_be_kept_is_told_once_and_counted_and_the_rest_is_kept() -> None:
+def test_what_cannot_be_kept_is_reported_once_and_counted_and_the_rest_is_kept() -> None:
     life = begun("a.")
     endless = Collection("map", {})
     endless.content["me"] = endless
@@ -390,7 +390,7 @@ def test_a_belief_that_can_be_kept_no_longer_is_not_restored_as_it_was() -> None
     assert beliefs(life.next(), "store/1") == []
 
 
-def test_rows_that_cannot_be_read_are_left_out_and_told_and_the_rest_is_restored() -> None:
+def test_rows_that_cannot_be_read_are_left_out_and_reported_and_the_rest_is_restored() -> None:
     life = begun("p(1). p(2). +!go <- .print(went).")
     add_plans(life.mind, "+!go(1).", atom("self"), False)
     life.save()

@@ -317,7 +317,7 @@ def test_a_message_chosen_out_of_order_is_the_one_that_is_absorbed() -> None:
     assert life.save().absorbed == [0, 1]
 
 
-def test_an_event_that_cannot_be_kept_is_told_and_the_others_are_kept() -> None:
+def test_an_event_that_cannot_be_kept_is_reported_and_the_others_are_kept() -> None:
     life = begun("+!g(X) <- .wait(10000).")
     life.feed(told("achieve", "g(1)"), Mail("ann", "achieve", Literal(term("g(1)").sig, ("\ud800",)), "mid2"))
     changes = life.save()

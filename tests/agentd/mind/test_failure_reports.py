@@ -19,7 +19,7 @@ SITUATIONS = sorted(FOLDER.glob("*.asl"))
 
 
 def report(source: Path, folder: Path, decisions: int = 0) -> str:
-    """Everything that is told while a program runs, as `agentd run` shows it."""
+    """Everything that is reported while a program runs, as `agentd run` shows it."""
     path = folder / "fly.asl"
     path.write_text(source.read_text())
     program = compile_program(parse_program(path.read_text(), str(path)))
@@ -33,7 +33,7 @@ def report(source: Path, folder: Path, decisions: int = 0) -> str:
 
 
 @pytest.mark.parametrize("situation", SITUATIONS, ids=lambda path: path.stem)
-def test_a_failure_is_told_in_these_words(situation: Path, tmp_path: Path) -> None:
+def test_a_failure_is_reported_in_these_words(situation: Path, tmp_path: Path) -> None:
     assert report(situation, tmp_path) == situation.with_suffix(".txt").read_text()
 
 

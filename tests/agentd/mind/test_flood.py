@@ -32,7 +32,7 @@ def focuses(mind: Mind) -> int:
     return len(mind.events) + len(mind.all_intentions())
 
 
-def test_events_without_end_are_bounded_counted_and_told_once_in_a_while() -> None:
+def test_events_without_end_are_bounded_counted_and_reported_once_in_a_while() -> None:
     mind = mind_of(FLOOD)
     told: list[str] = []
     for second in range(25):
@@ -78,7 +78,7 @@ def test_branches_without_end_fail_their_plan() -> None:
     assert world.mind.all_intentions() == []
 
 
-def test_a_question_that_cannot_be_taken_is_counted_and_told() -> None:
+def test_a_question_that_cannot_be_taken_is_counted_and_reported() -> None:
     world = run("!a. +!a <- for (.range(I,1,600)) { !!b }. +!b <- .wait(100000). +?height(5).")
     world.feed(Mail("ann", "askOne", term("height(H)"), "m1"))
     assert world.mind.drops.counts["questions"] == 1

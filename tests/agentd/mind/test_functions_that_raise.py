@@ -19,7 +19,7 @@ def _raise(mind: Any, argument: Any) -> float:
 RULE = "bad(X) :- v(Y) & X = raising.f(Y). v(1). "
 
 
-def test_an_initial_belief_that_cannot_be_computed_is_left_out_and_told() -> None:
+def test_an_initial_belief_that_cannot_be_computed_is_left_out_and_reported() -> None:
     world = World(mind_of("b(raising.f(1)). !s. +!s <- .print(alive).")).settle()
     assert world.prints == ["alive"]
     assert [e.text for e in world.effects if isinstance(e, Log)] == [

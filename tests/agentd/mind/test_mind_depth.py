@@ -150,7 +150,7 @@ def test_a_goal_condition_that_is_too_deep_does_not_hold() -> None:
     assert "the condition of the goal cannot be computed" in world.logs[0]
 
 
-def test_a_question_that_is_too_deep_is_not_answered_and_told() -> None:
+def test_a_question_that_is_too_deep_is_not_answered_and_reported() -> None:
     mind = mind_of("r(N) :- r(N+1).")
     world = World(mind).feed(Mail("alice", "askOne", term("r(1)"), "mid1"))
     assert any("recursion_too_deep" in line for line in [*world.prints, *world.logs])

@@ -1,4 +1,4 @@
-"""Failure: handlers, what they are told, and what is told when there is none."""
+"""Failure: handlers, what they are given, and what is reported when there is none."""
 
 from __future__ import annotations
 

@@ -240,7 +240,7 @@ class Failing:
         self._database.close()
 
 
-def test_what_is_saved_into_a_file_made_anew_is_read_by_the_next_life(path: Path) -> None:
+def test_what_is_saved_into_a_file_made_again_is_read_by_the_next_life(path: Path) -> None:
     checkpoint = full(path)
     assert checkpoint._database is not None
     checkpoint._database = Failing(checkpoint._database)  # type: ignore[assignment]
@@ -253,7 +253,7 @@ def test_what_is_saved_into_a_file_made_anew_is_read_by_the_next_life(path: Path
     assert stored.mind.beliefs == [(5, b"x")]
 
 
-def test_a_full_disk_is_told_nothing_is_lost_and_the_same_save_succeeds_when_there_is_room(
+def test_a_full_disk_is_reported_nothing_is_lost_and_the_same_save_succeeds_when_there_is_room(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     checkpoint = full(path)
@@ -295,7 +295,7 @@ print(stored.lives, len(stored.outgoing))
 """
 
 
-def test_a_write_that_the_system_refuses_is_told_and_succeeds_later(path: Path) -> None:
+def test_a_write_that_the_system_refuses_is_reported_and_succeeds_later(path: Path) -> None:
     run = subprocess.run([sys.executable, "-c", _LIMITED, str(path)], capture_output=True, text=True, timeout=60)
     lines = run.stdout.splitlines()
     assert run.stderr == ""
@@ -304,7 +304,7 @@ def test_a_write_that_the_system_refuses_is_told_and_succeeds_later(path: Path) 
 
 
 @pytest.mark.parametrize("damage", ["garbage", "empty head", "middle", "cut", "log", "schema"])
-def test_a_corrupt_file_is_set_aside_and_told_and_a_new_one_made(path: Path, damage: str) -> None:
+def test_a_corrupt_file_is_set_aside_and_reported_and_a_new_one_made(path: Path, damage: str) -> None:
     checkpoint = Checkpoint.open(path, "scout")
     checkpoint.save(Saving(mind=MindChanges(beliefs=[(n, bytes(200)) for n in range(500)])))
     checkpoint.close()
@@ -392,7 +392,7 @@ def test_a_file_that_is_in_use_is_refused(path: Path, monkeypatch: pytest.Monkey
     assert Checkpoint.open(path, "scout").read() is not None
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / "fleet").touch()
     with pytest.raises(CheckpointError, match=r"mind\.sqlite cannot be opened"):
         Checkpoint.open(tmp_path / "fleet" / "scout" / "mind.sqlite", "scout")

@@ -104,7 +104,7 @@ async def test_what_was_not_on_disk_at_a_death_comes_again_and_counts_once(
 
 
 @bus_test
-async def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
+async def test_a_full_disk_is_reported_holds_up_mail_and_not_the_mind_and_goes_on_when_there_is_room(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.mail.mail_client.PATIENCE", 0.5)
@@ -140,7 +140,7 @@ async def test_a_full_disk_is_told_holds_up_mail_and_not_the_mind_and_goes_on_wh
 
 
 @bus_test
-async def test_a_save_that_does_not_end_is_told_and_no_action_waits_for_it_or_is_remembered(
+async def test_a_save_that_does_not_end_is_reported_and_no_action_waits_for_it_or_is_remembered(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("agentd.persistence.checkpointer.SLOW", 0.2)
@@ -149,7 +149,7 @@ async def test_a_save_that_does_not_end_is_told_and_no_action_waits_for_it_or_is
     await until(lambda: bool(agent.disk.savings), "it is kept once")
     agent.disk.open.clear()
     agent.tell(Told("a", "tell", 1.0))
-    await until(lambda: bool(agent.host.health().notes), "the hanging disk is told")
+    await until(lambda: bool(agent.host.health().notes), "the hanging disk is reported")
     (note,) = agent.host.health().notes
     assert note.code == "state_not_kept"
     checkpointer = agent.host._checkpointer
@@ -270,7 +270,7 @@ async def test_what_commd_refuses_for_good_is_an_event_once_for_the_one_who_sent
 
 
 @async_test
-async def test_a_file_that_is_refused_gives_way_to_an_agent_that_is_to_begin_anew(tmp_path: Path) -> None:
+async def test_a_file_that_is_refused_gives_way_to_an_agent_that_is_to_start_fresh(tmp_path: Path) -> None:
     writer = ThreadPoolExecutor(1)
     made = await open_memory(tmp_path, "a", writer, "full", fresh=False)
     await asyncio.wrap_future(writer.submit(made.checkpoint.save, Saving(lives=1)))
@@ -288,7 +288,7 @@ async def test_a_file_that_is_refused_gives_way_to_an_agent_that_is_to_begin_ane
 
 
 @bus_test
-async def test_what_cannot_be_read_of_mail_and_actions_is_told_and_left_out_once(
+async def test_what_cannot_be_read_of_mail_and_actions_is_reported_and_left_out_once(
     connect: Connect, tmp_path: Path
 ) -> None:
     program = "!go.\n+!go <- .send(c, tell, one); .send(c, tell, two); .print(sent).\n"

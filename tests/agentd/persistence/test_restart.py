@@ -146,7 +146,7 @@ def test_a_goal_of_the_mission_file_takes_the_place_of_what_the_agent_had_in_min
 
 
 @pytest.mark.parametrize(("more", "arguments"), [(", on_restart: fresh", ()), ("", ("--fresh",))])
-def test_an_agent_that_is_to_begin_anew_does(
+def test_an_agent_that_is_to_start_fresh_does(
     tmp_path: Path, endpoint: str, more: str, arguments: tuple[str, ...]
 ) -> None:
     with a_fleet(tmp_path, endpoint, ONE.format(more=more), a=LIVES + BACK, b=ASKS) as fleet:
@@ -157,7 +157,7 @@ def test_an_agent_that_is_to_begin_anew_does(
         end(second)
 
 
-def test_a_team_that_has_stopped_itself_begins_anew(tmp_path: Path, endpoint: str) -> None:
+def test_a_team_that_has_stopped_itself_starts_fresh(tmp_path: Path, endpoint: str) -> None:
     stops = LIVES.replace("+!slow(X)", "+!slow(8) <- .stopMAS(0, 3).\n+!slow(X)")
     asks = "!go.\n+!go <- .send(a, achieve, slow(8)).\n"
     with a_fleet(tmp_path, endpoint, ONE.format(more=""), a=stops, b=asks) as fleet:
@@ -183,7 +183,7 @@ def test_a_team_that_has_stopped_itself_begins_anew(tmp_path: Path, endpoint: st
         ("later", "expected resume, fresh or goal(...), got `later`"),
     ],
 )
-def test_what_is_no_goal_to_go_on_with_is_told_before_anything_starts(
+def test_what_is_no_goal_to_go_on_with_is_reported_before_anything_starts(
     tmp_path: Path, endpoint: str, said: str, expected: str
 ) -> None:
     path = mission(tmp_path, ONE.format(more=f', on_restart: "{said}"'), a="", b="")
@@ -192,7 +192,7 @@ def test_what_is_no_goal_to_go_on_with_is_told_before_anything_starts(
         assert expected in agent.text, agent.text
 
 
-def test_a_corrupt_memory_is_set_aside_and_told_and_the_agent_begins_anew(tmp_path: Path, endpoint: str) -> None:
+def test_a_corrupt_memory_is_set_aside_and_reported_and_the_agent_starts_fresh(tmp_path: Path, endpoint: str) -> None:
     with a_fleet(tmp_path, endpoint, ONE.format(more=""), a=LIVES, b=ASKS) as fleet:
         until_kept(fleet).kill()
         (file,) = (tmp_path / "state").rglob("a/mind.sqlite")

@@ -289,7 +289,7 @@ def test_an_edited_plan_differs_where_it_is_first_used() -> None:
     assert [act.text for act in result.difference.replayed_next[:1]] == ["print lower5"]
 
 
-def test_a_goal_that_the_edited_program_has_besides_differs_at_once() -> None:
+def test_a_goal_that_the_edited_program_has_besides_differs_immediately() -> None:
     result = compare(_flown().batches, program=LANDS + "!more. +!more <- .print(more).")
     assert result.difference is not None
     assert result.difference.recorded is None or result.difference.recorded.cycle <= 1
@@ -345,7 +345,7 @@ def test_a_recording_that_is_no_whole_life_is_refused_in_words() -> None:
         replay(_with(batches, 1, inputs=tuple(strange)))
 
 
-def test_a_life_that_was_another_is_told_with_the_decision_that_differs() -> None:
+def test_a_life_that_was_another_is_reported_with_the_decision_that_differs() -> None:
     traced = _flown()
     batches = traced.batches
     born = batches[0].birth
@@ -421,7 +421,7 @@ def test_what_goes_in_crosses_the_wire_whole(item: Any, wire: Any) -> None:
         assert (again.literal.annots is literal.annots) or again.literal.annots == literal.annots  # type: ignore[union-attr]
 
 
-def test_what_has_no_form_on_the_wire_is_told_when_it_is_read() -> None:
+def test_what_has_no_form_on_the_wire_is_reported_when_it_is_read() -> None:
     deep: Any = "x"
     for _ in range(200):
         deep = make_list([deep])

@@ -1,4 +1,4 @@
-"""The actions of an agent that dies and comes back: written down before, joined or told truthfully after."""
+"""The actions of an agent that dies and comes back: written down before, joined or reported truthfully after."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ async def test_a_joined_action_is_cancelled_with_the_intention_that_waits_for_it
     [("succeeded", ""), ("failed", "agent a is lost: no liveliness token"), ("timed_out", "late")],
 )
 @bus_test
-async def test_what_an_action_came_to_meanwhile_is_told_before_anything_else_goes_on(
+async def test_what_an_action_came_to_meanwhile_is_reported_before_anything_else_goes_on(
     connect: Connect, tmp_path: Path, state: State, reason: str
 ) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
@@ -186,29 +186,29 @@ async def test_what_an_action_came_to_meanwhile_is_told_before_anything_else_goe
     bridge = await died_acting(connect, program, tmp_path)
     await bridge.end(state, reason)
     second = await a_life(connect, program, tmp_path)
-    await until(lambda: len(second.prints) == 2, "it is told")
+    await until(lambda: len(second.prints) == 2, "it is reported")
     assert second.prints == ["back 1", f"goto(1,2,3) {state} {reason}"]
     await second.end()
     third = await a_life(connect, program, tmp_path)
-    await until(lambda: third.prints == ["back 2"], "it is told once")
+    await until(lambda: third.prints == ["back 2"], "it is reported once")
     assert len(bridge.asked) == 2
     await third.end()
 
 
 @bus_test
-async def test_what_ends_later_and_nobody_has_joined_is_told_when_it_ends(connect: Connect, tmp_path: Path) -> None:
+async def test_what_ends_later_and_nobody_has_joined_is_reported_when_it_ends(connect: Connect, tmp_path: Path) -> None:
     program = FLIES + '+restarted(N) <- .print("back ", N).\n'
 
     bridge = await died_acting(connect, program, tmp_path)
     second = await a_life(connect, program, tmp_path)
     await until(lambda: second.prints == ["back 1"], "it is back")
     await bridge.end("failed", "the wind")
-    await until(lambda: second.prints == ["back 1", "goto(1,2,3) failed the wind"], "the end is told")
+    await until(lambda: second.prints == ["back 1", "goto(1,2,3) failed the wind"], "the end is reported")
     await second.end()
 
 
 @bus_test
-async def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_is_told(
+async def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_agent_hears_so(
     connect: Connect, tmp_path: Path
 ) -> None:
     program = FLIES + "+restarted(_).\n"
@@ -222,13 +222,13 @@ async def test_a_bridge_that_knows_nothing_of_an_action_begins_nothing_and_the_a
     await bridge_bus.close()
     another = await a_bridge(connect)
     second = await a_life(connect, program, tmp_path)
-    await until(lambda: second.prints == ["goto(1,2,3) refused bridge restarted"], "it is told")
+    await until(lambda: second.prints == ["goto(1,2,3) refused bridge restarted"], "it is reported")
     assert another.begun == []
     await second.end()
 
 
 @bus_test
-async def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(
+async def test_the_end_of_an_action_is_reported_again_until_a_plan_has_answered_it(
     connect: Connect, tmp_path: Path
 ) -> None:
     program = """\
@@ -240,7 +240,7 @@ async def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(
 """
 
     async def hears(told: list[str], agent: Hosted) -> None:
-        await until(lambda: agent.prints == told, "its end is told")
+        await until(lambda: agent.prints == told, "its end is reported")
         await until(lambda: any(saving.ended for saving in agent.disk.savings) or "back 2" in told, "that is kept")
         await agent.die()
 
@@ -251,7 +251,7 @@ async def test_the_end_of_an_action_is_told_again_until_a_plan_has_answered_it(
 
 
 @bus_test
-async def test_an_agent_that_has_lost_its_robot_is_told_once_what_was_interrupted(
+async def test_an_agent_that_has_lost_its_robot_hears_once_what_was_interrupted(
     connect: Connect, tmp_path: Path
 ) -> None:
     await died_acting(connect, FLIES, tmp_path)
@@ -267,7 +267,7 @@ async def test_an_agent_that_has_lost_its_robot_is_told_once_what_was_interrupte
 
 
 class Hands:
-    """Does one action, which succeeds when it is told to, and notes what it was asked for."""
+    """Does one action, which succeeds when the test says so, and notes what it was asked for."""
 
     def __init__(self) -> None:
         self.over = asyncio.Event()
@@ -294,7 +294,7 @@ class Alone:
         self.tasks.append(asyncio.get_running_loop().create_task(work))
 
     async def ended(self) -> list[object]:
-        """Everything that is under way has ended; returns what the mind was told, of a literal its name."""
+        """Everything that is under way has ended; returns what the mind heard, of a literal its name."""
         await asyncio.gather(*self.tasks, return_exceptions=True)
         return [one.sig.functor if isinstance(one, Literal) else one for one in self.told]
 
@@ -305,7 +305,7 @@ DROPPED = ActionDone(7, False, "the agent has dropped it", "cancelled", "cancell
 
 
 @async_test
-async def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() -> None:
+async def test_a_plan_that_is_dropped_immediately_does_not_join_what_still_runs() -> None:
     hands = Hands()
     alone = Alone(hands)
     assert await alone.action_client.take_up([LEFT]) == []
@@ -318,7 +318,9 @@ async def test_a_plan_that_is_dropped_at_once_does_not_join_what_still_runs() ->
 
 @pytest.mark.parametrize("dropped", [False, True])
 @async_test
-async def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_told_once_and_not_done_again(dropped: bool) -> None:
+async def test_an_action_that_ends_as_a_plan_is_about_to_join_it_is_reported_once_and_not_done_again(
+    dropped: bool,
+) -> None:
     hands = Hands()
     alone = Alone(hands)
     assert await alone.action_client.take_up([LEFT]) == []

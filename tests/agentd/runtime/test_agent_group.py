@@ -151,7 +151,7 @@ def test_services_are_found_within_one_daemon(tmp_path: Path, endpoint: str) -> 
     assert prints(path, endpoint) == ["[a] bake", "[a] [a][baker]", "[a] [][]", "[a] end"]
 
 
-def test_services_of_another_daemon_are_found_and_told_of(tmp_path: Path, endpoint: str) -> None:
+def test_services_of_another_daemon_are_found_and_reported(tmp_path: Path, endpoint: str) -> None:
     a = """\
 !go.
 +!go <- .df_subscribe(cook); .wait(provider(b, cook)[source(df)]); .df_search(cook, L); .print(L);
@@ -179,7 +179,7 @@ async def test_a_directory_that_does_not_answer_fails_the_plan_with_the_reason(t
             await asyncio.to_thread(agent.says, "the action .df_register(cook) fails: the directory of board local")
 
 
-def test_an_agent_that_begins_anew_offers_nothing_of_its_former_life(tmp_path: Path, endpoint: str) -> None:
+def test_an_agent_that_starts_fresh_offers_nothing_of_its_former_life(tmp_path: Path, endpoint: str) -> None:
     path = mission(tmp_path, TWO, a="!go. +!go <- .df_register(cook).\n", b="")
     path_b = "!go. +!go : true <- .df_search(cook, L); .print(L); .wait(300); !go.\n"
     (tmp_path / "b.asl").write_text(path_b)

@@ -204,7 +204,7 @@ async def test_pausing_again_does_not_move_the_end(
 
 
 @bus_test
-async def test_a_step_that_is_not_made_is_not_told_as_made(
+async def test_a_step_that_is_not_made_is_not_reported_as_made(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(operator_control, "STEP_PATIENCE", 0.05)
@@ -302,7 +302,7 @@ async def test_a_paused_mind_is_kept_and_takes_its_mail_when_it_goes_on(connect:
 
 
 @bus_test
-async def test_a_paused_agent_leaves_at_once_when_it_is_told_to(connect: Connect, tmp_path: Path) -> None:
+async def test_a_paused_agent_leaves_immediately_when_asked_to(connect: Connect, tmp_path: Path) -> None:
     bob = await desk(connect, tmp_path)
     await bob.order("pause")
     before = time.monotonic()

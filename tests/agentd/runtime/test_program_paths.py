@@ -29,7 +29,7 @@ def test_a_file_is_found_beside_the_one_that_names_it_then_in_the_folders_then_i
     assert paths.find(str(tree / "lib/far.asl"), "near/main.asl") == str(tree / "lib/far.asl")
 
 
-def test_a_file_that_is_nowhere_is_told_with_where_it_was_looked_for(tree: Path) -> None:
+def test_a_file_that_is_nowhere_is_reported_with_where_it_was_looked_for(tree: Path) -> None:
     with pytest.raises(FileNotFoundError) as told:
         SourcePaths(folders=[Path("lib")]).find("gone.asl", "near/main.asl")
     assert told.value.strerror == "No such file or directory (looked in near, lib, ., src/agt)"

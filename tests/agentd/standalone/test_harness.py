@@ -38,7 +38,7 @@ def _line_of(plan: str) -> int:
     return next(number for number, line in enumerate(text.splitlines(), 1) if re.match(rf"@{plan}\b|\+!{plan}\b", line))
 
 
-def test_each_failed_assertion_is_told_with_the_line_of_its_plan_and_each_failed_plan_with_that_of_its_formula(
+def test_each_failed_assertion_is_reported_with_the_line_of_its_plan_and_each_failed_plan_with_that_of_its_formula(
     lines: list[str],
 ) -> None:
     assert _run(lines) == 1

@@ -47,7 +47,7 @@ PRINTS = {
         "!s. +!s <- fly(1). -!s[error(E)] <- .print(E).",
         "action_failed",
     ),
-    "a misspelt internal action is told what is wrong": (
+    "a misspelt internal action is reported with what is wrong": (
         '!s. +!s <- .prnt(1). -!s[error(E), error_msg(M)] <- .print(E, " ", M).',
         "action_failed there is no internal action .prnt/1; did you mean .print?",
     ),
@@ -67,7 +67,7 @@ def test_a_program_prints_and_a_failure_says_of_what(what: str, run: Run) -> Non
 
 def test_a_misspelt_internal_action_is_none_of_an_environment(run: Run) -> None:
     Path("bare_world.py").write_text("from agentd import Environment\nclass World(Environment):\n    pass\n")
-    program, printed = PRINTS["a misspelt internal action is told what is wrong"]
+    program, printed = PRINTS["a misspelt internal action is reported with what is wrong"]
     assert run(program, "--env", "bare_world.py:World").lines == [f"[agent] {printed}"]
 
 
@@ -83,7 +83,7 @@ def test_a_file_that_does_not_parse_ends_with_two_the_line_and_a_caret(run: Run)
     assert "^" in ran.err
 
 
-def test_what_is_wrong_with_each_of_several_programs_is_told_at_once(run: Run) -> None:
+def test_what_is_wrong_with_each_of_several_programs_is_reported_together(run: Run) -> None:
     ran = run("+!g <- a b.", b="+!g : c, d.", c="{ inculde(x) }", d="!g.")
     assert ran.code == 2
     for name, message in (("agent", "a ; is missing"), ("b", "not by a comma"), ("c", "did you mean include?")):
@@ -136,7 +136,7 @@ WAITS = """!a. !b. !c. !d. !e. !f.
 """
 
 
-def test_what_still_waits_when_nothing_is_left_to_do_is_told(run: Run) -> None:
+def test_what_still_waits_when_nothing_is_left_to_do_is_reported(run: Run) -> None:
     bob = "+?x(_) <- .wait({+never})."
     ran = run(WAITS, bob=bob)
     assert (ran.code, ran.out) == (0, "[agent] hi\n")
@@ -153,7 +153,7 @@ def test_what_still_waits_when_nothing_is_left_to_do_is_told(run: Run) -> None:
     assert run(WAITS, "--fail-on-error", bob=bob).code == 1
 
 
-def test_of_many_that_wait_the_number_is_told(run: Run) -> None:
+def test_of_many_that_wait_the_number_is_reported(run: Run) -> None:
     ran = run('!s. +!s <- for (.range(N, 1, 25)) { !!w(N) }. +!w(N) <- .wait("+never").')
     assert ran.err.count("waits for what cannot come any more") == 10
     assert "15 more intentions wait as these do" in ran.err

@@ -109,7 +109,7 @@ def test_a_saved_program_reads_back_as_the_same_program() -> None:
     assert sorted(map(str, again.beliefs.facts())) == sorted(map(str, mind.beliefs.facts()))
 
 
-def test_what_cannot_be_saved_is_left_out_and_told() -> None:
+def test_what_cannot_be_saved_is_left_out_and_reported() -> None:
     world = World(mind_of('!go. +!go <- .map.create(M); +m(M); .term2string(T, "no term"); +t(T); +fine(1).')).settle()
     text = program_text(world.mind, [])
     assert "fine(1)" in text

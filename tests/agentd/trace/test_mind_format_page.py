@@ -25,7 +25,7 @@ def test_the_example_is_what_an_agent_says_and_the_script_reads_it(tmp_path: Pat
         said.append(subprocess.run(command, capture_output=True, text=True, timeout=60, check=False))
 
     mind = example(endpoint, tmp_path, run)
-    assert shown(mind) == part("example"), "`python -m tests.agentd.mind_format_page` writes it anew"
+    assert shown(mind) == part("example"), "`python -m tests.agentd.mind_format_page` rewrites it"
     (ended,) = said
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout.splitlines() == mind["beliefs"]
@@ -38,8 +38,8 @@ def test_the_example_is_the_record_and_no_more() -> None:
     assert steady(again) == said, "no field is unknown to the record"
 
 
-def test_each_field_of_a_mind_is_told_with_its_meaning() -> None:
-    assert part("fields") == fields(), "`python -m tests.agentd.mind_format_page` writes it anew"
+def test_each_field_of_a_mind_is_described_with_its_meaning() -> None:
+    assert part("fields") == fields(), "`python -m tests.agentd.mind_format_page` rewrites it"
     for name in SHOWN:
         assert f"### {name}\n" in part("fields")
 
@@ -51,6 +51,6 @@ def test_each_kind_of_input_and_activity_event_is_in_the_tables_and_no_other() -
     )
     assert {name for row in rows for name in re.findall(r"\w+", row)} == {*KINDS, UNWRITTEN}
     activity = text.partition("**`trace/activity`**")[2].partition("**`trace/decisions`**")[0]
-    told = {name for row in re.findall(r"^\| (`[^|]*`) \|", activity, re.M) for name in re.findall(r"\w+", row)}
+    described = {name for row in re.findall(r"^\| (`[^|]*`) \|", activity, re.M) for name in re.findall(r"\w+", row)}
     kinds = next(field for field in msgspec.structs.fields(mind_records.ActivityEvent) if field.name == "kind")
-    assert told == set(kinds.type.__args__)
+    assert described == set(kinds.type.__args__)

@@ -79,7 +79,7 @@ async def test_who_begins_to_record_late_gets_everything_since_birth(connect: Co
 
 
 @bus_test
-async def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_kept(
+async def test_once_the_beginning_is_dropped_who_is_late_is_warned_and_nothing_is_kept(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tracings, "MOST_BYTES", 20 * courses.INPUT_BYTES)
@@ -88,12 +88,12 @@ async def test_once_the_beginning_is_dropped_who_is_late_is_told_and_nothing_is_
         course = agent.host._tracing.inputs
         await until(lambda: not course.on, "the beginning is dropped")
         await greeted(agent, 1, 2)
-        assert agent.host._mind.on_input is None  # nobody is told of inputs any more
+        assert agent.host._mind.on_input is None  # no input is published any more
         assert course.dropped > 10
         assert agent.host.health().counters["trace_dropped"] == course.dropped
         late = Recorder(bus, "uav")
         assert "the beginning of this life is not kept any more" in await late.catch_up()
-        await until(lambda: len(late.batches) > 1, "what goes in is told from now on")
+        await until(lambda: len(late.batches) > 1, "what goes in is published from now on")
         assert min(late.batches) > 0
         with pytest.raises(CannotReplay, match="its birth is missing"):
             replay(late.inputs)
@@ -107,7 +107,7 @@ async def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_someth
         course = agent.host._tracing.inputs
         async with session(endpoint, "first", "tool") as once:
             first = Recorder(once, "uav", "inputs")
-            await until(lambda: len(first.batches) > 1, "what goes in is told")
+            await until(lambda: len(first.batches) > 1, "what goes in is published")
         await until(lambda: not course.listened, "nobody listens any more")
         async with session(endpoint, "second", "tool") as once:
             second = Recorder(once, "uav", "inputs")
@@ -117,7 +117,7 @@ async def test_a_gap_while_nobody_listened_shows_in_the_numbers_only_when_someth
         course.drop()
         number = course._open.number
         third = Recorder(bus, "uav", "inputs")
-        await until(lambda: bool(third.batches), "what goes in is told again")
+        await until(lambda: bool(third.batches), "what goes in is published again")
         assert min(third.batches) == number + 1
 
 
@@ -139,7 +139,7 @@ async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(connect:
         )
         agent.tell(Mail("ann", "achieve", term("nothing(1)"), "mid9.ann.1"))
         agent.host._ordered("goal !fly(3)")
-        await until(lambda: any(one.kind == "log" for one in activity.activity), "the last of it is told")
+        await until(lambda: any(one.kind == "log" for one in activity.activity), "the last of it is published")
         found = {one.kind: one for one in activity.activity if one.other != "ann" or "hello" in one.text}
         life = agent.host._tracing.life
         assert found["received"].text == "hello(7)"
@@ -161,7 +161,9 @@ async def test_activity_tells_what_an_agent_does_and_what_is_done_to_it(connect:
 
 
 @bus_test
-async def test_an_answer_is_told_with_the_id_of_the_question_as_it_was_sent(connect: Connect, tmp_path: Path) -> None:
+async def test_an_answer_is_reported_with_the_id_of_the_question_as_it_was_sent(
+    connect: Connect, tmp_path: Path
+) -> None:
     bus, other = await connect("uav"), await connect("recorder", "tool")
     activity = Recorder(other, "uav", "activity")
     asks = "+go <- .send(ann, askOne, height(_), A); .print(A)."
@@ -188,7 +190,7 @@ async def test_a_flood_is_bounded_and_what_is_left_out_is_counted(connect: Conne
     agent.tell(Mail("ann", "tell", term("go"), "m1"))
     await until(lambda: agent.prints[-1:] == ["2999"], "it has come to its end")
     await agent.end()
-    await until(lambda: any(one.kind == "received" for one in recorder.activity), "the first is told")
+    await until(lambda: any(one.kind == "received" for one in recorder.activity), "the first is published")
     total = len(recorder.decisions) + sum(some.left_out for some in recorder.decided)
     await until(
         lambda: len(recorder.activity) + sum(some.left_out for some in recorder.told) == 3001, "all events count"
@@ -249,7 +251,7 @@ async def test_each_life_of_an_agent_that_is_kept_lives_again(connect: Connect, 
         await recorder.catch_up()
         await (agent.die() if number == 0 else agent.end())
         if number > 0:
-            await until(lambda one=recorder: one.inputs[-1].final, "its end is told")
+            await until(lambda one=recorder: one.inputs[-1].final, "its end is published")
         lives.append(recorder)
     for number, recorder in enumerate(lives):
         born = recorder.inputs[0].birth
@@ -295,8 +297,8 @@ def test_a_daemon_that_makes_clones_reads_and_ends_agents_lives_again(tmp_path: 
             daemon = stack.enter_context(running("agentd", "serve", path, "--router", endpoint, "--speed", "2"))
             assert await asyncio.to_thread(daemon.ends) == 0
             assert "defect" not in daemon.text
-            await until(lambda: any(one.kind == "stopped" for one in recorders["a"].activity), "all is told")
-            await until(lambda: bool(recorders["twin"].batches), "all is told")
+            await until(lambda: any(one.kind == "stopped" for one in recorders["a"].activity), "all is published")
+            await until(lambda: bool(recorders["twin"].batches), "all is published")
             return recorders
 
     with ExitStack() as stack:

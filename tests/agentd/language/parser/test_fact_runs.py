@@ -136,7 +136,7 @@ def test_facts_are_recognised_and_mean_what_the_parser_makes_of_them() -> None:
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_what_is_wrong_among_facts_is_told_as_ever(wrong: str) -> None:
+def test_what_is_wrong_among_facts_is_reported_as_elsewhere(wrong: str) -> None:
     _assert_alike(f"{DATA}{wrong}\n{DATA}")
     _assert_alike(wrong)
 
@@ -203,7 +203,7 @@ def test_a_changed_copy_of_a_fact_is_a_plain_belief() -> None:
     assert (other, hash(other)) == (fact, hash(fact))
 
 
-def test_a_directive_among_large_facts_is_told_each_time(tmp_path: Path) -> None:
+def test_a_directive_among_large_facts_is_reported_each_time(tmp_path: Path) -> None:
     program = parse.parse_program(_large(1000) + 'include("a.asl").\ninclude("b.asl").\n', "a.asl")
     assert [one.line for one in check_program(program)] == [1001, 1002]
     assert len(survey(program.items, Includes("a.asl", None, [])).beliefs) == 3  # type: ignore[arg-type]

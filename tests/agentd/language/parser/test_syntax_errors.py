@@ -43,7 +43,7 @@ def test_a_program_of_the_corpus_is_refused_once_at_its_line(path: Path) -> None
 
 
 @pytest.mark.parametrize(("text", "place", "message"), MISTAKES, ids=[text for text, _, _ in MISTAKES])
-def test_a_mistake_is_told_once_with_its_place_and_what_to_write(text: str, place: str, message: str) -> None:
+def test_a_mistake_is_reported_once_with_its_place_and_what_to_write(text: str, place: str, message: str) -> None:
     (finding,) = errors_of(text).findings
     assert f"{finding.line}:{finding.column}" == place
     assert finding.message == message
@@ -103,7 +103,7 @@ def test_of_a_very_long_line_only_the_part_around_the_error_is_shown() -> None:
     assert excerpt[caret.index("^")] == "c"
 
 
-def test_errors_of_several_plans_are_told_in_one_run() -> None:
+def test_errors_of_several_plans_are_reported_in_one_run() -> None:
     text = """!start : now.
 +!a <- b c.
 +!d <- e.
@@ -121,7 +121,7 @@ def test_after_an_error_among_sub_plans_their_brace_is_no_further_error() -> Non
     assert [finding.line for finding in errors_of("+!a <- b. {\n +!c <- d e.\n +!f <- g.\n}\n+!h.").findings] == [2]
 
 
-def test_no_more_errors_are_told_than_are_read() -> None:
+def test_no_more_errors_are_reported_than_are_read() -> None:
     assert len(errors_of("+!g <- a b.\n" * 100).findings) == MOST_PROBLEMS
 
 
@@ -144,7 +144,7 @@ def test_a_file_that_is_not_utf8_is_refused_with_its_line(tmp_path: Path) -> Non
         parse_file(path)
 
 
-def test_a_file_that_an_editor_saved_as_utf16_is_told_so(tmp_path: Path) -> None:
+def test_a_file_that_an_editor_saved_as_utf16_is_reported_as_such(tmp_path: Path) -> None:
     path = tmp_path / "wide.asl"
     path.write_bytes("b(1).".encode("utf-16"))
     with pytest.raises(SyntaxErrors, match=r"wide.asl:1: error: the file is UTF-16 text; save it as UTF-8"):

@@ -29,7 +29,7 @@ def test_thousands_of_messages_to_an_agent_that_is_busy_arrive_in_their_order() 
     ) == [f"[bob] {count}"]
 
 
-def test_messages_beyond_the_bound_are_dropped_counted_and_told_once() -> None:
+def test_messages_beyond_the_bound_are_dropped_counted_and_reported_once() -> None:
     world = World(mind_of("+!go <- .wait(never). @a[atomic] +!busy <- .wait(1000)."))
     mail = Mail("amy", "tell", term("m(1)"))
     for _ in range(MOST_MAIL + 5):

@@ -68,7 +68,7 @@ WITH_EFFECTS = {
 
 @pytest.mark.parametrize("performative", ["askOne", "askAll"])
 @pytest.mark.parametrize("question", WITH_EFFECTS)
-def test_a_question_that_names_an_action_with_an_effect_does_nothing_and_is_answered_at_once(
+def test_a_question_that_names_an_action_with_an_effect_does_nothing_and_is_answered_immediately(
     question: str, performative: str
 ) -> None:
     world, answers, warnings = asked(performative, question)
@@ -116,7 +116,7 @@ def test_a_refused_question_that_nobody_waits_for_gets_no_answer() -> None:
 
 
 @pytest.mark.parametrize("question", ["many(X)", "(many(X) & X > 0)", "(.range(X, 1, 1000000000000) & X > 0)"])
-def test_more_answers_than_ten_thousand_are_left_out_and_told(question: str) -> None:
+def test_more_answers_than_ten_thousand_are_left_out_and_reported(question: str) -> None:
     world, _, warnings = asked("askAll", question)
     [sent] = world.of(SendMail)
     assert len(sent.content.items) == 10_000

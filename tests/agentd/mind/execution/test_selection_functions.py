@@ -76,7 +76,7 @@ def _never_for_goals(mind: Mind, options: Sequence[Option]) -> Option | None:
     return None if options[0].event.kind == "+!" else options[0]
 
 
-def test_a_wrong_answer_is_told_and_the_default_is_used() -> None:
+def test_a_wrong_answer_is_reported_and_the_default_is_used() -> None:
     world = run("!g. +!g <- .print(a).", select_option=lambda mind, options: 7)
     assert world.prints == ["a"]
     assert world.logs == [
@@ -84,7 +84,7 @@ def test_a_wrong_answer_is_told_and_the_default_is_used() -> None:
     ]
 
 
-def test_an_error_in_a_selection_function_is_told_and_the_default_is_used() -> None:
+def test_an_error_in_a_selection_function_is_reported_and_the_default_is_used() -> None:
     def broken(mind: Mind, events: Sequence[Event]) -> Event:
         raise KeyError("oops")
 
@@ -134,7 +134,7 @@ def test_a_subclass_may_have_the_functions_as_methods() -> None:
     assert world.prints == ["fast coffee"]
 
 
-def test_a_function_that_never_chooses_is_told_after_a_while() -> None:
+def test_a_function_that_never_chooses_is_reported_after_a_while() -> None:
     mind = mind_of("!g. +!g <- .print(a).", select_event=lambda mind, events: None)
     world = World(mind)
     for _ in range(3):

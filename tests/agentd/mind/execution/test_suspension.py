@@ -79,7 +79,7 @@ def test_an_atomic_plan_that_suspends_itself_lets_the_others_run_until_it_is_res
     ) == [f"[bob] {number}" for number in (1, 2, 3, 4, 5)]
 
 
-def test_why_an_intention_does_not_run_is_told() -> None:
+def test_why_an_intention_does_not_run_is_reported() -> None:
     assert lines(
         "!!ask; !!event; !!formula; !!outer; !!forks; .wait(5); "
         'for (.member(G, [ask,event,formula,outer,forks])) { .suspended(G, R); .print(G, " ", R) };'

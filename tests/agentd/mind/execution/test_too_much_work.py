@@ -52,7 +52,7 @@ def test_a_formula_has_two_million_steps(request: pytest.FixtureRequest) -> None
 
 
 @pytest.mark.usefixtures("short_of_breath")
-def test_a_context_without_end_leaves_the_event_to_the_next_plan_and_is_told() -> None:
+def test_a_context_without_end_leaves_the_event_to_the_next_plan_and_is_reported() -> None:
     world = run("r(X) :- .range(X,1,1e11). !s. +!s : r(X) & X < 0 <- .print(no). +!s <- .print(second).")
     assert world.prints == ["second"]
     assert "steps" in world.logs[0]

@@ -117,7 +117,7 @@ def test_a_variable_bound_while_a_context_was_tried_shows_its_value_then() -> No
     assert view.chosen.bindings == {"X": "7", "Y": "f(B)"}
 
 
-def test_where_an_event_comes_from_is_told() -> None:
+def test_where_an_event_comes_from_is_reported() -> None:
     world = run(
         """
         !start. note(0).
@@ -142,7 +142,7 @@ def test_where_an_event_comes_from_is_told() -> None:
     }
 
 
-def test_what_became_of_a_plan_is_told() -> None:
+def test_what_became_of_a_plan_is_reported() -> None:
     world = run(
         """
         !ends. !waits. !fails. !dropped.
