@@ -271,15 +271,10 @@ def number_range(
         raise Failed("unknown", "a .range in steps of 0 has no end")
     mark = len(trail)
     numbers = range(start, end + (1 if pace > 0 else -1), pace)
-    for begin in range(0, _length(numbers), _COUNTED):
-        some = numbers[begin : begin + _COUNTED]
+    while numbers:
+        some, numbers = numbers[:_COUNTED], numbers[_COUNTED:]
         work(mind, len(some))
         for at in some:
             if unify(given, float(at), trail):
                 yield None
             undo(trail, mark)
-
-
-def _length(numbers: range) -> int:
-    """The length of a range; `len` fails for very long ones."""
-    return max(0, (numbers.stop - numbers.start + numbers.step - (1 if numbers.step > 0 else -1)) // numbers.step)

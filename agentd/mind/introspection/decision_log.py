@@ -143,30 +143,28 @@ class Decisions:
 
     def entries(self) -> list[Any]:
         """The same as they are held: `record_of` makes records of them."""
-        self._settle()
+        self.settle()
         return list(self._last)
 
     def count_all(self, settled: Callable[[list[Any]], None] | None = None) -> None:
         """Count the records from now on, for `take_new`. `settle` must be called after each run of the mind; it passes
         the new ones to ``settled``. There should be few, as those in between take fresh memory.
         """
-        self._settle()
+        self.settle()
         self._taken, self._settled = self.count, settled
         self.note = self._noting(self.waiting)
 
     def count_none(self) -> None:
         """Count the records no longer."""
-        self._settle()
+        self.settle()
         self._settled = None
         self.note = self._noting(self._last)
 
     def settle(self) -> None:
         """Put the new records to the others."""
-        if self.waiting:
-            self._settle()
-
-    def _settle(self) -> None:
         new = self.waiting
+        if not new:
+            return
         if self._settled is not None:
             self._settled(new)
         self.count += len(new)
@@ -177,7 +175,7 @@ class Decisions:
         """Return how many of the last records are new since the last call, at most ``most``, and how many more there
         were.
         """
-        self._settle()
+        self.settle()
         new, self._taken = self.count - self._taken, self.count
         shown = min(new, most, len(self._last))
         return shown, new - shown
@@ -189,7 +187,7 @@ class Decisions:
         """
         self.large_lists = LargeLists.made
         self.shown.clear()
-        self._settle()
+        self.settle()
         alive = {id(frame) for intention in self._mind.all_intentions() for frame in intention.stack}
         for place, entry in enumerate(self._last):
             frames = entry.frames if type(entry) is Failure else (Decision(*entry).below, Decision(*entry).frame)
@@ -202,7 +200,7 @@ class Decisions:
 
     def last_rejected(self) -> Sequence[tuple[Any, Any]]:
         """The plans that were tried in vain for the last event, as `Decision.rejected` holds them."""
-        self._settle()
+        self.settle()
         last = self._last[-1] if self._last else None
         return () if type(last) is not tuple else Decision(*last).rejected or ()
 
