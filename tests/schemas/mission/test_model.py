@@ -65,64 +65,19 @@ def test_the_shipped_mission_reads() -> None:
     assert load_mission(path).name == "single-uav"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        (
-            "    robot: uav1",
-            "    robott: uav1",
-            "m.yaml:5:5: error: agents.uav.robott: there is no such field, did you mean `robot`?",
-        ),
-        (
-            "timeout: 15min",
-            "timout: 15min",
-            "m.yaml:12:1: error: timout: there is no such field, did you mean `timeout`?",
-        ),
-        (
-            "timeout: 15min",
-            "timeout: 15parsec",
-            "m.yaml:12:10: error: timeout: expected a duration such as `5s`, `500ms` or `15min`, got `15parsec`",
-        ),
-        ("speed: 5", "speed: 0", "m.yaml:13:8: error: speed: expected `float` > 0.0"),
-        ("speed: 5", "speed: fast", "m.yaml:13:8: error: speed: expected `float`, got `str`"),
-        (
-            "    robot: uav1",
-            "    robot: uav2",
-            "m.yaml:5:12: error: there is no robot `uav2`, did you mean `uav1`?",
-        ),
-        ("    program: uav.asl\n", "", "m.yaml:3:3: error: agents.uav: needs the field `program`"),
-        ("  uav:\n", "  u/v:\n", "m.yaml:3:3: error: Expected a name of letters, digits"),
-        ("[-27.604033", "[-97.604033", "m.yaml:10:40: error: robots.uav1.simulate.home.0: expected `float` >= -90.0"),
-        ('done: "uav: mission_done"', "done: mission_done", "m.yaml:11:7: error: expected `agent: formula`"),
-        ('done: "uav:', 'done: "uva:', "m.yaml:11:7: error: there is no agent `uva`, did you mean `uav`?"),
-        ("speed: 5", "speed: 5\nspeed: 6", "m.yaml:14:1: error: `speed` is repeated"),
-        ("speed: 5", "speed: [5", "m.yaml:14:1: error: not YAML: did not find expected ',' or ']'"),
-        ("speed: 5", "speed: !!python/object:os.system 5", "m.yaml:13:8: error: `5` cannot be read as"),
-        ("speed: 5", "speed: !!bool 5", "m.yaml:13:8: error: `5` cannot be read as"),
-        ("speed: 5", "speed: !!timestamp 5", "m.yaml:13:8: error: `5` cannot be read as"),
-        ("speed: 5", 'speed: !!int ""', "m.yaml:13:8: error: `` cannot be read as"),
-        (
-            "speed: 5",
-            "router: {endpoint: nonsense}",
-            "m.yaml:13:20: error: router.endpoint: expected an endpoint such as `tcp/127.0.0.1:7447`, got `nonsense`",
-        ),
-        (
-            "    simulate:",
-            "    lease: {priority: [uav, pilot]}\n    simulate:",
-            "m.yaml:10:29: error: lease.priority: `pilot` is no agent of robot `uav1`; its agents are uav",
-        ),
-        (
-            "    simulate:",
-            "    lease: {priority: [uav, uav]}\n    simulate:",
-            "m.yaml:10:29: error: lease.priority: `uav` is repeated",
-        ),
-        ("  uav1:\n", "  uav:\n", "m.yaml:7:3: error: `uav` is in agents already: names are unique in a fleet"),
-    ],
-)
-def test_one_mistake_gives_a_line_that_says_where_and_what(old: str, new: str, expected: str) -> None:
-    assert old in GOOD
-    found = findings(GOOD.replace(old, new, 1))
-    assert any(line.startswith(expected) for line in found), found
+MISTAKES = Path(__file__).parents[2] / "data" / "mission_file_mistakes.txt"
+"""Changes of `GOOD`, each with one mistake, and below each its findings."""
+
+
+def test_each_mistake_is_told_as_written_down_where_it_stands() -> None:
+    shown = []
+    for block in MISTAKES.read_text(encoding="utf-8").split("\n\n"):
+        change = [line for line in block.splitlines() if line.startswith(("- ", "+ "))]
+        old, new = ("".join(f"{line[2:]}\n" for line in change if line.startswith(sign)) for sign in "-+")
+        assert old in GOOD
+        found = findings(GOOD.replace(old, new, 1))
+        shown.append("".join(f"{line}\n" for line in (*change, *(f"    {one}" for one in found))))
+    assert "\n".join(shown) == MISTAKES.read_text(encoding="utf-8")
 
 
 def test_all_mistakes_are_told_in_one_run() -> None:
