@@ -71,7 +71,6 @@ ELSEWHERE: Final = {
     "agentd.standalone.environment_host": "agentd run",
     "bridged.paper_format.ini_manifests": "manifests in the paper's format",
     "commd.client.blocking": "programs without asyncio",
-    "commd.gateway.paper_node": "CommNode",
     "commd.gateway.gateway": "fleets of several networks",
     "commd.gateway.radio_model": "links by radio",
 }

@@ -1,1 +1,1 @@
-"""Gateways between networks: the gateway daemon, the paper's Comm node, and the radio model."""
+"""Gateways between networks: the gateway to the Comm nodes of the paper, and the radio model."""

@@ -10,10 +10,12 @@ import signal
 import threading
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections import deque
 from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
 from types import FrameType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from msgspec.structs import replace
 
@@ -23,7 +25,6 @@ from commd.bus.session import sessions_under_way, still_there
 from commd.bus.tls import Tls, tls_in
 from commd.common.clock import Clock
 from commd.process.log_handler import begin_logging, handler_of_this_process, one_line
-from commd.process.loop_lag import loop_lag
 from commd.process.output import ERROR, flush, stderr
 from commd.process.restart_counter import end_lives
 from schemas.files.findings import Findings
@@ -158,6 +159,45 @@ async def greet(bus: Bus, boards: Iterable[str]) -> None:
                     f"the commd of board `{board}` speaks version {failed.other_version} of the records,"
                     f" this {bus.daemon} version {VERSION}: install the same release of Argosy for all of a board"
                 ) from None
+
+
+LAG_EVERY = 0.25
+"""Wall seconds between two measurements; a longer stall is always noticed."""
+LAG_KEPT = 5
+"""Measurements that count: those of about the last second."""
+
+
+class LoopLag:
+    """Measures one event loop while it runs."""
+
+    def __init__(self, now: Callable[[], float], call_at: Callable[[float, Callable[[], None]], object]) -> None:
+        self._now, self._call_at = now, call_at
+        self._late: deque[float] = deque(maxlen=LAG_KEPT)
+        self._due = now() + LAG_EVERY
+        call_at(self._due, self._look)
+
+    @property
+    def worst(self) -> float:
+        """The worst delay in about the last second, in wall seconds."""
+        return max(0.0, self._now() - self._due, *self._late)
+
+    def _look(self) -> None:
+        now = self._now()
+        self._late.append(now - self._due)
+        self._due = now + LAG_EVERY
+        self._call_at(self._due, self._look)
+
+
+_of_loops: WeakKeyDictionary[asyncio.AbstractEventLoop, LoopLag] = WeakKeyDictionary()
+
+
+def loop_lag() -> LoopLag:
+    """Return the measurement of the running loop, one for all callers."""
+    loop = asyncio.get_running_loop()
+    found = _of_loops.get(loop)
+    if found is None:
+        found = _of_loops[loop] = LoopLag(loop.time, loop.call_at)
+    return found
 
 
 async def report_health(bus: Bus, name: str, clock: Clock, details: Callable[[], Health] = Health) -> None:

@@ -7,7 +7,7 @@ import shlex
 import subprocess
 import sys
 
-from commd.gateway.paper_node import read_message
+from commd.gateway.gateway import read_message
 from tests.support.processes import ROOT, running
 
 PAGE = (ROOT / "docs/guides/mail.md").read_text()

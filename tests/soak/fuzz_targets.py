@@ -39,8 +39,7 @@ from bridged.drivers.mavlink.transport.framing import Framer, WireCounters
 from bridged.drivers.mavlink.vehicle.commands import Identity
 from bridged.drivers.registry import check_manifest
 from bridged.paper_format.ini_manifests import load_ini_pair
-from commd.gateway.gateway import TOLD_SOURCES, Gateway
-from commd.gateway.paper_node import Allowance, BadDatagram, read_message
+from commd.gateway.gateway import TOLD_SOURCES, Allowance, BadDatagram, Gateway, read_message
 from commd.mail.inspection import mailboxes_of_file
 from commd.mail.schema import migrate
 from schemas.files.findings import Findings

@@ -11,7 +11,7 @@ import pytest
 
 from commd.common import repeated_log
 from commd.common.repeated_log import RepeatedLog
-from commd.process.loop_lag import KEPT, LOOK, LoopLag
+from commd.process.process import LAG_EVERY, LAG_KEPT, LoopLag
 
 
 class Time:
@@ -81,8 +81,8 @@ def test_a_loop_is_as_late_as_its_longest_stall_of_the_last_second(time: Time) -
     time.until(10)
     assert lag.worst == 0
     time.at += 3.0  # nothing is done meanwhile
-    assert 3.0 - LOOK <= lag.worst <= 3.0
+    assert 3.0 - LAG_EVERY <= lag.worst <= 3.0
     time.until(time.at)
-    assert 3.0 - LOOK <= lag.worst <= 3.0
-    time.until(time.at + (KEPT + 2) * LOOK)
+    assert 3.0 - LAG_EVERY <= lag.worst <= 3.0
+    time.until(time.at + (LAG_KEPT + 2) * LAG_EVERY)
     assert lag.worst == 0

@@ -15,9 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from commd.gateway import gateway as module
-from commd.gateway import paper_node
-from commd.gateway.gateway import Gateway, open_gateway
-from commd.gateway.paper_node import Allowance, Node
+from commd.gateway.gateway import Allowance, Gateway, Node, open_gateway
 from commd.mail.store import StoreFailed
 from schemas.files.findings import Findings
 from schemas.mission.model import Mission, read_mission
@@ -236,7 +234,7 @@ def test_a_node_that_starts_again_and_says_the_same_later_is_heard() -> None:
 
 
 def test_a_node_that_repeats_itself_for_ever_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("commd.gateway.paper_node.REMEMBERED", 100)
+    monkeypatch.setattr("commd.gateway.gateway.REMEMBERED", 100)
     node = Node("old1", "127.0.0.1:1")
     assert not any(node.repeats(b"%d" % number, 1.0) for number in range(1000))
     assert len(node._heard) <= 101
@@ -244,17 +242,17 @@ def test_a_node_that_repeats_itself_for_ever_does_not_fill_the_memory(monkeypatc
 
 def test_a_host_that_floods_is_held_to_the_rate_of_its_nodes() -> None:
     allowance = Allowance()
-    assert sum(allowance.take(10.0) for _ in range(1000)) == paper_node.BURST
-    assert sum(allowance.take(11.0) for _ in range(1000)) == paper_node.RATE
+    assert sum(allowance.take(10.0) for _ in range(1000)) == module.BURST
+    assert sum(allowance.take(11.0) for _ in range(1000)) == module.RATE
     allowance.nodes = 2
-    assert sum(allowance.take(12.0) for _ in range(1000)) == 2 * paper_node.RATE
+    assert sum(allowance.take(12.0) for _ in range(1000)) == 2 * module.RATE
 
 
 def test_what_exceeds_the_rate_is_dropped_unread_and_counted(
     free_port: Callable[[], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("commd.gateway.paper_node.BURST", 2.0)
-    monkeypatch.setattr("commd.gateway.paper_node.RATE", 0.0)
+    monkeypatch.setattr("commd.gateway.gateway.BURST", 2.0)
+    monkeypatch.setattr("commd.gateway.gateway.RATE", 0.0)
 
     async def body(field: Field) -> None:
         for number in range(10):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from commd.gateway.paper_node import BadDatagram, read_message, write_message
+from commd.gateway.gateway import BadDatagram, read_message, write_message
 from schemas.wire.codec import MAX_BYTES, BadRecord, Wire, codec
 from schemas.wire.records import Action, ActionStatus, Header, Mail, Message, Perception
 from schemas.wire.term_text import BadTerm, read, write
