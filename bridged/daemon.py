@@ -100,7 +100,7 @@ async def serve(mission: Mission, args: Namespace, stop: asyncio.Event, unit: Me
         work = [asyncio.create_task(bridge.run()) for bridge in bridges]
         for part, bridge in zip(parts, bridges, strict=True):
             work.append(asyncio.create_task(report_health(bus, part.name, clock, bridge.health)))
-            work.append(asyncio.create_task(watch_agents(bus, part, mission.mailboxes, bridge, clock)))
+            work.append(asyncio.create_task(watch_agents(bus, mission, part, bridge, clock)))
             log.info("serving %s on %s for %s", part.name, part.where, ", ".join(part.agents))
         unit.ready(in_words(bridges, bus))
         work.append(asyncio.create_task(tell(unit, bridges, bus)))

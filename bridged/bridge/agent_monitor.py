@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 from bridged.bridge.bridge import Bridge
 from bridged.bridge.robot_setup import RobotSetup
@@ -12,6 +12,7 @@ from commd.bus.bus import Bus
 from commd.common.clock import Clock
 from commd.common.tasks import wait_at_most
 from commd.liveness.presence import Presence, Silence
+from schemas.mission.model import Mission
 from schemas.wire import keys
 from schemas.wire.records import Health
 
@@ -61,14 +62,15 @@ WATCH_EVERY = 0.5
 log = logging.getLogger("bridged")
 
 
-async def watch_agents(bus: Bus, part: RobotSetup, boards: Mapping[str, str], bridge: Bridge, clock: Clock) -> None:
+async def watch_agents(bus: Bus, mission: Mission, part: RobotSetup, bridge: Bridge, clock: Clock) -> None:
     """Do what the mission says when the agent that acted last is gone, or none intends anything with a flying robot.
 
-    `boards` is the board of each agent. One that is silent for the robot's `agent_silence` counts as lost.
+    An agent that is silent for the robot's `agent_silence` counts as lost.
     """
-    agents, patience = part.agents, part.silence
+    robot, agents = mission.robots[part.name], part.agents
+    boards, patience = mission.mailboxes, robot.agent_silence
     presence, silence, changed = Presence(agents, boards.get), Silence(patience), asyncio.Event()
-    idleness = Idleness(part.idle_after)
+    idleness = Idleness(robot.idle_after)
     presence.expect(bridge.lease.answers, clock.wall())  # the holder may have ended together with our last run
 
     def token(key: str, alive: bool) -> None:

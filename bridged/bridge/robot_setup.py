@@ -27,11 +27,7 @@ class RobotSetup:
     """For the loss of its agent."""
     idle_steps: tuple[Step, ...]
     """For a robot in the air whose agents intend nothing."""
-    idle_after: float
-    """Mission seconds after which the robot counts as unattended."""
     agents: list[str]
-    silence: float
-    """Wall seconds of silence after which an agent counts as lost."""
     where: str
     """Its link, or the prefix of its keys, or its driver, for people."""
 
@@ -108,9 +104,7 @@ def prepare(mission: Mission, name: str, link: str | None, speed: float) -> tupl
         manifest,
         steps["on_agent_loss"],
         steps["on_idle"],
-        robot.idle_after,
         mission.agents_of(name),
-        robot.agent_silence,
         robot.link or (f"{robot.prefix}/**" if robot.prefix else f"driver `{manifest.robot.driver}`"),
     )
     return dataclasses.replace(mission, robots=mission.robots | {name: robot}), part

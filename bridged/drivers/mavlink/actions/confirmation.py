@@ -86,16 +86,6 @@ def asked_message(
     return (yield from next_message(flight, name, patience, fits, Poll(flight, run, name)))
 
 
-def for_us(flight: ProcedureContext, message: dialect.MAVLink_message) -> bool:
-    """Whether a message of the mission protocol is for us, not for another ground station."""
-    identity = flight.commands.identity
-    return (message.target_system, message.target_component) in (
-        (identity.system, identity.component),
-        (identity.system, 0),
-        (0, 0),
-    )
-
-
 MODE_ATTEMPTS = 4
 """Requests of a mode that is acknowledged but falls back, as ArduCopter does while it boots."""
 SETTLE = (4.0, 1.5)

@@ -155,6 +155,8 @@ class ProcedureContext:
     ) -> None:
         self.vehicle = vehicle
         self.commands = commands
+        self.addressee = commands.identity.addressee
+        """System and component of the vehicle's autopilot, whom messages are for."""
         self.texts = texts
         self.limits = limits
         self.failsafe = failsafe
@@ -204,14 +206,12 @@ class ProcedureContext:
 
     def send_target(self, place: Place, frame: int, yaw: float | None = None) -> None:
         """Send a position target; nothing acknowledges it. `frame`: MAV_FRAME; `yaw`: radians from north, clockwise."""
-        identity = self.commands.identity
         latitude, longitude = round(place.latitude * 1e7), round(place.longitude * 1e7)
         mask = POSITION_ONLY if yaw is None else POSITION_ONLY & ~YAW_IGNORED
         self.send(
             dialect.MAVLink_set_position_target_global_int_message(
                 0,
-                identity.vehicle,
-                identity.autopilot,
+                *self.addressee,
                 frame,
                 mask,
                 latitude,
@@ -225,7 +225,6 @@ class ProcedureContext:
 
     def send_local(self, target: LocalTarget) -> None:
         """Send a target in metres or m/s; nothing acknowledges it."""
-        identity = self.commands.identity
         mask = ALL_IGNORED
         for said, ignored in (
             (target.position, POSITION_IGNORED),
@@ -238,8 +237,7 @@ class ProcedureContext:
         self.send(
             dialect.MAVLink_set_position_target_local_ned_message(
                 0,
-                identity.vehicle,
-                identity.autopilot,
+                *self.addressee,
                 target.frame,
                 mask,
                 *(target.position or (0.0,) * 3),

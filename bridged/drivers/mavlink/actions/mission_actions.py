@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridged.drivers.api import Outcome, Reading
-from bridged.drivers.mavlink.actions.confirmation import Poll, for_us, next_message
+from bridged.drivers.mavlink.actions.confirmation import Poll, next_message
 from bridged.drivers.mavlink.actions.context import (
     SUCCEEDED,
     BoundAction,
@@ -64,7 +64,7 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
                 run.leaves = ""
                 raise Ended("failed", f"the vehicle did not request the mission, announced {TRIES} times")
             tries, again_at = tries + 1, flight.now + flight.wait(*TRY_EVERY)
-            flight.send(dialect.MAVLink_mission_count_message(*_peer(flight), count))
+            flight.send(dialect.MAVLink_mission_count_message(*flight.addressee, count))
         run.feedback = {"item": float(max(0, sent - 1)), "items": float(count - 1)}
         run.waits_for = f"the vehicle to take item {sent} of {count}"
         yield
@@ -80,7 +80,7 @@ def upload(flight: ProcedureContext, run: ProcedureRun, items: tuple[Item, ...])
                     item = items[message.seq]
                     flight.send(
                         dialect.MAVLink_mission_item_int_message(
-                            *_peer(flight), message.seq, item.frame, item.command, 0, item.autocontinue,
+                            *flight.addressee, message.seq, item.frame, item.command, 0, item.autocontinue,
                             *item.parameters, item.x, item.y, item.z,
                         )
                     )  # fmt: skip
@@ -124,7 +124,7 @@ def download(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, Non
         run.feedback = {"item": float(seq), "items": float(max(0, count - 1))}
         run.waits_for = f"item {seq} of {count} from the vehicle"
         items.append((yield from _read(flight, seq)))
-    flight.send(dialect.MAVLink_mission_ack_message(*_peer(flight), dialect.MAV_MISSION_ACCEPTED))
+    flight.send(dialect.MAVLink_mission_ack_message(*flight.addressee, dialect.MAV_MISSION_ACCEPTED))
     return tuple(items)
 
 
@@ -132,7 +132,7 @@ def count_items(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, 
     """Request how many items the vehicle holds, with home. Returns None without an answer."""
     run.waits_for = "the vehicle to report how many items it holds"
     for _ in range(TRIES):
-        flight.send(dialect.MAVLink_mission_request_list_message(*_peer(flight)))
+        flight.send(dialect.MAVLink_mission_request_list_message(*flight.addressee))
         message = yield from next_message(flight, "MISSION_COUNT", TRY_EVERY, lambda one: ours(flight, one))
         if message is not None:
             return int(message.count)
@@ -142,7 +142,7 @@ def count_items(flight: ProcedureContext, run: ProcedureRun) -> Generator[None, 
 def clear(flight: ProcedureContext, run: ProcedureRun) -> Part:
     """Clear the vehicle's mission, until it holds none but home."""
     for _ in range(TRIES):
-        flight.send(dialect.MAVLink_mission_clear_all_message(*_peer(flight)))
+        flight.send(dialect.MAVLink_mission_clear_all_message(*flight.addressee))
         run.waits_for = "the vehicle to clear its mission"
         message = yield from next_message(flight, "MISSION_ACK", TRY_EVERY, lambda one: ours(flight, one))
         if message is not None and message.type != dialect.MAV_MISSION_ACCEPTED:
@@ -155,7 +155,7 @@ def clear(flight: ProcedureContext, run: ProcedureRun) -> Part:
 
 def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item]:
     for _ in range(TRIES):
-        flight.send(dialect.MAVLink_mission_request_int_message(*_peer(flight), seq))
+        flight.send(dialect.MAVLink_mission_request_int_message(*flight.addressee, seq))
         until = flight.now + flight.wait(*TRY_EVERY)
         while flight.now <= until:
             yield
@@ -170,14 +170,10 @@ def _read(flight: ProcedureContext, seq: int) -> Generator[None, None, Item]:
     raise Ended("failed", f"the vehicle did not send item {seq} of its mission, asked {TRIES} times")
 
 
-def _peer(flight: ProcedureContext) -> tuple[int, int]:
-    identity = flight.commands.identity
-    return identity.vehicle, identity.autopilot
-
-
 def ours(flight: ProcedureContext, message: dialect.MAVLink_message) -> bool:
-    """Of the mission's list (not of the fence's or the rally points'), and for us."""
-    return hasattr(message, "target_system") and for_us(flight, message) and getattr(message, "mission_type", 0) == 0
+    """Whether it is of the mission's list, not of the fence's or the rally points', and for us."""
+    for_us = hasattr(message, "target_system") and flight.commands.identity.is_addressed(message)
+    return for_us and getattr(message, "mission_type", 0) == 0
 
 
 def _result(message: dialect.MAVLink_message) -> str:
@@ -249,10 +245,10 @@ def set_current(flight: ProcedureContext, run: ProcedureRun, action: BoundAction
 
 def go_to_item(flight: ProcedureContext, run: ProcedureRun, wanted: int) -> Part:
     """Make an item the current one, by its number from 1, until MISSION_CURRENT shows it."""
-    identity, poll = flight.commands.identity, Poll(flight, run, "MISSION_CURRENT")
+    poll = Poll(flight, run, "MISSION_CURRENT")
     run.waits_for = f"the vehicle to report that item {wanted} is its current one"
     for _ in range(SET_CURRENT_TRIES):
-        flight.send(dialect.MAVLink_mission_set_current_message(identity.vehicle, identity.autopilot, wanted))
+        flight.send(dialect.MAVLink_mission_set_current_message(*flight.addressee, wanted))
         until = flight.now + flight.wait(*TRY_EVERY)
         while flight.now <= until:
             poll()
@@ -333,4 +329,4 @@ def mission_protocol(flight: ProcedureContext, run: ProcedureRun) -> Iterator[No
     finally:
         plan.busy = ""
         if run.leaves:  # an upload that is broken off would keep others waiting
-            flight.send(dialect.MAVLink_mission_ack_message(*_peer(flight), dialect.MAV_MISSION_OPERATION_CANCELLED))
+            flight.send(dialect.MAVLink_mission_ack_message(*flight.addressee, dialect.MAV_MISSION_OPERATION_CANCELLED))

@@ -100,13 +100,12 @@ def get_parameter(flight: ProcedureContext, run: ProcedureRun, action: BoundActi
 def pull_parameters(flight: ProcedureContext, run: ProcedureRun, action: BoundAction) -> Steps:
     """`param_pull`: the vehicle sends every parameter, each a reading of PARAM; lost ones are requested again."""
     told, count, tries = set[int](), 0, 0
-    identity = flight.commands.identity
     while tries < PULL_TRIES:
         tries += 1
         if not count:
-            flight.send(dialect.MAVLink_param_request_list_message(identity.vehicle, identity.autopilot))
+            flight.send(dialect.MAVLink_param_request_list_message(*flight.addressee))
         for index in sorted(set(range(count)) - told)[:AT_ONCE]:
-            flight.send(dialect.MAVLink_param_request_read_message(identity.vehicle, identity.autopilot, b"", index))
+            flight.send(dialect.MAVLink_param_request_read_message(*flight.addressee, b"", index))
         until = flight.now + flight.wait(*PULL_EVERY)
         while flight.now <= until:
             yield
@@ -163,12 +162,9 @@ def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, want
     if found is None:
         raise Ended("failed", f"the vehicle knows no parameter {name}")
     theirs, told = found[0], None
-    identity = flight.commands.identity
     for _ in range(SET_TRIES):
         flight.send(
-            dialect.MAVLink_param_set_message(
-                identity.vehicle, identity.autopilot, theirs.encode(), wanted, dialect.MAV_PARAM_TYPE_REAL32
-            )
+            dialect.MAVLink_param_set_message(*flight.addressee, theirs.encode(), wanted, dialect.MAV_PARAM_TYPE_REAL32)
         )
         run.waits_for = f"the vehicle to take {name} = {wanted:g}"
         again = yield from read_parameter(flight, run, theirs)  # a late answer to the first question is older
@@ -183,5 +179,4 @@ def write_parameter(flight: ProcedureContext, run: ProcedureRun, name: str, want
 
 
 def _request(flight: ProcedureContext, name: str) -> None:
-    identity = flight.commands.identity
-    flight.send(dialect.MAVLink_param_request_read_message(identity.vehicle, identity.autopilot, name.encode(), -1))
+    flight.send(dialect.MAVLink_param_request_read_message(*flight.addressee, name.encode(), -1))

@@ -182,11 +182,8 @@ def _turned(heading: float | None, forward: float, right: float) -> tuple[float,
 
 
 def _send_channels(flight: ProcedureContext, action: BoundAction) -> None:
-    identity = flight.commands.identity
     rest = [RC_IGNORE if index < 8 else RC_IGNORE_HIGH for index in range(len(action.channels), RC_CHANNELS)]
-    flight.send(
-        dialect.MAVLink_rc_channels_override_message(identity.vehicle, identity.autopilot, *action.channels, *rest)
-    )
+    flight.send(dialect.MAVLink_rc_channels_override_message(*flight.addressee, *action.channels, *rest))
 
 
 def _local(run: ProcedureRun, action: BoundAction) -> LocalTarget:

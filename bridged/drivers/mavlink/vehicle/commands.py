@@ -32,6 +32,16 @@ class Identity:
     vehicle: int
     autopilot: int = dialect.MAV_COMP_ID_AUTOPILOT1
 
+    @property
+    def addressee(self) -> tuple[int, int]:
+        """System and component of the vehicle's autopilot, whom our messages are for."""
+        return self.vehicle, self.autopilot
+
+    def is_addressed(self, message: dialect.MAVLink_message) -> bool:
+        """Whether a message is for us: for our ids, for our system, or for anybody (0/0)."""
+        to = (message.target_system, message.target_component)
+        return to in ((self.system, self.component), (self.system, 0), (0, 0))
+
 
 @dataclass(eq=False)
 class MavlinkCommand:
@@ -120,12 +130,7 @@ class Commands:
     def acknowledge(self, ack: dialect.MAVLink_message, now: float) -> None:
         """Take in a COMMAND_ACK of the vehicle. Target 0/0 means anybody (autopilots before MAVLink 2)."""
         queue = self._queues.get(ack.command)
-        ours = (ack.target_system, ack.target_component) in (
-            (self.identity.system, self.identity.component),
-            (self.identity.system, 0),
-            (0, 0),
-        )
-        if not ours or not queue or not queue[0].sent:
+        if not self.identity.is_addressed(ack) or not queue or not queue[0].sent:
             self.unmatched += 1
             return
         if ack.result == dialect.MAV_RESULT_IN_PROGRESS:
@@ -149,7 +154,7 @@ class Commands:
         if command.sent > command.retry.times or (command.sent and not command.may_repeat()):
             command.silent = True
             return True
-        to, number, again = (self.identity.vehicle, self.identity.autopilot), command.number, min(command.sent, 255)
+        to, number, again = self.identity.addressee, command.number, min(command.sent, 255)
         if command.frame is None:
             self._send(dialect.MAVLink_command_long_message(*to, number, again, *command.parameters))
         else:

@@ -83,11 +83,7 @@ class FailsafeCheck:
             return
         self._tries += 1
         self._next_at = now + self._every
-        self._send(
-            dialect.MAVLink_param_request_read_message(
-                self._identity.vehicle, self._identity.autopilot, PARAMETER.encode(), -1
-            )
-        )
+        self._send(dialect.MAVLink_param_request_read_message(*self._identity.addressee, PARAMETER.encode(), -1))
 
     def receive(self, message: dialect.MAVLink_message) -> None:
         """Take in a PARAM_VALUE; its name tells whether it is ours."""
