@@ -17,7 +17,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 from agentd.mind.persistence.rows import MindChanges, StoredMind
 from commd.mail.page_checksums import ENDING, PageChecksums, log_damage
-from commd.mail.sqlite_file import CORRUPT, check, code_of, corrupt
+from commd.mail.sqlite_file import CORRUPT, check, code_of, corrupt, set_aside
 from commd.process.state_dir import make_private_file, make_private_folder
 from schemas.wire.records import Note
 
@@ -157,7 +157,7 @@ class Checkpoint:
             except sqlite3.DatabaseError as error:
                 if code_of(error) not in CORRUPT:
                     raise
-                aside = _rename_corrupt(path)
+                aside = set_aside(path)
                 text = f"{path} is corrupt ({error}) and was set aside as {aside.name}: {agent} starts without it"
                 made.notes.append(Note(DAMAGED, text, "file"))
                 made._open()
@@ -387,18 +387,6 @@ def _migrate(database: sqlite3.Connection, version: int, agent: str) -> None:
         database.execute(f"PRAGMA application_id={APPLICATION}")
         database.execute("INSERT INTO agent VALUES ('name', ?)", (agent,))
     database.execute("COMMIT")
-
-
-def _rename_corrupt(path: Path) -> Path:
-    """Rename a corrupt file, so that people may examine it, and return its new path."""
-    number = 1
-    while (aside := path.with_name(f"{path.name}.corrupt-{number}")).exists():
-        number += 1
-    for ending in _ENDINGS:
-        file = path.with_name(path.name + ending)
-        if file.exists():
-            file.rename(aside.with_name(aside.name + ending))
-    return aside
 
 
 def remove(path: Path) -> None:

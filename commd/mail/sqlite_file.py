@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import logging
 import os
 import sqlite3
 from collections.abc import Iterator
@@ -14,8 +13,6 @@ from pathlib import Path
 from commd.mail.page_checksums import ENDING
 from commd.process.state_dir import make_private_file, make_private_folder
 from schemas.files.findings import Finding, Findings
-
-log = logging.getLogger("store")
 
 CACHE_KIB = 256
 """KiB of pages that each of the two connections caches."""
@@ -89,15 +86,14 @@ def corrupt(why: str) -> sqlite3.DatabaseError:
     return error
 
 
-def set_aside(path: Path, why: str) -> Path:
-    """Rename a corrupt file and the files beside it. Returns its new path."""
+def set_aside(path: Path) -> Path:
+    """Rename a corrupt file and the files beside it, so that people may examine them. Returns its new path."""
     number = 1
     while (aside := path.with_name(f"{path.name}.corrupt-{number}")).exists():
         number += 1
     for end in ("-wal", "-shm", ENDING, ""):
         with suppress(FileNotFoundError):
             path.with_name(path.name + end).rename(aside.with_name(aside.name + end))
-    log.error("mail_store_corrupt file=%s why=%s set_aside=%s: its mail is lost, a new file is made", path, why, aside)
     return aside
 
 

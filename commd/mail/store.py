@@ -239,7 +239,10 @@ class Store:
 
     def _replace_corrupt(self, why: str) -> sqlite3.Connection:
         """Set the corrupt file aside and make a new one."""
-        self.set_aside.append(set_aside(self.path, why).name)
+        aside = set_aside(self.path)
+        text = "mail_store_corrupt file=%s why=%s set_aside=%s: its mail is lost, a new file is made"
+        log.error(text, self.path, why, aside)
+        self.set_aside.append(aside.name)
         self._sums.begin()
         db = connect(self.path, self.synchronous)
         migrate(db)
