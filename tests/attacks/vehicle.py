@@ -89,9 +89,9 @@ async def signed_packets_again(row: Row, world: World) -> None:
                 await until(lambda: ride.driver.counters()["refused_packets"] == 5, "what came before is refused")
                 row.expect(not ride.driver.heard, f"ended {how}: the vehicle is not heard by what it said before")
                 row.expect(not ride.driver.active, "nor does it count as armed")
-                began = time.monotonic()
+                again, began = Speaker(port, signing=signing), time.monotonic()
 
-                def back() -> bool:
+                def back(vehicle: Speaker = again) -> bool:
                     vehicle.say(GUIDED)
                     return ride.driver.heard
 
@@ -99,8 +99,6 @@ async def signed_packets_again(row: Row, world: World) -> None:
                 row.seen.append(
                     f"ended {how}: 5 of 5 refused; the vehicle itself is heard {time.monotonic() - began:.1f} s after"
                 )
-                replayer.close()
-        vehicle.close()
 
 
 def _told(ride: Ride, code: str) -> Note | None:
