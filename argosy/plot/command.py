@@ -6,9 +6,9 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from math import isfinite
 from pathlib import Path
 
+from argosy.cli.arguments import finite_number
 from argosy.cli.errors import BadInput, CommandError
 from argosy.plot.csv_tables import write_tables
 from argosy.plot.data import Heard, Scene, SceneReader, part_of
@@ -32,6 +32,7 @@ LEAST, MOST = 50.0, 600.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy plot`."""
+    seconds = finite_number(lambda _: True, "a number of seconds")
     parser.add_argument("file", type=Path, help="recording (MCAP file)")
     parser.add_argument(
         "-o", "--out", type=Path, metavar="FILE", help="figure: .svg, .png or .pdf (default: the recording's name .svg)"
@@ -43,8 +44,8 @@ def add_arguments(parser: ArgumentParser) -> None:
         help=f"panels, separated by commas (default: those of {','.join(PANELS)} that were recorded)",
     )
     parser.add_argument("--robot", action="append", default=[], metavar="R", help="only this robot (repeatable)")
-    parser.add_argument("--from", dest="begin", type=_seconds, metavar="S", help="begin at this mission second")
-    parser.add_argument("--to", dest="end", type=_seconds, metavar="S", help="end at this mission second")
+    parser.add_argument("--from", dest="begin", type=seconds, metavar="S", help="begin at this mission second")
+    parser.add_argument("--to", dest="end", type=seconds, metavar="S", help="end at this mission second")
     parser.add_argument(
         "--width",
         type=_width,
@@ -64,16 +65,6 @@ def _panels(text: str) -> list[Panel]:
 
 
 _panels.__name__ = f"panels (of {', '.join(PANELS)})"
-
-
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not isfinite(seconds):
-        raise ValueError
-    return seconds
-
-
-_seconds.__name__ = "number of seconds"
 
 
 def _width(text: str) -> float:

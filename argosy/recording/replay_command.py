@@ -8,7 +8,7 @@ import re
 import signal
 import sys
 import time
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from collections import Counter
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager, suppress
@@ -17,6 +17,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
+from argosy.cli.arguments import finite_number
 from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.operator_bus import Where, add_router_argument, operator_bus, where
 from argosy.cli.port_check import in_use
@@ -43,16 +44,18 @@ LOOK = 1.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy replay`."""
+    speed = finite_number(lambda value: 0 < value <= 1000, "a speed above 0, at most 1000")
+    seconds = finite_number(lambda value: value >= 0, "seconds since the beginning of the recording")
     parser.add_argument("file", type=Path, metavar="FILE", help="a recording of `argosy record`, or of a report")
     parser.add_argument("--info", action="store_true", help="print what it holds; replay nothing")
     parser.add_argument("--json", action="store_true", help="with --info: as JSON")
     parser.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="X", help="play X times as fast, up to 1000 (default 1)"
+        "--speed", type=speed, default=1.0, metavar="X", help="play X times as fast, up to 1000 (default 1)"
     )
     parser.add_argument(
-        "--from", type=_seconds, default=0.0, metavar="S", dest="begin", help="begin at this second of the recording"
+        "--from", type=seconds, default=0.0, metavar="S", dest="begin", help="begin at this second of the recording"
     )
-    parser.add_argument("--to", type=_seconds, metavar="S", dest="end", help="end at this second of the recording")
+    parser.add_argument("--to", type=seconds, metavar="S", dest="end", help="end at this second of the recording")
     parser.add_argument(
         "--only",
         action="append",
@@ -68,26 +71,6 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_router_argument(parser, f"{DEFAULT_ROUTER}, or a router of its own if none is running")
     parser.set_defaults(mission=None)
     add_mind_arguments(parser)
-
-
-def _speed(text: str) -> float:
-    speed = float(text)
-    if not 0 < speed <= 1000:
-        raise ValueError
-    return speed
-
-
-_speed.__name__ = "speed (0 < X <= 1000)"
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0 <= seconds < float("inf"):
-        raise ArgumentTypeError(f"expected seconds since the beginning of the recording, got `{text}`")
-    return seconds
 
 
 def run(args: Namespace) -> int:

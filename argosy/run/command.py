@@ -18,6 +18,7 @@ import msgspec
 
 from agentd.process import loading_notice
 from argosy.check.command import at_start, check_mission
+from argosy.cli.arguments import finite_number
 from argosy.cli.errors import BadInput, CommandError
 from argosy.cli.journal import Entry, Journal
 from argosy.cli.port_check import endpoint, in_use, link_in_use
@@ -43,7 +44,8 @@ from schemas.mission.model import Mission
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the arguments of `argosy run`."""
     parser.add_argument("mission", help="mission file")
-    parser.add_argument("--speed", type=_speed, metavar="X", help="mission seconds per wall second (simulation only)")
+    speed = finite_number(lambda value: 0 < value <= 100, "a speed above 0, at most 100")
+    parser.add_argument("--speed", type=speed, metavar="X", help="mission seconds per wall second (simulation only)")
     parser.add_argument("--plain", action="store_true", help="print lines instead of the live view")
     parser.add_argument(
         "--real",
@@ -71,16 +73,6 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="ENDPOINT",
         help="Zenoh endpoint of the first board's router (default: the mission's); others get the next free ports",
     )
-
-
-def _speed(text: str) -> float:
-    speed = float(text)
-    if not 0 < speed <= 100:
-        raise ValueError
-    return speed
-
-
-_speed.__name__ = "speed (0 < X <= 100)"
 
 
 def run(args: Namespace) -> int:

@@ -301,7 +301,7 @@ def test_figures_that_are_no_place_and_no_time_end_in_a_line_or_are_not_drawn(
         with pytest.raises(SystemExit) as ended:
             main(["plot", str(flown), "--from", number])
         assert ended.value.code == 2
-        assert f"argument --from: invalid number of seconds value: '{number}'" in capsys.readouterr().err
+        assert f"argument --from: expected a number of seconds, got `{number}`" in capsys.readouterr().err
     fleet = Fleet(tmp_path / "wild.mcap")
     fly(fleet)
     for big in (1e308, -1e308, 200.0, float("inf")):

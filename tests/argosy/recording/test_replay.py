@@ -270,7 +270,7 @@ def test_bad_arguments_and_files_are_told_in_a_line(
     ("option", "told"),
     [
         ("--from x", "expected seconds since the beginning of the recording, got `x`"),
-        ("--speed 0", "invalid speed (0 < X <= 1000) value: '0'"),
+        ("--speed 0", "expected a speed above 0, at most 1000, got `0`"),
     ],
 )
 def test_what_is_no_number_is_told(option: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:

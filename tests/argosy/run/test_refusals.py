@@ -41,7 +41,7 @@ def edit(mission: Path, pattern: str, new: str) -> None:
     [
         ("--real uav1 --speed 5", "--speed 5: uav1 is real, and real time runs at speed 1"),
         ("--real uav2", "--real uav2: there is no such robot; the mission has uav1"),
-        ("--speed 0", "argument --speed: invalid speed (0 < X <= 100) value: '0'"),
+        ("--speed 0", "argument --speed: expected a speed above 0, at most 100, got `0`"),
         ("--router no", "argument --router: Expected an endpoint such as `tcp/127.0.0.1:7447`, got `no`"),
         ("--report /proc/nowhere", "--report /proc/nowhere: No such file or directory"),
         ("--record MISSION", "--record MISSION: the file exists: name another one\n"),
