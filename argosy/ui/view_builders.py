@@ -6,6 +6,9 @@ import math
 from collections.abc import Container, Iterable, Sequence
 from typing import Literal
 
+from msgspec import convert
+from msgspec.structs import replace
+
 from argosy.cli.remedies import level_of
 from argosy.fleet_model.actions import ActionSeen
 from argosy.fleet_model.activity import activity
@@ -150,19 +153,7 @@ def formulas(model: FleetModel, endings: Iterable[Ending], what: str) -> dict[st
 
 def message_view(message: LoggedMessage, number: int) -> MessageView:
     """Return the view of a message; `number` is its place in the chart."""
-    return MessageView(
-        number=number,
-        id=message.id,
-        sender=message.sender,
-        receiver=message.receiver,
-        performative=message.performative,
-        content=message.content,
-        sent=message.sent,
-        received=message.received,
-        in_reply_to=message.in_reply_to,
-        state=message.state,
-        undelivered=message.undelivered,
-    )
+    return replace(convert(message, MessageView, from_attributes=True), number=number)
 
 
 def run_view(model: FleetModel) -> RunView | None:

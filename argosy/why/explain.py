@@ -133,9 +133,13 @@ async def mail_facts(bus: Bus, fleet: str, view: MindView) -> MailFacts:
     receivers = [one for one in asked if is_name(one)][
         :MOST_ASKED
     ]  # the name becomes part of a key, where `*` has a meaning
-    minds_asked = asyncio.gather(*(_mind(bus, fleet, name) for name in receivers))
-    (boards, silent), homes, minds = await asyncio.gather(_mailboxes(bus, fleet), _homes(bus, fleet), minds_asked)
-    known = {name: mind for name, mind in zip(receivers, minds, strict=True) if mind is not None}
+    queries = [f"{keys.mind(fleet, name)}?plans=true;last={REMEMBERED}" for name in receivers]
+    minds_asked = asyncio.gather(*(_all(bus, query, MindView, MAIL_TIMEOUT) for query in queries))
+    services_asked = _all(bus, keys.services(fleet, "*"), BoardServices, MAIL_TIMEOUT)
+    (boards, silent), services, minds = await asyncio.gather(_mailboxes(bus, fleet), services_asked, minds_asked)
+    homes = {agent: one.board for one in services.values() if isinstance(one, BoardServices) for agent in one.agents}
+    pairs = zip(receivers, minds, strict=True)
+    known = {name: one for name, found in pairs for one in found.values() if isinstance(one, MindView)}
     return MailFacts(boards, silent, homes, known, asked=True)
 
 
@@ -143,17 +147,6 @@ async def _mailboxes(bus: Bus, fleet: str) -> tuple[list[Mailboxes], dict[str, s
     found = await _all(bus, keys.mailboxes(fleet, "*"), Mailboxes, MAIL_TIMEOUT)
     boards = [one for one in found.values() if isinstance(one, Mailboxes)]
     return boards, {_chunk(key, 1): one for key, one in found.items() if isinstance(one, str)}
-
-
-async def _homes(bus: Bus, fleet: str) -> dict[str, str]:
-    found = await _all(bus, keys.services(fleet, "*"), BoardServices, MAIL_TIMEOUT)
-    services: Iterable[BoardServices] = (one for one in found.values() if isinstance(one, BoardServices))
-    return {agent: one.board for one in services for agent in one.agents}
-
-
-async def _mind(bus: Bus, fleet: str, agent: str) -> MindView | None:
-    found = await _all(bus, f"{keys.mind(fleet, agent)}?plans=true;last={REMEMBERED}", MindView, MAIL_TIMEOUT)
-    return next((one for one in found.values() if isinstance(one, MindView)), None)
 
 
 async def _all(bus: Bus, selector: str, kind: type[R], seconds: float) -> dict[str, R | str]:
