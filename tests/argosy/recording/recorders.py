@@ -10,6 +10,9 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
+
+from argosy.__main__ import main
 from argosy.recording.reader import open_recording
 from tests.support.buses import until
 
@@ -77,3 +80,9 @@ async def seen(path: Path, key: str, count: int, seconds: float = 90) -> None:
         f"{count} on {key}",
         seconds,
     )
+
+
+async def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+    """Ask for a recording that is refused; return what is said of it."""
+    assert await asyncio.to_thread(main, ["record", *map(str, arguments)]) == 2
+    return capsys.readouterr().err

@@ -25,7 +25,7 @@ from argosy.recording.writer import RecordingWriter
 from schemas.wire import keys
 from schemas.wire.records import Perception
 from tests.argosy.recording.files import BEGIN, FACTS, altitude, heard, write
-from tests.argosy.recording.recorders import Process, argosy, recording
+from tests.argosy.recording.recorders import Process, recording, refused
 from tests.support.buses import Connect, bus_test, until
 
 SMALL = 1024 * 1024
@@ -181,13 +181,15 @@ def test_a_disk_that_is_full_from_the_beginning_is_told(small_disk: Path) -> Non
 
 
 @bus_test
-async def test_two_recorders_never_write_one_file(connect: Connect, endpoint: str, tmp_path: Path) -> None:
+async def test_two_recorders_never_write_one_file(
+    connect: Connect, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "a.mcap"
     writer = write(path, [altitude(1, 1)])
     with pytest.raises(BlockingIOError, match="another recorder is writing it"):
         RecordingWriter(path, FACTS, overwrite=True)
-    async with argosy("record", "--router", endpoint, "-o", path, "--force") as second:
-        assert await second.end(None) == (2, "", f"error: {path}: another recorder is writing it\n")
+    told = f"error: {path}: another recorder is writing it\n"
+    assert await refused(capsys, "--router", endpoint, "-o", path, "--force") == told
     writer.add(altitude(2, 2))
     writer.close(END)
     assert [record.parameters for _, record in open_recording(path).typed(Perception)] == [(1,), (2,)]
@@ -201,13 +203,12 @@ def test_only_a_report_is_recorded_over(tmp_path: Path) -> None:
 
 @bus_test
 async def test_a_file_in_the_way_of_a_later_part_is_told_before_anything_is_recorded(
-    connect: Connect, endpoint: str, tmp_path: Path
+    connect: Connect, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "a.mcap"
     (tmp_path / "a-0003.mcap").write_text("mine")
-    async with argosy("record", "--router", endpoint, "-o", path, "--split") as process:
-        told = f"error: {path}: a-0003.mcap exists, and would be its next part\n"
-        assert await process.end(None) == (2, "", told)
+    told = f"error: {path}: a-0003.mcap exists, and would be its next part\n"
+    assert await refused(capsys, "--router", endpoint, "-o", path, "--split") == told
     assert not path.exists()
 
 

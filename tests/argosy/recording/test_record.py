@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import re
 import signal
-import sys
 import time
 from base64 import b64decode
 from collections.abc import Callable
-from contextlib import AsyncExitStack, nullcontext, suppress
+from contextlib import AsyncExitStack, nullcontext
 from pathlib import Path
 
 import pytest
@@ -22,13 +20,14 @@ from argosy.recording.mind_inputs import Gap
 from argosy.recording.reader import open_recording
 from argosy.recording.recorder import NOTES, PERIOD
 from argosy.recording.records import RecorderNote, TokenSeen, Unread
-from commd.bus.bus import Bus, Query, open_bus
+from commd.bus.bus import Bus, Query
 from schemas.wire import keys
 from schemas.wire.codec import codec
 from schemas.wire.mind_records import MindInputs
 from schemas.wire.records import Health, LiveManifest, ManifestChange, Perception, Record
 from tests.argosy.recording.files import stretch, validated
-from tests.argosy.recording.recorders import argosy, recording, seen
+from tests.argosy.recording.recorders import argosy, recording, refused, seen
+from tests.argosy.watch.terminal import Terminal
 from tests.support.buses import FLEET, Connect, async_test, bus_test, session, subscribed
 
 ALTITUDE = keys.percept(FLEET, "uav1", "altitude")
@@ -212,34 +211,6 @@ async def test_an_agent_that_is_gone_without_its_last_inputs_is_told(
 
 
 @bus_test
-async def test_a_fleet_that_speaks_messagepack_is_recorded_as_json(
-    connect: Connect, endpoint: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "a.mcap"
-    opened = open_bus(endpoint, fleet=FLEET, name="uav1", daemon="bridged", stamp=time.time_ns, wire="msgpack")
-    async with opened as bus, recording(endpoint, path) as recorder:
-        await subscribed(bus, ALTITUDE)
-        sent = [altitude(bus, n / 2) for n in range(10)]
-        for one in sent:
-            bus.put(ALTITUDE, one)
-        await seen(path, ALTITUDE, 10)
-        await recorder.end()
-    messages = list(open_recording(path).messages(only=(ALTITUDE,)))
-    assert [message.record for message in messages] == sent
-    assert json.loads(messages[1].data)["parameters"] == [0.5]
-    assert messages[0].track.encoding == codec(Perception).encoding("msgpack")
-    assert validated(path) == 10
-
-
-@bus_test
-async def test_it_ends_by_itself_after_its_time(connect: Connect, endpoint: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    async with recording(endpoint, path, "--max-time", "1s") as recorder:
-        code, out, _ = await recorder.end(None)
-    assert (code, out.splitlines()[-1].rpartition("; ")[2]) == (0, "ended: 1s are over")
-
-
-@bus_test
 async def test_it_records_the_keys_alone_that_it_is_told(connect: Connect, endpoint: str, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     bus = await connect("uav1", "bridged")
@@ -276,21 +247,20 @@ async def test_what_is_put_on_many_keys_at_once_is_no_topic_but_is_kept_and_told
 
 
 @bus_test
-async def test_a_file_that_is_there_is_overwritten_only_by_force(
-    connect: Connect, endpoint: str, tmp_path: Path
+async def test_a_file_that_is_there_is_overwritten_only_by_force_and_ends_after_its_time(
+    connect: Connect, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "a.mcap"
+    path, nowhere = tmp_path / "a.mcap", tmp_path / "no" / "a.mcap"
     path.write_text("mine")
-    async with argosy("record", "--router", endpoint, "-o", path) as recorder:
-        code, _, err = await recorder.end(None)
-    assert code == 2
-    assert err == f"error: {path} exists: name another file with -o, or overwrite it with --force\n"
+    told = f"error: {path} exists: name another file with -o, or overwrite it with --force\n"
+    assert await refused(capsys, "--router", endpoint, "-o", path) == told
     assert path.read_text() == "mine"
-    async with recording(endpoint, path, "--force") as recorder:
-        await recorder.end()
+    told = f"error: {nowhere}: No such file or directory\n"
+    assert await refused(capsys, "--router", endpoint, "-o", nowhere) == told
+    async with recording(endpoint, path, "--force", "--max-time", "1s") as recorder:
+        code, out, _ = await recorder.end(None)
+    assert (code, out.splitlines()[-1].rpartition("; ")[2]) == (0, "ended: 1s are over")
     assert open_recording(path).end is not None
-    async with argosy("record", "--router", endpoint, "-o", tmp_path / "no" / "a.mcap") as recorder:
-        assert await recorder.end(None) == (2, "", f"error: {tmp_path}/no/a.mcap: No such file or directory\n")
 
 
 @pytest.mark.parametrize(
@@ -350,25 +320,10 @@ async def test_a_router_that_goes_and_comes_is_noted_and_what_came_meanwhile_ask
 
 @bus_test
 async def test_on_a_terminal_one_line_tells_how_it_goes(connect: Connect, endpoint: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    ours, its = os.openpty()
-    command = [sys.executable, "-m", "argosy", "record", "--fleet", FLEET, "--router", endpoint, "-o", str(path)]
-    process = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE, stderr=its)
-    os.close(its)
-    os.set_blocking(ours, False)
-    shown = b""
-    try:
-        async with asyncio.timeout(240):
-            while b"dropped" not in shown:
-                with suppress(BlockingIOError, OSError):
-                    shown += os.read(ours, 1000)
-                await asyncio.sleep(0.05)
-        process.send_signal(signal.SIGTERM)
-        out, _ = await asyncio.wait_for(process.communicate(), 120)
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-        os.close(ours)
-    assert re.search(rb"\r\x1b\[K\d+ s  \d+ messages/s  \d+ B  0 dropped", shown)
-    assert out.decode().splitlines()[-1].endswith("; ended: SIGTERM")
+    command = ["argosy", "record", "--fleet", FLEET, "--router", endpoint, "-o", str(tmp_path / "a.mcap")]
+    with Terminal(command, columns=200) as terminal:
+        await asyncio.to_thread(terminal.shows, "0 dropped")
+        assert re.search(rb"\r\x1b\[K\d+ s  \d+ messages/s  \d+ B  0 dropped", terminal.output)
+        os.kill(terminal.pid, signal.SIGTERM)
+        assert await asyncio.to_thread(terminal.end) == 0
+        assert terminal.text.rstrip().endswith("; ended: SIGTERM")

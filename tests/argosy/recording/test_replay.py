@@ -279,21 +279,18 @@ def test_what_is_no_number_is_told(option: str, told: str, capsys: pytest.Captur
     assert told in capsys.readouterr().err
 
 
-@async_test
-async def test_what_is_in_it_is_told(tmp_path: Path) -> None:
+def test_what_is_in_it_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     inputs = keys.trace(FLEET, "uav", "inputs")
     messages = [*fast(51), heard(inputs, stretch(0), 1), heard(inputs, stretch(2, agent="uav"), 2)]
     path = recorded(tmp_path / "a.mcap", messages)
-    async with argosy("replay", path, "--info") as process:
-        code, out, _ = await process.end(None)
-    assert code == 0
+    assert main(["replay", str(path), "--info"]) == 0
+    out = capsys.readouterr().out
     lines = [line.split() for line in out.splitlines()]
     assert ["ended", "ctrl-C"] in lines
     assert "  uav  b1        incomplete: batches 1 of 3 of its inputs are missing" in out
     assert [ALTITUDE, "Perception", "51", "25.50"] in lines
-    async with argosy("replay", path, "--info", "--json") as process:
-        _, out, _ = await process.end(None)
-    told = json.loads(out)
+    assert main(["replay", str(path), "--info", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
     assert (told["fleets"], told["seconds"], told["minds"][0]["missing"]) == ([FLEET], 2.0, [1])
 
 
