@@ -1,11 +1,14 @@
-"""Processes of tests that say `there` when they are, and are killed at the end."""
+"""What runs beside a test: processes that say `there` when they are, and what serves in a thread of its own."""
 
 from __future__ import annotations
 
+import asyncio
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from typing import Any
 
 from tests.support.processes import ROOT
 
@@ -26,3 +29,18 @@ def there(*arguments: str) -> Iterator[None]:
 def crowd_of(agents: int, endpoint: str) -> AbstractContextManager[None]:
     """Let so many simulated agents be on the bus."""
     return there("-m", "tests.argosy.fleet_model.crowd", endpoint, str(agents))
+
+
+@contextmanager
+def beside(
+    serve: Callable[[], Coroutine[Any, Any, None]], ready: threading.Event, stop: threading.Event
+) -> Iterator[None]:
+    """Run what serves in a thread of its own, from when it is ready until it is told to stop."""
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    try:
+        assert ready.wait(20)
+        yield
+    finally:
+        stop.set()
+        thread.join(20)

@@ -10,7 +10,10 @@ import pytest
 from argosy.__main__ import main
 from tests.support.promises import in_time
 
-ASK = ("act uav land", "echo", "hz", "list", "mail MISSION", "manifest get uav1", "record", "stop rtl", "why uav go")
+ASK = (
+    *("act uav land", "echo", "hz", "list", "mail MISSION", "manifest get uav1", "record", "status MISSION"),
+    *("stop rtl", "why uav go"),
+)
 READ = ("check MISSION", "doctor MISSION", "mail MISSION", "stop rtl --mission MISSION", "ui --mission MISSION")
 
 

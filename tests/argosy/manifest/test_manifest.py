@@ -8,7 +8,6 @@ import threading
 import time
 from argparse import Namespace
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -21,7 +20,9 @@ from schemas.files.shipped_files import shipped
 from schemas.manifest.loader import load_manifest
 from schemas.manifest.text import document
 from schemas.mission.model import read_mission
+from tests.argosy.beside import beside
 from tests.support.buses import until
+from tests.support.ports import free_port
 
 MISSION = """
 mission: pond
@@ -33,9 +34,10 @@ robots:
 Captured = pytest.CaptureFixture[str]
 
 
-@contextmanager
-def turtle(endpoint: str, folder: Path) -> Iterator[list[str]]:
+@pytest.fixture(scope="module")
+def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
     """Run a router and the bridge of a turtle in a thread; gives the options that lead there."""
+    endpoint, folder = f"tcp/127.0.0.1:{free_port()}", tmp_path_factory.mktemp("turtle")
     ready, ended = threading.Event(), threading.Event()
 
     async def run() -> None:
@@ -61,73 +63,62 @@ def turtle(endpoint: str, folder: Path) -> Iterator[list[str]]:
             stop.set()
             await bridge
 
-    thread = threading.Thread(target=lambda: asyncio.run(run()))
-    thread.start()
-    try:
-        assert ready.wait(30)
+    with beside(run, ready, ended):
         yield ["--router", endpoint]
-    finally:
-        ended.set()
-        thread.join(20)
 
 
 def test_the_running_manifest_is_read_changed_and_written_as_a_file(
-    endpoint: str, tmp_path: Path, capsys: Captured
+    there: list[str], tmp_path: Path, capsys: Captured
 ) -> None:
-    with turtle(endpoint, tmp_path) as there:
-        assert main(["manifest", "get", "turtle1", *there]) == 0
-        told = json.loads(capsys.readouterr().out)
-        assert (told["version"], told["manifest"]) == (1, document(load_manifest("turtle")))
+    assert main(["manifest", "get", "turtle1", *there]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["version"], told["manifest"]) == (1, document(load_manifest("turtle")))
 
-        assert main(["manifest", "get", "turtle1", "percepts.pose.ttl", *there, "--toml"]) == 0
-        assert capsys.readouterr().out == '"2s"\n'
+    assert main(["manifest", "get", "turtle1", "percepts.pose.ttl", *there, "--toml"]) == 0
+    assert capsys.readouterr().out == '"2s"\n'
 
-        change = ["percepts.pose.rate=5", 'percepts.pose.ttl="3s"', 'actions.stop = {topic = "turtle1/stop"}']
-        assert main(["manifest", "set", "turtle1", *change, "--remove", "percepts.velocity", *there]) == 0
-        assert capsys.readouterr().out == "turtle1: version 2 is in effect until its bridge ends\n"
+    change = ["percepts.pose.rate=5", 'percepts.pose.ttl="3s"', 'actions.stop = {topic = "turtle1/stop"}']
+    assert main(["manifest", "set", "turtle1", *change, "--remove", "percepts.velocity", *there]) == 0
+    assert capsys.readouterr().out == "turtle1: version 2 is in effect until its bridge ends\n"
 
-        assert main(["manifest", "get", "turtle1", "percepts.pose", "--toml", *there]) == 0
-        assert capsys.readouterr().out.splitlines()[:3] == [
-            "[percepts.pose]",
-            'source = "turtle1/pose"',
-            'args = ["x", "y", "theta"]',
-        ]
-        assert main(["manifest", "get", "turtle1", "--toml", *there]) == 0
-        written = tmp_path / "turtle1.toml"
-        written.write_text(capsys.readouterr().out, encoding="utf-8")
-        manifest = load_manifest(written)
-        assert (manifest.percepts["pose"].rate, list(manifest.percepts)) == (5, ["pose"])
-        assert manifest.actions["stop"].topic == "turtle1/stop"
-        assert main(["manifest", "check", str(written)]) == 0
-
-
-def test_a_change_that_is_refused_is_told_with_all_reasons_and_exit_code_2(
-    endpoint: str, tmp_path: Path, capsys: Captured
-) -> None:
-    with turtle(endpoint, tmp_path) as there:
-        change = ["percepts.pose.rate=-1", "actions.clear.deadlin=3", 'robot.driver="mavlink"']
-        assert main(["manifest", "set", "turtle1", *change, *there]) == 2
-        said = capsys.readouterr().err
-        assert "turtle1: percepts.pose.rate: expected `float` > 0.0, got `-1`" in said
-        assert "turtle1: actions.clear.deadlin: there is no such field, did you mean `deadline`?" in said
-        assert "turtle1: nothing was changed, version 1" in said
-        assert main(["manifest", "set", "turtle1", "percepts.pose.rate=1", "--version", "4", *there]) == 2
-        assert "the manifest is at version 1, the change is for version 4" in capsys.readouterr().err
-        assert main(["manifest", "get", "turtle1", "percepts.poes", *there]) == 2
-        assert "there is no such percept, did you mean `pose`?" in capsys.readouterr().err
+    assert main(["manifest", "get", "turtle1", "percepts.pose", "--toml", *there]) == 0
+    assert capsys.readouterr().out.splitlines()[:3] == [
+        "[percepts.pose]",
+        'source = "turtle1/pose"',
+        'args = ["x", "y", "theta"]',
+    ]
+    assert main(["manifest", "get", "turtle1", "--toml", *there]) == 0
+    written = tmp_path / "turtle1.toml"
+    written.write_text(capsys.readouterr().out, encoding="utf-8")
+    manifest = load_manifest(written)
+    assert (manifest.percepts["pose"].rate, list(manifest.percepts)) == (5, ["pose"])
+    assert manifest.actions["stop"].topic == "turtle1/stop"
+    assert main(["manifest", "check", str(written)]) == 0
 
 
-def test_a_robot_that_no_bridge_serves_is_told_with_its_near_misses(
-    endpoint: str, tmp_path: Path, capsys: Captured
-) -> None:
-    with turtle(endpoint, tmp_path) as there:
-        assert main(["manifest", "get", "turtel1", *there]) == 1
-        assert (
-            f"error: turtel1: its bridge is not on the bus at {endpoint}, did you mean `turtle1`?"
-            in capsys.readouterr().err
-        )
-        assert main(["manifest", "set", "turtle1", "percepts.pose.rate=1", "--fleet", "sea", *there]) == 1
-        assert "; no bridge is there at all" in capsys.readouterr().err
+def test_a_change_that_is_refused_is_told_with_all_reasons_and_exit_code_2(there: list[str], capsys: Captured) -> None:
+    assert main(["manifest", "get", "turtle1", *there]) == 0
+    version = json.loads(capsys.readouterr().out)["version"]
+    change = ["percepts.pose.rate=-1", "actions.clear.deadlin=3", 'robot.driver="mavlink"']
+    assert main(["manifest", "set", "turtle1", *change, *there]) == 2
+    said = capsys.readouterr().err
+    assert "turtle1: percepts.pose.rate: expected `float` > 0.0, got `-1`" in said
+    assert "turtle1: actions.clear.deadlin: there is no such field, did you mean `deadline`?" in said
+    assert f"turtle1: nothing was changed, version {version}" in said
+    assert main(["manifest", "set", "turtle1", "percepts.pose.rate=1", "--version", "44", *there]) == 2
+    assert f"the manifest is at version {version}, the change is for version 44" in capsys.readouterr().err
+    assert main(["manifest", "get", "turtle1", "percepts.poes", *there]) == 2
+    assert "there is no such percept, did you mean `pose`?" in capsys.readouterr().err
+
+
+def test_a_robot_that_no_bridge_serves_is_told_with_its_near_misses(there: list[str], capsys: Captured) -> None:
+    assert main(["manifest", "get", "turtel1", *there]) == 1
+    assert (
+        f"error: turtel1: its bridge is not on the bus at {there[1]}, did you mean `turtle1`?"
+        in capsys.readouterr().err
+    )
+    assert main(["manifest", "set", "turtle1", "percepts.pose.rate=1", "--fleet", "sea", *there]) == 1
+    assert "; no bridge is there at all" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,9 @@ import asyncio
 import re
 import threading
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Iterator
 from contextlib import AsyncExitStack, contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,6 +17,7 @@ from commd.bus.bus import Bus, Query, open_bus
 from commd.router.config import write
 from schemas.wire import keys
 from schemas.wire.records import Outcome, StopOrder
+from tests.argosy.beside import beside
 from tests.support.secured import Secured
 
 
@@ -30,21 +30,6 @@ async def _bridge(bus: Bus, robot: str, answer: Outcome | None, orders: list[tup
 
     bus.serve(keys.stop(bus.fleet, robot), StopOrder, told)
     await bus.claim(robot)
-
-
-@contextmanager
-def beside(
-    serve: Callable[[], Coroutine[Any, Any, None]], ready: threading.Event, stop: threading.Event
-) -> Iterator[None]:
-    """Run what serves in a thread of its own, from when it is ready until it is told to stop."""
-    thread = threading.Thread(target=lambda: asyncio.run(serve()))
-    thread.start()
-    try:
-        assert ready.wait(20)
-        yield
-    finally:
-        stop.set()
-        thread.join(20)
 
 
 @contextmanager

@@ -26,7 +26,7 @@ from commd.bus.bus import Bus, open_bus
 from schemas.wire import keys
 from schemas.wire.codec import Wire
 from schemas.wire.records import Header, Health, Perception
-from tests.argosy.stop.test_stop import beside
+from tests.argosy.beside import beside
 from tests.argosy.tools.flying import Trial, trial
 from tests.argosy.watch.terminal import Terminal
 from tests.attacks.world import NAME, TEXT, World
