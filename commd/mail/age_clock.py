@@ -53,11 +53,6 @@ class MailClock:
         """Return the time of the mail clock, in seconds."""
         return self._since_boot() - self._zero
 
-    def load_once(self, db: Connection) -> None:
-        """Continue from the reading in a file, unless that was done before."""
-        if self.found is None:
-            self.load(db)
-
     def load(self, db: Connection) -> None:
         """Continue from the reading in a file. In a new boot at least the time since its start has passed."""
         found = schema.kept(db, "clock").get("mail")

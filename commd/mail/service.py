@@ -313,7 +313,8 @@ async def open_mail_service(
     tally, clock = Tally(), clock or MailClock()
 
     def count(db: Connection) -> None:  # first called when the file can be read
-        clock.load_once(db)
+        if clock.found is None:
+            clock.load(db)
         tally.count(db)
 
     async with open_store(folder / f"{bus.name}.mail", rules.synchronous, count) as store:
