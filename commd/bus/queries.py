@@ -229,14 +229,14 @@ class QuerySession:
         Raises QueryTimeout if there was no reply, QueryFailed if there were only errors, BusClosed if the query could
         not be sent, BadRecord if `ask` cannot be encoded.
         """
-        failed: QueryFailed = QueryTimeout(key, timeout, nobody=True)
+        failed: QueryFailed | None = None
         async with aclosing(self.query(key, ask, answer, timeout)) as replies:
             async for reply in replies:
                 if reply.record is not None:
                     return reply.record
                 error = QueryFailed(reply.key, reply.error, reply.other_version, code=reply.code)
                 failed = QueryTimeout(key, timeout) if reply.timed_out else error
-        raise failed
+        raise failed or QueryTimeout(key, timeout, nobody=True)
 
     async def ask_all(
         self, key: str, answer: type[R], timeout: float, handler: Callable[[str, R], object], *, limit: int = BACKLOG

@@ -287,18 +287,13 @@ class KeyCache:
         self._once: dict[str, None] = {}
         """The last keys that were used once, the oldest first."""
 
-    @property
-    def open(self) -> bool:
-        """Whether further keys are declared."""
-        return len(self._declared) < MOST_KEYS
-
     def of(self, key: str) -> zenoh.KeyExpr | str:
         """Return the declared key, or the key itself."""
         return self._declared.get(key) or self.used(key) or key
 
     def used(self, key: str) -> zenoh.KeyExpr | None:
         """Note that a key was used. Returns it if it is declared."""
-        if key in self._declared or not self.open:
+        if key in self._declared or len(self._declared) >= MOST_KEYS:
             return self._declared.get(key)
         if key not in self._once:
             if len(self._once) >= MOST_KEYS:
@@ -312,6 +307,6 @@ class KeyCache:
             log.debug("not_declared key=%s why=%s", key, error)
             return None
         self._declared[key] = declared
-        if not self.open:
+        if len(self._declared) >= MOST_KEYS:
             log.warning("keys_declared count=%d: records on further keys cost more processor time", MOST_KEYS)
         return declared

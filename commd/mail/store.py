@@ -155,7 +155,8 @@ class Store:
             if self._suspect:
                 self._suspect = False
                 check(db)
-            self._recount(db)
+            if self._uncounted:
+                self._recount(db)
             db.execute("BEGIN IMMEDIATE")
             outcomes = [self._run(db, transaction) for transaction in group]
             db.execute("COMMIT")
@@ -189,8 +190,8 @@ class Store:
         return outcome
 
     def _recount(self, db: sqlite3.Connection) -> None:
-        """Count the file's contents again after a rollback."""
-        if self._uncounted and self._count is not None:
+        """Count the file's contents again, as after a rollback."""
+        if self._count is not None:
             self._count(db)
         self._uncounted = False
 

@@ -276,11 +276,10 @@ class MailRights:
         gateway = self.mission.gateway
         if gateway is not None and sender in gateway.nodes:
             return performative in FROM_GATEWAY
-        home = self.mission.mailboxes.get(sender)
-        same_board = sender.startswith(made_on(self.board)) if home is None else home == self.board
-        if ANYBODY in self._named or not self.mission.secured or same_board:
+        if ANYBODY in self._named or not self.mission.secured or performative not in PLAN_MAIL:
             return True
-        return performative not in PLAN_MAIL
+        home = self.mission.mailboxes.get(sender)
+        return sender.startswith(made_on(self.board)) if home is None else home == self.board
 
     @property
     def _named(self) -> dict[str, Accepted]:
