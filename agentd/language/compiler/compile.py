@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from agentd.language.compiler.plan_patterns import PATTERNS, WrongPattern
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.signatures import DEFAULT, THIS_NS
+from agentd.language.syntax_tree.traversal import parts, with_parts
 
 Load = Callable[[str], nodes.Program]
 """Reads and parses an included file, given its path as `Find` has found it."""
@@ -260,10 +261,8 @@ class Qualifier:
                 return node
             case nodes.Structure():
                 return self.literal(node)
-            case nodes.And(left=left, right=right) | nodes.Or(left=left, right=right):
-                return replace(node, left=self.formula(left), right=self.formula(right))
-            case nodes.Not(operand=operand):
-                return replace(node, operand=self.formula(operand))
+            case nodes.And() | nodes.Or() | nodes.Not():
+                return with_parts(node, tuple(map(self.formula, parts(node) or ())))
             case nodes.InternalAction(name=name, args=args):
                 place = _QUERIES.get(name, -1)
                 return replace(

@@ -15,7 +15,7 @@ from agentd.language.compiler.formulas import QUERIES, FormulaCompiler, is_query
 from agentd.language.syntax_tree import nodes
 from agentd.language.syntax_tree.nodes import Operator
 from agentd.language.syntax_tree.signatures import signature
-from agentd.language.syntax_tree.traversal import HIDDEN, variables
+from agentd.language.syntax_tree.traversal import HIDDEN, parts, variables, with_parts
 from agentd.language.terms.terms import Term
 
 Bound = dict[str, bool]
@@ -274,16 +274,16 @@ def _change(writer: StepWriter, operator: Operator, term: nodes.Term) -> None:
 
 def _resolved(writer: StepWriter, term: nodes.Structure, scope: Scope) -> str:
     """The arguments of a belief to be added, without bound variables."""
-    parts = []
+    written = []
     for arg in term.args:
         built = writer.function.assign(writer.compiler.build(arg, scope))
         if isinstance(arg, nodes.Number | nodes.String) or (
             isinstance(arg, nodes.Structure) and not arg.args and arg.annotations is None
         ):
-            parts.append(built)
+            written.append(built)
         else:
-            parts.append(f"{built} if type({built}) is float else resolve({built})")
-    return tuple_of(parts)
+            written.append(f"{built} if type({built}) is float else resolve({built})")
+    return tuple_of(written)
 
 
 def _resolved_annots(annots: str) -> str:
@@ -335,12 +335,10 @@ class ComputedOnce:
     def formula(self, node: nodes.Term) -> nodes.Term:
         """The formula with variables for functions."""
         match node:
-            case nodes.And(left=left, right=right) | nodes.Or(left=left, right=right):
-                return replace(node, left=self.formula(left), right=self.formula(right))
-            case nodes.Not(operand=operand):
-                return replace(node, operand=self.formula(operand))
-            case nodes.Relation(left=left, right=right):
-                return replace(node, left=self._term(left), right=self._term(right))
+            case nodes.And() | nodes.Or() | nodes.Not():
+                return with_parts(node, tuple(map(self.formula, parts(node) or ())))
+            case nodes.Relation():
+                return with_parts(node, tuple(map(self._term, parts(node) or ())))
             case nodes.Structure(args=args):
                 return replace(node, args=tuple(map(self._term, args)))
         return node
@@ -352,10 +350,8 @@ class ComputedOnce:
             case nodes.Structure(functor=name, args=args):
                 found = self._value(node, name, args)
                 return found if found is not node else replace(node, args=tuple(map(self._term, args)))
-            case nodes.Arithmetic(operands=operands):
-                return replace(node, operands=tuple(map(self._term, operands)))
-            case nodes.ListTerm(items=items):
-                return replace(node, items=tuple(map(self._term, items)))
+            case nodes.Arithmetic() | nodes.ListTerm():
+                return with_parts(node, tuple(map(self._term, parts(node) or ())))
         return node
 
     def _value(self, node: nodes.Term, name: str, args: tuple[nodes.Term, ...]) -> nodes.Term:

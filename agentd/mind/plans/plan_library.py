@@ -11,6 +11,7 @@ from agentd.language.compiler.constants import signature_of
 from agentd.language.compiler.units import Form, compile_fragment, compile_plan
 from agentd.language.syntax_tree import nodes as syntax
 from agentd.language.syntax_tree.signatures import DEFAULT, Signature, signature
+from agentd.language.syntax_tree.traversal import parts
 from agentd.language.terms.format import code_text
 from agentd.language.terms.from_ast import Instantiation
 from agentd.language.terms.source_annotations import SOURCE_SELF
@@ -403,15 +404,10 @@ def _asks_for_intention(formula: Any) -> bool:
     """Whether a formula looks at intentions."""
     pending = [formula]
     while pending:
-        match pending.pop():
-            case syntax.InternalAction(name=name) if name in _ASKING:
-                return True
-            case syntax.InternalAction(args=args):
-                pending.extend(args)
-            case syntax.And(left=left, right=right) | syntax.Or(left=left, right=right):
-                pending += (left, right)
-            case syntax.Not(operand=operand):
-                pending.append(operand)
+        node = pending.pop()
+        if isinstance(node, syntax.InternalAction) and node.name in _ASKING:
+            return True
+        pending.extend(parts(node) or ())
     return False
 
 
