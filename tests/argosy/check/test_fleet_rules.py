@@ -94,49 +94,10 @@ def test_programs_that_boards_could_not_be_given_are_told_before_units_are_writt
     assert not [line for line in said(inner, capsys) if "not below" in line], "nothing is copied to it"
 
 
-def test_a_radio_between_agents_of_one_board_is_told_to_do_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "a.asl").write_text("!begin.\n+!begin <- +enough.\n")
-    path = tmp_path / "m.yaml"
-    path.write_text("mission: m\nagents: {a: {program: a.asl}}\ndone: 'a: enough'\nradio: {range: 300m}\n")
-    told = "radio: has no effect: all agents and clients live on one board"
-    assert said(path, capsys) == [f"m.yaml:4:1: warning: {told}"]
-
-
 def test_a_real_robot_is_not_flown_with_a_model_of_the_radio(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pair.write_text(f"{MISSION}radio: {{range: 300m}}\n")
     assert main(["run", str(pair), "--real", "uav1", "--yes"]) == 2
     assert "uav1 is real, and `radio` is a model of the air between simulated robots" in capsys.readouterr().err
-
-
-IDLE = """\
-pair.yaml:4:3: warning: agents.one: after a restart it has nothing to do: initial goals are not begun again, and the \
-program has no plan for `+restarted(N)`\
-"""
-
-
-@pytest.mark.parametrize(
-    ("way", "mission", "expected"),
-    [
-        ("", "restart: on-failure\n", [IDLE]),
-        ("", "", [IDLE]),  # its boards have addresses: units start it again
-        ("+restarted(N) <- !begin.\n", "restart: on-failure\n", []),
-        ("+!other <- !!begin.\n!other.\n", "restart: on-failure\n", []),
-        ("+restarted(N) : n(N) <- !begin.\n", "restart: on-failure\n", []),
-        ("+battery(B) <- .print(B).\n", "restart: on-failure\n", []),
-        ("+!help(X) <- .print(X).\n", "restart: on-failure\n", []),
-    ],
-)
-def test_an_agent_that_would_be_idle_after_a_restart_is_told(
-    pair: Path, way: str, mission: str, expected: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    pair.with_name("one.asl").write_text("!begin.\n+!begin <- .wait(1000); +enough.\n" + way)
-    pair.with_name("two.asl").write_text("+go(X) <- .send(one, achieve, help(X)).\n")
-    pair.write_text(mission + MISSION.replace("presence: true, on_restart: goal(recover)", "on_restart: resume"))
-    assert [line for line in said(pair, capsys) if "restart" in line] == [
-        line.replace(":4:", f":{4 + mission.count(chr(10))}:") for line in expected
-    ]
 
 
 @pytest.mark.parametrize(
