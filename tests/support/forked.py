@@ -1,8 +1,8 @@
-"""Processes of Argosy for tests, forked from one that has imported the command: a start takes a tenth of the time.
+"""Processes of Argosy for tests, forked from one that has imported the command: a start takes a tenth to a fifth.
 
 `Forked(["agentd", "run", ...])` is a `subprocess.Popen` of `python -m agentd run ...`, with a process id, session,
-folder, environment and files of its own; `run` is `subprocess.run`. What tests the start itself, imports, memory or
-the encoding of a terminal takes `subprocess`.
+folder, environment and files of its own; `run` is `subprocess.run`. What tests the start itself, imports, memory, a
+terminal, or a variable that Python reads at its start (but `PYTHONPATH`) takes `subprocess`.
 
 Their parent is this module as a program, one for each process of pytest: it has no threads, and imports what a command
 needs before it forks the first process for it.
