@@ -139,7 +139,7 @@ async def test_a_board_that_stays_silent_is_linked_anew_ever_more_seldom(monkeyp
             watchdog.look(now)
             patience = min(2 * patience, PATIENCE_MOST)
         await silent.claim("b")
-        await _holds(_shows(a, "b"), "b is heard")
+        await until(lambda: bool(watchdog._tokens.get("b")), "the watchdog hears b")
         watchdog.look(now + patience)
         assert watchdog.counters["links_renewed"] == 9
 
@@ -160,7 +160,7 @@ async def test_a_router_that_is_slow_or_no_board_keeps_its_link(monkeypatch: pyt
             watchdog.look(0.0)
             watchdog.look(PATIENCE - 0.1)
             await slow.claim("b")
-            await _holds(_shows(a, "b"), "b is heard")
+            await until(lambda: bool(watchdog._tokens.get("b")), "the watchdog hears b")
             watchdog.look(PATIENCE)
             watchdog.look(10 * PATIENCE_MOST)
             assert sorted(a.link_ends()) == before
@@ -207,16 +207,9 @@ def test_a_board_that_stood_still_for_longer_than_its_lease_takes_mail_again() -
         asyncio.run(body())
 
 
-def _shows(bus: Bus, board: str) -> Callable[[], Awaitable[bool]]:
-    async def shown() -> bool:
-        return bool(await bus.tokens(keys.alive(bus.fleet, board, "commd", "*")))
-
-    return shown
-
-
 def _hides(bus: Bus, board: str) -> Callable[[], Awaitable[bool]]:
     async def hidden() -> bool:
-        return not await _shows(bus, board)()
+        return not await bus.tokens(keys.alive(bus.fleet, board, "commd", "*"))
 
     return hidden
 
