@@ -161,7 +161,7 @@ class Roster:
         self.robots: dict[str, FleetRobot] = {}
         self.boards: dict[str, FleetBoard] = {}
         self.clients: dict[str, Member] = {}
-        self.eyes: dict[str, str] = {}
+        self.robot_seen_by: dict[str, str] = {}
         """For each robot the agent or client whose percepts show it, as key, and the robot."""
         self.forgotten = 0
         """Members that are no longer kept."""
@@ -232,7 +232,7 @@ class Roster:
                 self._boards_of[agent] = board
 
     def _see(self) -> None:
-        self.eyes = {one.agents[0]: name for name, one in self.robots.items() if one.agents}
+        self.robot_seen_by = {one.agents[0]: name for name, one in self.robots.items() if one.agents}
 
     def robot_of(self, agent: str) -> str:
         """Return the robot that an agent or client acts with; empty if it has none."""

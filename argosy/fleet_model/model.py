@@ -123,9 +123,9 @@ class FleetModel:
         self._lives = Lives()
 
     @property
-    def eyes(self) -> dict[str, str]:
+    def robot_seen_by(self) -> dict[str, str]:
         """For each robot the agent or client whose percepts show it, as key, and the robot."""
-        return self._roster.eyes
+        return self._roster.robot_seen_by
 
     @property
     def run(self) -> int:
@@ -275,8 +275,8 @@ class FleetModel:
         if not percept.header.source:  # given to the agent by a person, not published by a robot
             text = f"{percept.update} {written(percept.name, percept.parameters)}"
             self.timeline.add(self.now(), name, "operator", f"a percept by hand: {text}", "warning")
-        elif name in self.eyes:
-            self.robots[self.eyes[name]].seen.percept(percept, self.now(), self._tell)
+        elif name in self.robot_seen_by:
+            self.robots[self.robot_seen_by[name]].seen.percept(percept, self.now(), self._tell)
 
     def status(self, key: str, status: ActionStatus) -> None:
         """Take the status of an action."""

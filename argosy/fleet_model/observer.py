@@ -113,9 +113,9 @@ class FleetObserver:
             subscribe(keys.run(fleet, "*"), RunState, model.run_told)
 
     def _health(self, key: str, health: Health) -> None:
-        eyes = self.model.eyes
+        robot_seen_by = self.model.robot_seen_by
         self.model.health(key, health)
-        if self.model.eyes != eyes:
+        if self.model.robot_seen_by != robot_seen_by:
             self._news.set()
 
     async def _tick(self) -> None:

@@ -142,8 +142,8 @@ class SceneReader:
             parsed = keys.parse(heard.key)
             agent = parsed[1] if parsed else ""
             match heard.record:
-                case Perception() as percept if agent in self._model.eyes:
-                    self._sight(self._model.robots[self._model.eyes[agent]].seen, percept)
+                case Perception() as percept if agent in self._model.robot_seen_by:
+                    self._sight(self._model.robots[self._model.robot_seen_by[agent]].seen, percept)
                 case ActionStatus() as status if agent in self._robot_of:
                     self._target(self._model.robots[self._robot_of[agent]].seen, status)
                 case MindActivity():

@@ -43,30 +43,30 @@ def run(args: Namespace) -> int:
     """Print messages until ctrl-C, or until the reader is gone."""
 
     async def echo(bus: Bus, where: Where) -> int:
-        ears = BusTap(bus, key_expressions(args.key, where.fleet))
+        tap = BusTap(bus, key_expressions(args.key, where.fleet))
         raw = _raw_on_a_terminal if sys.stdout.isatty() else _raw
         show = raw if args.raw else _json if args.json else _line
         noticing = asyncio.create_task(_notice(bus, where, args.key))
         missing = asyncio.create_task(tell_unreached(bus))
-        asking = None if args.key is None else asyncio.create_task(ears.ask_last_known(bus, where.fleet))
+        asking = None if args.key is None else asyncio.create_task(tap.ask_last_known(bus, where.fleet))
         try:
-            await _echo(ears, show, args.count, noticing)
+            await _echo(tap, show, args.count, noticing)
             await missing
         finally:
             noticing.cancel()
             missing.cancel()
             if asking is not None:
                 asking.cancel()
-            if ears.dropped:
-                note(f"{ears.dropped} records were left out: more was published than could be shown")
+            if tap.dropped:
+                note(f"{tap.dropped} records were left out: more was published than could be shown")
         return EXIT_DONE
 
     return on_the_bus(args, echo)
 
 
-async def _echo(ears: BusTap, show: Callable[[Heard], str], count: int | None, noticing: asyncio.Task[None]) -> None:
+async def _echo(tap: BusTap, show: Callable[[Heard], str], count: int | None, noticing: asyncio.Task[None]) -> None:
     shown, changed = 0, set[str]()
-    async for heard in ears.samples():
+    async for heard in tap.samples():
         noticing.cancel()
         if heard.last_known and heard.key in changed:  # it has changed since the query
             continue

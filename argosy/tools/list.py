@@ -87,12 +87,12 @@ def run(args: Namespace) -> int:
 async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[str, str], Name], int]:
     """Listen for `seconds` of wall time, and query. Returns the names, and the number of records left out."""
     names: dict[tuple[str, str], Name] = {}
-    ears, known, left_out = BusTap(bus, what_is_told(fleet)), 0, 0
+    tap, known, left_out = BusTap(bus, what_is_told(fleet)), 0, 0
     until = asyncio.get_running_loop().time() + seconds
 
     async def listen() -> None:
         nonlocal known, left_out
-        async for heard in ears.samples(until):
+        async for heard in tap.samples(until):
             if (parsed := keys.parse(heard.key)) is None:
                 continue
             said, rest = names.setdefault(parsed[:2], Name()).said, "/".join(parsed[2])
@@ -119,7 +119,7 @@ async def look_around(bus: Bus, fleet: str, seconds: float) -> tuple[dict[tuple[
             await bus.ask_all(keys.percept(fleet, "*", "**"), Perception, ASK, perceives)
 
     await asyncio.gather(listen(), ask())
-    return names, left_out + ears.dropped
+    return names, left_out + tap.dropped
 
 
 def lines_of(fleet: str, name: str, found: Name, seconds: float, types: bool) -> Iterator[str]:

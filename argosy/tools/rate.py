@@ -107,7 +107,7 @@ def run(args: Namespace) -> int:
     """Print figures until ctrl-C; with `--once` return 1 if nothing was received."""
 
     async def measure(bus: Bus, where: Where) -> int:
-        ears, rates = BusTap(bus, key_expressions(args.key, where.fleet)), Rates(args.window)
+        tap, rates = BusTap(bus, key_expressions(args.key, where.fleet)), Rates(args.window)
         loop = asyncio.get_running_loop()
         missing = asyncio.create_task(unreached(bus))
         redraw = sys.stdout.isatty() and not args.once
@@ -115,7 +115,7 @@ def run(args: Namespace) -> int:
         began, heard, noticed, told = loop.time(), False, False, False
         while True:
             until = loop.time() + every
-            async for sample in ears.samples(until):
+            async for sample in tap.samples(until):
                 rates.add(sample.key, sample.arrived, len(sample.payload))
             if missing.done() and not told and not redraw:
                 told = True
@@ -129,10 +129,8 @@ def run(args: Namespace) -> int:
             lines = table(rows) if rows else []
             if rows and rates.silent(loop.time()):
                 lines.append(f"nothing was published in the last {args.window:g} s")
-            if ears.dropped or rates.left_out:
-                lines.append(
-                    f"{ears.dropped + rates.left_out} records were left out: more is published than is counted"
-                )
+            if tap.dropped or rates.left_out:
+                lines.append(f"{tap.dropped + rates.left_out} records were left out: more is published than is counted")
             if lines and redraw and missing.done():
                 lines += missing.result()
             if lines and not put_out(
