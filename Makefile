@@ -66,6 +66,7 @@ reference: $(VENV)/test.stamp  ## write docs/reference anew from docstrings and 
 	$(BIN)/python -m tests.docs.records_page
 	$(BIN)/python -m tests.agentd.mind_format_page
 	$(BIN)/python -m agentd.editor.textmate
+	$(BIN)/python -m tests.support.texts
 
 pictures: $(VENV)/test.stamp  ## draw docs/watch-*.svg anew, the screens of argosy watch in a flight of a minute
 	$(BIN)/python -m tests.docs.watch_pictures
