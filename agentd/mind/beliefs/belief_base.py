@@ -14,7 +14,7 @@ each use (`agentd.mind.execution.program_loading`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, Protocol
 
 from agentd.language.syntax_tree.signatures import Signature
 from agentd.language.terms.order import sorted_annots
@@ -22,16 +22,21 @@ from agentd.language.terms.source_annotations import is_source
 from agentd.language.terms.terms import Expression, List, Literal, Open, Term, Var, deref
 from agentd.mind.beliefs.term_copy import Copier, detach, is_ground, resolve_all
 from agentd.mind.beliefs.unification import Trail, undo, unify
-from agentd.mind.beliefs.work_limit import work
-
-if TYPE_CHECKING:
-    from agentd.mind.state import MindState
+from agentd.mind.beliefs.work_limit import Computing, work
 
 Mode = tuple[bool, ...]
 """Which arguments of a query are given (True), which are only asked for."""
 
 _SMALL = 8
 """Up to this number of facts, a scan is as fast as an index."""
+
+
+class Asking(Computing, Protocol):
+    """Asks predicates: a mind."""
+
+    def scope(self, trail: Trail) -> dict[Var, Var]:
+        """Which variable stands for which one of a belief, in what is being evaluated
+        (`agentd.mind.beliefs.belief_base`)."""
 
 
 class RuleClause:
@@ -88,7 +93,7 @@ class Predicate:
             return reversed(entries)
         return reversed(self._bucket(position, key))
 
-    def counted_rows(self, position: int, key: Term, mind: MindState) -> Any:
+    def counted_rows(self, position: int, key: Term, mind: Asking) -> Any:
         """`rows` of ``position``, from 0 on, for a loop within a loop: many of them are counted as work of the mind."""
         entries = self.entries
         if len(entries) > _SMALL:
@@ -115,7 +120,7 @@ class Predicate:
             _index_entry(index, position, args, entry)
         return index
 
-    def solve(self, mode: Mode, args: tuple[Term | None, ...], mind: MindState, trail: Trail) -> Any:
+    def solve(self, mode: Mode, args: tuple[Term | None, ...], mind: Asking, trail: Trail) -> Any:
         """The arguments of each answer to a query, facts and rules in order. Unify them with what was asked.
 
         ``args`` holds None where ``mode`` is False.
@@ -137,7 +142,7 @@ class Predicate:
         return self._solve_mixed(entries, mode, args, mind, trail)
 
     def _solve_mixed(
-        self, entries: dict[Any, Any], mode: Mode, args: tuple[Term | None, ...], mind: MindState, trail: Trail
+        self, entries: dict[Any, Any], mode: Mode, args: tuple[Term | None, ...], mind: Asking, trail: Trail
     ) -> Iterator[tuple[Term, ...]]:
         if len(entries) > _SMALL:
             work(mind, len(entries))
@@ -150,7 +155,7 @@ class Predicate:
             else:
                 yield entry.args
 
-    def literals(self, mode: Mode, args: tuple[Term, ...], mind: MindState, trail: Trail) -> Iterator[tuple[Any, Any]]:
+    def literals(self, mode: Mode, args: tuple[Term, ...], mind: Asking, trail: Trail) -> Iterator[tuple[Any, Any]]:
         """As `solve`, with the annotations of each answer. A rule's answer has those written in its head."""
         entries = self.entries
         for position, given in enumerate(mode):

@@ -11,13 +11,10 @@ counted. What the asked program has written itself, in its rules, is compiled an
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NoReturn
+from typing import Final, NoReturn, Protocol
 
 from agentd.language.terms.terms import EMPTY, List, Term, deref
 from agentd.mind.data.formula_failure import Failed
-
-if TYPE_CHECKING:
-    from agentd.mind.state import MindState
 
 PURE: Final[set[str]] = set()
 """Names of the internal actions and functions that are registered as pure: they have no effect, they only look."""
@@ -39,13 +36,21 @@ class TooMuchWork(Failed):
     """A formula takes more than `MOST_STEPS`. Unlike other failures it does not just make a condition false."""
 
 
-def too_much_work(mind: MindState) -> NoReturn:
+class Computing(Protocol):
+    """Counts the work of a formula and logs warnings: a mind."""
+
+    steps_left: int
+
+    def warn_once(self, text: str) -> None: ...
+
+
+def too_much_work(mind: Computing) -> NoReturn:
     """Fail the formula that has no steps left."""
     mind.steps_left = AFTERWARDS
     raise TooMuchWork("too_much_work", f"it takes more than {MOST_STEPS} steps")
 
 
-def work(mind: MindState, steps: int) -> None:
+def work(mind: Computing, steps: int) -> None:
     """Count ``steps``, from 0 on, as work of the formula. Raises TooMuchWork when `MOST_STEPS` are used up."""
     mind.steps_left -= steps
     if mind.steps_left < 0:

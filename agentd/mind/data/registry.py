@@ -13,7 +13,7 @@ It raises `agentd.mind.data.formula_failure.Failed` with the error that the plan
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from agentd.language.compiler.units import Form
 from agentd.language.errors.suggestions import near
@@ -21,11 +21,8 @@ from agentd.language.syntax_tree import nodes
 from agentd.language.terms.numbers import UndefinedNumber
 from agentd.language.terms.terms import Term
 from agentd.mind.beliefs.unification import Trail
-from agentd.mind.beliefs.work_limit import PURE, TooMuchWork, work
+from agentd.mind.beliefs.work_limit import PURE, Computing, TooMuchWork, work
 from agentd.mind.data.formula_failure import Failed
-
-if TYPE_CHECKING:
-    from agentd.mind.state import MindState
 
 
 class InternalAction:
@@ -59,13 +56,13 @@ class InternalAction:
             self._guarded = _guard_generator(function, self.counts) if generates else _guard_test(function)
         return self._guarded
 
-    def _refuse_to_wait(self, mind: MindState, trail: Trail, *args: Term) -> bool:
+    def _refuse_to_wait(self, mind: Computing, trail: Trail, *args: Term) -> bool:
         mind.warn_once(f"{self.name} may have to wait, so it is false in a condition: use it as a step of a plan")
         return False
 
 
 def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
-    def guarded(mind: MindState, trail: Trail, *args: Term) -> bool:
+    def guarded(mind: Computing, trail: Trail, *args: Term) -> bool:
         try:
             return bool(function(mind, trail, *args))
         except (TooMuchWork, RecursionError):
@@ -80,7 +77,7 @@ def _guard_test(function: Callable[..., Any]) -> Callable[..., bool]:
 
 
 def _guard_generator(function: Callable[..., Any], counts: bool) -> Callable[..., Iterator[Any]]:
-    def guarded(mind: MindState, trail: Trail, *args: Term) -> Iterator[Any]:
+    def guarded(mind: Computing, trail: Trail, *args: Term) -> Iterator[Any]:
         try:
             if counts:
                 yield from function(mind, trail, *args)
@@ -221,7 +218,7 @@ def find_action(name: str, arity: int) -> InternalAction | None:
         if arity in action.arities:
             return action
 
-    def wrong(mind: MindState, trail: Trail, *args: Term) -> bool:
+    def wrong(mind: Computing, trail: Trail, *args: Term) -> bool:
         raise Failed("wrong_arguments", f"{name} does not take {arity} arguments")
 
     return InternalAction(name, range(arity, arity + 1), wrong)
