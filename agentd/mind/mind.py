@@ -78,6 +78,8 @@ class Mind(MindState):
 
     __slots__ = ("_cycles", "_queries", "program")
 
+    recorder: Decisions | None
+
     def __init__(
         self,
         name: str,

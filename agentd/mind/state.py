@@ -6,12 +6,12 @@ Every function of the mind takes a `MindState`; `agentd.mind.mind.Mind` is one w
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, tzinfo
 from itertools import chain
 from random import Random
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, Protocol, TypeAlias
 from typing import Literal as OneOf
 
 from msgspec.structs import replace
@@ -23,14 +23,12 @@ from agentd.mind.beliefs.belief_base import BeliefBase, OpenBeliefs, Predicate
 from agentd.mind.beliefs.unification import Trail
 from agentd.mind.beliefs.work_limit import MOST_STEPS, Asked
 from agentd.mind.data.effects import Effect, Log, SendMail
+from agentd.mind.data.formula_failure import Failed
 from agentd.mind.data.inputs import Input, Mail, TimeRead
-from agentd.mind.data.intention import PLAN, Event, Frame, Intention, Question, Request, Timer, Timers, Wait
+from agentd.mind.data.intention import PLAN, Event, Frame, Intention, Question, Request, Step, Timer, Timers, Wait
 from agentd.mind.data.registry import Library
 from agentd.mind.plans.plan_library import PlanLibrary, Relevant
 from schemas.wire.mind_records import DropView
-
-if TYPE_CHECKING:
-    from agentd.mind.introspection.decision_log import Decisions
 
 MOST_FOCUSES: Final = 100_000
 """Events and intentions at most; an agent that raises more floods itself, and the newest are dropped."""
@@ -124,6 +122,30 @@ class Drops:
         left = {kind: count for kind, count in self.counts.items() if count > self._logged[kind][0]}
         self._logged.update((kind, (count, now)) for kind, count in left.items())
         return [Log("warning", f"{count} {kind} were dropped in all") for kind, count in left.items()]
+
+
+class Recorder(Protocol):
+    """Takes a mind's decisions and failures: `agentd.mind.introspection.decision_log.Decisions`."""
+
+    note: Callable[[Any], None]
+    large_lists: int
+
+    def let_go(self) -> None: ...
+    def given(self, cycle: int, item: Input) -> None: ...
+    def posted(self, event: Event) -> None: ...
+    def origin_of(self, event: Event) -> Any: ...
+    def select_after(
+        self, trail: Trail, event: Event, broken: Any, rejected: list[tuple[Any, Any]], error: Exception
+    ) -> Frame | None: ...
+    def decided(
+        self, event: Event, args: tuple[Term, ...], rejected: Any, frame: Frame | None, bound: bool
+    ) -> None: ...
+    def failed(
+        self, intention: Intention | None, failed: Failed, frames: Sequence[Frame], handler: Relevant | None
+    ) -> None: ...
+    def dropped(self, frames: Sequence[Frame]) -> None: ...
+    def dropped_by(self, frame: Frame) -> tuple[bool, Step | None]: ...
+    def last_rejected(self) -> Sequence[tuple[Any, Any]]: ...
 
 
 @dataclass(slots=True, eq=False, repr=False, kw_only=True)
@@ -221,7 +243,7 @@ class MindState:
     """Gets each input with the number of the cycle that takes it."""
     post_office: Callable[[SendMail], None] | None = None
     """Takes each message as it is sent, or raises `Failed` for the plan; None: messages are effects like others."""
-    recorder: Decisions | None = None
+    recorder: Recorder | None = None
     """Gets each decision and failure, and what may cause them; None: decisions are not recorded."""
     take_event: Callable[[MindState, Event], bool]
     """Takes an event: `agentd.mind.execution.event_selection.take_event`, or what records or keeps besides."""

@@ -10,10 +10,9 @@ from contextlib import suppress
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridged.drivers.api import Execution, Order, Outcome, Setup, Value
+from bridged.drivers.api import SAFETY, Execution, Order, Outcome, Setup, Value
 from bridged.drivers.mavlink.action_binding import bind_action, leads_down, may_lead_down, procedure_of
 from bridged.drivers.mavlink.actions.context import ProcedureRun
-from bridged.drivers.mavlink.registration import ORDERS
 from bridged.drivers.mavlink.session import VehicleSession
 from bridged.drivers.mavlink.transport.address import LinkAddress, link_strings
 from bridged.drivers.mavlink.transport.link import Ids
@@ -39,7 +38,7 @@ log = logging.getLogger("mavlink")
 class MavlinkDriver(VehicleSession):
     """A `bridged.drivers.api.Driver`: a session with a vehicle on a link."""
 
-    orders = ORDERS
+    orders: frozenset[Order] = frozenset(SAFETY)
 
     def __init__(self, setup: Setup) -> None:
         """Raises SigningError for a passphrase that cannot be used."""

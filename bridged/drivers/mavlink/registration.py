@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from bridged.drivers.api import Driver, Order, Setup
+from bridged.drivers.api import SAFETY, Driver, Order, Setup
 from bridged.drivers.mavlink.transport.address import FORMS, LinkAddress, LinkAddressError, link_strings
 from schemas.files.findings import Finding
 from schemas.manifest.loader import Manifest
 from schemas.mission.model import Robot
 
-ORDERS: frozenset[Order] = frozenset(("hold", "land", "rtl"))
+ORDERS: frozenset[Order] = frozenset(SAFETY)
 """Orders of a robot of this driver without an action of its manifest."""
 
 
