@@ -26,8 +26,11 @@ robots:
 done: "thinker: over"
 """
 THINKER = """\
-+!hang <- .findall(A, (.range(A, 1, 1000000) & .range(B, 1, 1000000) & A + B < 0), L).
++!hang <- ?busy.
+busy :- .range(A, 1, 1000000) & .range(B, 1, 1000000) & .sort([9,7,8,6,4,5,3,1,2,19,17,18,16,14,15,13,11,12], L)
+    & L == A.
 """
+"""Its plan has one formula, which takes ten seconds and more on any machine, and then more steps than it may."""
 WATCHDOG = 2.0
 """Seconds, as `WatchdogSec=` would say."""
 
