@@ -136,6 +136,10 @@ COMMANDS = {
         "run the simulated robots of a mission that belong to this machine, for fleets on several machines",
         "missions/search_and_rescue.yaml --board pi1",
     ),
+    "trial": (
+        "fly a mission many times in virtual time, with faults drawn by seed, and report the share of successes",
+        "missions/single_uav.yaml --runs 100 --out report/trial",
+    ),
     "check": (
         "check a mission and all files that it names, and print every mistake; start nothing",
         "missions/single_uav.yaml",

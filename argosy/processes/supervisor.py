@@ -108,6 +108,18 @@ class Supervisor:
 
     async def start(self, process: Process, instead_of: Child | None = None) -> Child:
         """Start a process, or restart a dead one in its place. Raises OSError."""
+        child = await self.launch(process)
+        if instead_of in self.children:
+            self.children[self.children.index(instead_of)] = child
+        else:
+            self.children.append(child)
+        streams = child.handle.stdout, child.handle.stderr
+        child.readers = [asyncio.create_task(self._read(child, stream)) for stream in streams if stream is not None]
+        child.waiter = asyncio.create_task(self._wait(child))
+        return child
+
+    async def launch(self, process: Process) -> Child:
+        """Start a process. Raises OSError."""
         launcher = (sys.executable, "-I", "-S", _LAUNCHER, str(int(process.orphaned)), str(os.getpid()))
         handle = await asyncio.create_subprocess_exec(
             *launcher,
@@ -118,16 +130,7 @@ class Supervisor:
             env={**os.environ, **log_lines.AS_JSON, "PYTHONUNBUFFERED": "1"},
             process_group=0,
         )
-        child = Child(process, handle)
-        if instead_of in self.children:
-            self.children[self.children.index(instead_of)] = child
-        else:
-            self.children.append(child)
-        assert handle.stdout is not None
-        assert handle.stderr is not None
-        child.readers = [asyncio.create_task(self._read(child, stream)) for stream in (handle.stdout, handle.stderr)]
-        child.waiter = asyncio.create_task(self._wait(child))
-        return child
+        return Child(process, handle)
 
     def dead(self) -> list[Child]:
         """Return the needed processes that are `dead`, in the order of their end."""

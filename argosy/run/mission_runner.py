@@ -61,12 +61,14 @@ class StartupFailed(Exception):
 class MissionRunner:
     """One run of a mission."""
 
-    def __init__(self, status: Status, bound: Callable[[], None] = lambda: None) -> None:
-        """`bound` is called once the routers and bridges have their ports."""
+    def __init__(
+        self, status: Status, bound: Callable[[], None] = lambda: None, supervisor: type[Supervisor] = Supervisor
+    ) -> None:
+        """`bound` is called once the routers and bridges have their ports; `supervisor` starts the processes."""
         self.status, self._bound = status, bound
         self._mission, self._journal = status.setup.mission, status.journal
         self._output = ProcessOutput(status)
-        self._supervisor = Supervisor(self._output.wrote, self._ended)
+        self._supervisor = supervisor(self._output.wrote, self._ended)
         status.children = self._supervisor.children
         self._end_conditions = EndConditions(status, self._supervisor)
         self._watchdog = Watchdog(status)

@@ -96,7 +96,7 @@ class Store:
             if len(self._waiting) >= QUEUE:
                 raise StoreFailed(f"busy: {QUEUE} transactions wait for the disk")
             self._waiting.append((transaction, future))
-            self._ready.notify()
+        self._wake()
         try:
             async with asyncio.timeout(PATIENCE):
                 return await future
@@ -126,10 +126,14 @@ class Store:
                 self._reading[1].close()
                 self._reading = None
             if code in CORRUPT:
-                with self._ready:
-                    self._suspect = True
-                    self._ready.notify()
+                self._suspect = True
+                self._wake()
             raise StoreFailed(words_for(error)) from None
+
+    def _wake(self) -> None:
+        """Have the writer look at what waits."""
+        with self._ready:
+            self._ready.notify()
 
     def _work(self) -> None:
         """Write the waiting transactions, one commit after the other, until the store closes."""
@@ -140,13 +144,17 @@ class Store:
                         break  # an empty group opens the file
                 if not self._waiting and self._closing:
                     break
-                group = [self._waiting.popleft() for _ in range(min(GROUP, len(self._waiting)))]
-                # A transaction whose caller got an error, or has stopped waiting, is not written.
-                group = [one for one in group if not one[1].done()]
-            outcomes = self._commit([transaction for transaction, _ in group])
-            with suppress(RuntimeError):  # the loop is closed: nobody waits
-                self._loop.call_soon_threadsafe(_settle, [future for _, future in group], outcomes)
+            self._write_group()
         self._close()
+
+    def _write_group(self) -> None:
+        """Write the transactions that wait now, at most `GROUP` of them, in one commit."""
+        group = [self._waiting.popleft() for _ in range(min(GROUP, len(self._waiting)))]
+        # A transaction whose caller got an error, or has stopped waiting, is not written.
+        group = [one for one in group if not one[1].done()]
+        outcomes = self._commit([transaction for transaction, _ in group])
+        with suppress(RuntimeError):  # the loop is closed: nobody waits
+            self._loop.call_soon_threadsafe(_settle, [future for _, future in group], outcomes)
 
     def _commit(self, group: list[Transaction[Any]]) -> list[Any]:
         """Run a group of transactions as one. Returns the result, or the exception, of each."""
@@ -284,9 +292,8 @@ class Store:
 
     async def close(self) -> None:
         """Write the waiting transactions and close the file."""
-        with self._ready:
-            self._closing = True
-            self._ready.notify()
+        self._closing = True
+        self._wake()
         await asyncio.to_thread(self._writer.join, PATIENCE)
         if self._reading is not None:
             self._reader.submit(self._reading[1].close)

@@ -121,45 +121,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or SIGINT. Returns the exit code: 2 if a link cannot be opened or an argument is wrong."""
-    from bridged.drivers.mavlink.transport.address import LinkAddress, LinkAddressError
-    from bridged.drivers.mavlink.transport.link import LinkError
-    from bridged.drivers.mavlink.transport.signing import SigningError, read_key
+    if (args.camera is None) != (args.victims is None):
+        print("bridged simulate: error: a camera needs --victims, and victims need a --camera", file=sys.stderr)
+        return 2
+    try:
+        asyncio.run(simulation(args))
+    except OSError as error:
+        where = f"--servo-log {error.filename}: {error.strerror}" if error.filename else error
+        print(f"bridged simulate: error: {where}", file=sys.stderr)
+        return 2
+    except ValueError as error:
+        print(f"bridged simulate: error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+async def simulation(args: argparse.Namespace) -> None:
+    """Simulate until SIGTERM or SIGINT. Raises OSError (a link or the servo log) and ValueError (an argument)."""
+    from bridged.drivers.mavlink.transport.address import LinkAddress
+    from bridged.drivers.mavlink.transport.signing import read_key
     from bridged.simulation.copter.battery import battery_parameters
     from bridged.simulation.copter.fault_injection import Faults
     from bridged.simulation.copter.process import simulate
     from bridged.simulation.copter.protocol.mavlink_interface import Vehicle
     from bridged.simulation.copter.world import ServoLog
 
-    if (args.camera is None) != (args.victims is None):
-        print("bridged simulate: error: a camera needs --victims, and victims need a --camera", file=sys.stderr)
-        return 2
     home: Place = args.home
-    try:
-        addresses = [LinkAddress.parse(link) for link in args.link]
-        faults = Faults.parse(args.fault)
-        vehicle = Vehicle(
-            home,
-            system=args.sysid,
-            heading=math.radians(args.heading),
-            boot=args.boot,
-            channels=len(addresses),
-            faults=faults,
-            key=read_key(args.signing_passphrase_file) if args.signing_passphrase_file else None,
-            parameters=(battery_parameters(args.battery_minutes) if args.battery_minutes else []) + args.param,
-            charge_time=args.recharge_seconds,
-        )
-        if args.servo_log is not None:
-            log = ServoLog(args.servo_log)
-            vehicle.on_servo = lambda output, pulse: log.moved(
-                vehicle.copter, vehicle.system, vehicle.age, output, pulse
-            )
-        beside = _camera(args, vehicle) if args.camera is not None else None
-    except OSError as error:
-        print(f"bridged simulate: error: --servo-log {args.servo_log}: {error.strerror}", file=sys.stderr)
-        return 2
-    except (LinkAddressError, SigningError, ValueError) as error:
-        print(f"bridged simulate: error: {error}", file=sys.stderr)
-        return 2
+    addresses = [LinkAddress.parse(link) for link in args.link]
+    faults = Faults.parse(args.fault)
+    vehicle = Vehicle(
+        home,
+        system=args.sysid,
+        heading=math.radians(args.heading),
+        boot=args.boot,
+        channels=len(addresses),
+        faults=faults,
+        key=read_key(args.signing_passphrase_file) if args.signing_passphrase_file else None,
+        parameters=(battery_parameters(args.battery_minutes) if args.battery_minutes else []) + args.param,
+        charge_time=args.recharge_seconds,
+    )
+    if args.servo_log is not None:
+        log = ServoLog(args.servo_log)
+        vehicle.on_servo = lambda output, pulse: log.moved(vehicle.copter, vehicle.system, vehicle.age, output, pulse)
     started = (
         f"simulated copter {args.sysid} on {' and '.join(map(str, addresses))}, "
         f"home {home.lat:.6f} {home.lon:.6f} {home.alt:g} m, speed {args.speed:g}"
@@ -168,12 +171,8 @@ def run(args: argparse.Namespace) -> int:
     def announce() -> None:
         print(started, file=sys.stderr, flush=True)
 
-    try:
-        asyncio.run(simulate(vehicle, addresses, args.speed, announce, faults, beside))
-    except LinkError as error:
-        print(f"bridged simulate: error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    beside = _camera(args, vehicle) if args.camera is not None else None
+    await simulate(vehicle, addresses, args.speed, announce, faults, beside)
 
 
 def _camera(args: argparse.Namespace, vehicle: "Vehicle") -> "Callable[[asyncio.Event], Coroutine[Any, Any, None]]":

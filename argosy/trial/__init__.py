@@ -1,0 +1,1 @@
+"""Fly a mission a thousand times in virtual time (`argosy trial`)."""

@@ -1,0 +1,176 @@
+"""What a trial swaps: the edges of the product. Everything between them is the code that daemons run.
+
+`Authority.take_over` comes before the product is imported, `swap_bus` after it.
+
+| edge | in a trial |
+|---|---|
+| clocks of `time` | the virtual time of the loop |
+| `os.urandom` | a generator seeded by the trial |
+| executors | work in the thread of the loop |
+| `commd.bus.session.open_session` | a session of the virtual network |
+| signals, UDP | `argosy.trial.event_loop` |
+| locks and SQLite files | belong to the process of the trial that opened them, and end with it |
+| processes | `argosy.trial.process` |
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import fcntl
+import os
+import random
+import resource
+import sqlite3
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+from argosy.trial.event_loop import Datagrams, VirtualLoop
+
+EPOCH: Final = 1_700_000_000.0
+"""Unix time at which each trial begins."""
+
+
+_NO_USE: Final = resource.getrusage(resource.RUSAGE_SELF).__class__([0] * 16)
+
+
+class InlineExecutor(concurrent.futures.Executor):
+    """Works immediately, in the thread that asks."""
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        super().__init__()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> concurrent.futures.Future[Any]:
+        """Call a function and return its future, which is done."""
+        done: concurrent.futures.Future[Any] = concurrent.futures.Future()
+        try:
+            done.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Do nothing: nothing waits."""
+
+
+class _NoThread:
+    def start(self) -> None:
+        """Do nothing: the store works in the thread of the loop."""
+
+    def join(self, timeout: float | None = None) -> None:
+        """Do nothing."""
+
+
+class Authority:
+    """Who hands out time and chance in this process; the loop and the seed are those of the present run."""
+
+    def __init__(self) -> None:
+        self.loop = VirtualLoop()
+        self.chance = random.Random(0)
+
+    def begin(self, seed: int) -> VirtualLoop:
+        """Begin a run: its time is 0, and its chance that of its seed."""
+        self.chance = random.Random(f"argosy trial {seed}")
+        asyncio.set_event_loop(self.loop)
+        return self.loop
+
+    def now(self) -> float:
+        """Return virtual seconds since the start of the run."""
+        return self.loop.time()
+
+    def take_over(self) -> None:
+        """Become the authority of this process. Call it before the product is imported."""
+        time.monotonic = self.now
+        time.monotonic_ns = lambda: int(self.now() * 1e9)
+        time.time = lambda: EPOCH + self.now()
+        time.time_ns = lambda: int(EPOCH * 1e9) + int(self.now() * 1e9)
+        time.clock_gettime = lambda clock: self.now()
+        time.process_time = lambda: 0.0
+        time.sleep = _never  # type: ignore[assignment]
+        resource.getrusage = lambda who: _NO_USE
+        os.urandom = lambda size: self.chance.randbytes(size)
+        concurrent.futures.ThreadPoolExecutor = InlineExecutor  # type: ignore[assignment, misc]
+
+
+def _never(seconds: float) -> None:
+    raise RuntimeError("nothing may sleep in a trial but by the event loop")
+
+
+def swap_bus(loop: VirtualLoop) -> Any:
+    """Give the product's bus a virtual network, its processes their output, and return the network."""
+    import json
+
+    from agentd.persistence import poison_inputs
+    from argosy.trial.network import Network, Session
+    from argosy.trial.process import PRESENT
+    from commd.bus import bus, session
+    from commd.mail import store
+    from commd.process import output
+    from schemas.wire.log_lines import LogLine
+
+    network = Network(loop)
+    os.getpid = lambda: 0 if (present := PRESENT.get()) is None else present.pid
+
+    async def open_session(config: Any, endpoint: str, stop: asyncio.Event | None = None) -> Session:
+        name = json.loads(config.get_json("metadata"))["name"]
+        return network.open(endpoint, name, json.loads(config.get_json("mode")) == "router", PRESENT.get())
+
+    async def close_session(closing: Any) -> bool:
+        closing.close()
+        return True
+
+    session.open_session = bus.open_session = open_session  # type: ignore[assignment, attr-defined]
+    bus.close_session = close_session  # type: ignore[assignment, attr-defined]
+    lock = fcntl.flock
+
+    def flock(file: Any, operation: int) -> None:
+        lock(file, operation)
+        if (present := PRESENT.get()) is not None and operation & fcntl.LOCK_EX:
+            present.locks.append(file if isinstance(file, int) else file.fileno())
+
+    fcntl.flock = flock
+    connect = sqlite3.connect
+
+    def connected(*args: Any, **options: Any) -> sqlite3.Connection:
+        made: sqlite3.Connection = connect(*args, **options)
+        if (present := PRESENT.get()) is not None:
+            present.files.append(made)
+        return made
+
+    sqlite3.connect = connected  # type: ignore[assignment]
+
+    class InlineStore(store.Store):
+        """Writes in the thread of the loop."""
+
+        def __init__(self, *args: Any, **options: Any) -> None:
+            super().__init__(*args, **options)
+            self._writer = _NoThread()  # type: ignore[assignment]
+
+        def _wake(self) -> None:
+            loop.call_soon(self._work if self._closing else self._write_group)
+
+    store.Store = InlineStore  # type: ignore[misc]
+
+    def write(
+        self: Any, text: str, priority: int = output.INFORMATIONAL, *, agent: str = "", event: Any = None
+    ) -> None:
+        if (present := PRESENT.get()) is not None:
+            for line in text.split("\n"):
+                present.write(LogLine(text=line, level=output._LEVELS.get(priority, "info"), agent=agent, event=event))
+
+    output.Output.write = write  # type: ignore[method-assign]
+    output.Output._run = lambda self: None  # type: ignore[method-assign]
+    poison_inputs._look_around = lambda: None
+
+    def runs(context: Any) -> bool:
+        process = context.get(PRESENT)
+        return process is None or not process.dead
+
+    def opened(socket: Datagrams) -> None:
+        if (present := PRESENT.get()) is not None:
+            present.sockets.append(socket)
+
+    loop.runs, loop.opened = runs, opened
+    loop.handlers = lambda: {} if (present := PRESENT.get()) is None else present.handlers
+    return network

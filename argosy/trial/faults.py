@@ -1,0 +1,144 @@
+"""The faults of a trial: what each does, how a seed draws them, and the files that name them.
+
+A storm of faults is followed by calm: safety is demanded always, the end of the mission only when the storm is over.
+Each run draws which kinds it has and how strong (swarm testing), so that no kind hides another in every run.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import msgspec
+
+from argosy.processes.simulators import vehicle_of
+from schemas.files.findings import Finding, Findings
+from schemas.mission.model import Mission
+
+STORM: Final = 120.0
+"""Virtual seconds after the start in which faults begin."""
+SHARE: Final = 0.4
+"""Chance of each kind of fault in a run."""
+
+
+class _Fault(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+    at: float = 0.0
+    """Virtual seconds after the start."""
+
+
+class Kill(_Fault, frozen=True, kw_only=True, tag="kill"):
+    """A daemon is killed; it is started again as its board's service manager does."""
+
+    daemon: str
+    """Its name as `argosy run` shows it, such as `bridged uav1`."""
+
+    def __str__(self) -> str:
+        return f"{self.at:.1f} s: {self.daemon} is killed"
+
+
+class BoardDown(_Fault, frozen=True, kw_only=True, tag="board_down"):
+    """All daemons of a board die, and are started again when the board is back."""
+
+    board: str
+    seconds: float
+
+    def __str__(self) -> str:
+        return f"{self.at:.1f} s: board {self.board} dies, and is back after {self.seconds:.1f} s"
+
+
+class LinkCut(_Fault, frozen=True, kw_only=True, tag="link_cut"):
+    """Nothing passes from one board to another; with `both`, in neither direction."""
+
+    sender: str
+    receiver: str
+    seconds: float
+    both: bool = True
+
+    def __str__(self) -> str:
+        way = "between" if self.both else "one way from"
+        return f"{self.at:.1f} s: no link {way} {self.sender} and {self.receiver} for {self.seconds:.1f} s"
+
+
+class Vehicle(_Fault, frozen=True, kw_only=True, tag="vehicle"):
+    """What is wrong with a simulated vehicle and its link, as `bridged simulate --fault` has it."""
+
+    robot: str
+    fault: str
+
+    def __str__(self) -> str:
+        return f"{self.robot}: {self.fault}"
+
+
+class Battery(_Fault, frozen=True, kw_only=True, tag="battery"):
+    """A full battery of a simulated vehicle lasts so long in the air."""
+
+    robot: str
+    minutes: float
+
+    def __str__(self) -> str:
+        return f"{self.robot}: a full battery lasts {self.minutes:.1f} min"
+
+
+Fault: TypeAlias = Kill | BoardDown | LinkCut | Vehicle | Battery
+
+
+def draw(mission: Mission, seed: int) -> list[Fault]:
+    """Draw the standard faults of one run, in the order of their times."""
+    dice = random.Random(f"argosy faults {seed}")
+    boards, robots = mission.board_names, [name for name, one in mission.robots.items() if vehicle_of(one) == "copter"]
+    found: list[Fault] = []
+
+    def times() -> list[float]:
+        """When a kind of fault happens: mostly never, else one to three times."""
+        wanted = dice.random() < SHARE
+        return [round(dice.uniform(2, STORM), 1) for _ in range(dice.randint(1, 3))] if wanted else []
+
+    daemons = [f"commd {board}" if len(boards) > 1 else "commd" for board in boards]
+    for at in times():
+        found.append(Kill(at=at, daemon=dice.choice(daemons)))
+    for kind, subjects in (("bridged", robots), ("agentd", boards_with_agents(mission))):
+        for at in times() if subjects else ():
+            found.append(Kill(at=at, daemon=f"{kind}:{dice.choice(subjects)}"))
+    for at in times():
+        found.append(BoardDown(at=at, board=dice.choice(boards), seconds=round(dice.uniform(1, 30), 1)))
+    if len(boards) > 1:
+        for at in times():
+            sender, receiver = dice.sample(boards, 2)
+            seconds = round(min(60.0, dice.expovariate(1 / 8)), 1)
+            found.append(LinkCut(at=at, sender=sender, receiver=receiver, seconds=seconds, both=dice.random() < 0.5))
+    for robot in robots:
+        if dice.random() < SHARE:
+            found.append(Vehicle(robot=robot, fault=f"loss={round(dice.uniform(0.01, 0.3), 2)}"))
+        if dice.random() < SHARE / 2:
+            found.append(Vehicle(robot=robot, fault=f"duplicate={round(dice.uniform(0.01, 0.2), 2)}"))
+        for at in times():
+            found.append(Vehicle(robot=robot, fault=f"cut={at:g}+{round(dice.uniform(0.5, 20), 1):g}"))
+        found.append(Vehicle(robot=robot, fault=f"seed={dice.randrange(1, 1 << 30)}"))
+    return sorted(found, key=lambda one: one.at)
+
+
+def boards_with_agents(mission: Mission) -> list[str]:
+    """Return the boards that run agents."""
+    return list(dict.fromkeys(agent.board for agent in mission.agents.values()))
+
+
+def read(path: Path) -> list[Fault]:
+    """Read a YAML list of faults. Raises Findings that say what is wrong with it."""
+    try:
+        found = msgspec.yaml.decode(path.read_bytes(), type=list[Fault])
+    except OSError as error:
+        raise Findings([Finding(str(path), 0, 0, f"cannot be read: {error.strerror}")]) from None
+    except msgspec.ValidationError as error:
+        raise Findings([Finding(str(path), 0, 0, str(error))]) from None
+    except Exception as error:  # what the YAML reader raises
+        raise Findings([Finding(str(path), 0, 0, f"is no YAML: {error}")]) from None
+    return sorted(found, key=lambda one: one.at)
+
+
+def last(faults: Sequence[Fault]) -> float:
+    """Return when the storm is over, in virtual seconds after the start."""
+    ends = [one.at + getattr(one, "seconds", 0.0) for one in faults if math.isfinite(one.at)]
+    return max(ends, default=0.0)

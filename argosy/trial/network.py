@@ -1,0 +1,517 @@
+"""Zenoh within one process: sessions at routers, with its key expressions, queries, liveliness and their ends.
+
+`Network.open` stands in for `zenoh.open`: what it returns has of `zenoh.Session` what `commd.bus` uses. Messages
+between two sessions keep their order; each takes the network's delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextvars import Context, copy_context
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from itertools import count
+from typing import Any, Final
+
+import zenoh
+
+from argosy.trial.event_loop import VirtualLoop
+
+PUT, DELETE = zenoh.SampleKind.PUT, zenoh.SampleKind.DELETE
+HOP: Final = 0.0002
+"""Virtual seconds of a message from session to session by a router of one board."""
+LINK: Final = 0.002
+"""Virtual seconds between two routers of a network without faults."""
+AGAIN: Final = 0.3
+"""Virtual seconds after which a client notices that its router is back."""
+BUS: Final[Context] = copy_context()
+"""Of what is under way: it arrives although its sender has died."""
+
+
+@lru_cache(maxsize=65536)
+def intersects(one: str, other: str) -> bool:
+    """Return whether two key expressions have a key in common."""
+    if "*" not in one and "*" not in other and "$" not in one + other:
+        return one == other
+    return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
+
+
+class Payload:
+    """Bytes as Zenoh hands them out."""
+
+    __slots__ = ("_bytes",)
+
+    def __init__(self, data: Any) -> None:
+        self._bytes = data.encode() if isinstance(data, str) else bytes(data)
+
+    def to_bytes(self) -> bytes:
+        """Return the bytes."""
+        return self._bytes
+
+    def to_string(self) -> str:
+        """Return them as text."""
+        return self._bytes.decode()
+
+    def __len__(self) -> int:
+        return len(self._bytes)
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A put, a reply, or a change of a liveliness token."""
+
+    key_expr: str
+    payload: Payload
+    encoding: str = "zenoh/bytes"
+    kind: Any = field(default_factory=lambda: PUT)
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """A reply: one of the two is None."""
+
+    ok: Sample | None
+    err: Sample | None = None
+
+
+class _Asked:
+    """A query on its way: it ends when each that serves it has dropped it, or by its timeout."""
+
+    def __init__(self, asker: Session, callback: Callable[[Any], Any], drop: Callable[[], Any], timeout: float) -> None:
+        self._asker, self._callback, self._drop = asker, callback, drop
+        self.open: set[int] = set()
+        self.over = False
+        self._timer = asker.network.loop.call_later(timeout, self._timed_out)
+
+    def replied(self, reply: Reply) -> None:
+        if not self.over and not self._asker.closed:
+            self._callback(reply)
+
+    def dropped(self, number: int) -> None:
+        self.open.discard(number)
+        if not self.open:
+            self.end()
+
+    def _timed_out(self) -> None:
+        if self.open:
+            self.replied(Reply(None, Sample("", Payload(b"Timeout"))))
+        self.end()
+
+    def end(self) -> None:
+        if not self.over:
+            self.over = True
+            self._timer.cancel()
+            if not self._asker.closed:
+                self._drop()
+
+
+class Query:
+    """A query as it reaches one that serves it."""
+
+    def __init__(
+        self, key: str, parameters: str, payload: Any, encoding: Any, server: Session, asked: _Asked, number: int
+    ):
+        self.key_expr, self.parameters = key, parameters
+        self.payload = None if payload is None else Payload(payload)
+        self.encoding = None if encoding is None else str(encoding)
+        self._server, self._asked, self._number, self._dropped = server, asked, number, False
+
+    def _send(self, send: Callable[[], None]) -> None:
+        network = self._server.network
+        network.send(self._server, self._asked._asker, send)
+
+    def reply(self, key: Any, payload: Any, *, encoding: Any = None) -> None:
+        """Send a reply."""
+        sample = Sample(str(key), Payload(payload), str(encoding or "zenoh/bytes"))
+        self._send(lambda: self._asked.replied(Reply(sample)))
+
+    def reply_err(self, payload: Any, *, encoding: Any = None) -> None:
+        """Send an error."""
+        sample = Sample("", Payload(payload), str(encoding or "zenoh/bytes"))
+        self._send(lambda: self._asked.replied(Reply(None, sample)))
+
+    def drop(self) -> None:
+        """End it: there are no more replies."""
+        if not self._dropped:
+            self._dropped = True
+            self._send(lambda: self._asked.dropped(self._number))
+
+    def __enter__(self) -> Query:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.drop()
+
+
+@dataclass(eq=False)
+class _Declared:
+    """A subscriber, queryable, publisher, querier or token."""
+
+    session: Session
+    kind: str
+    key_expr: str
+    callback: Callable[[Any], Any] | None = None
+    remote_only: bool = False
+    matched: Callable[[Any], Any] | None = None
+
+    def undeclare(self) -> None:
+        self.session.withdraw(self)
+
+    def take(self, item: Any) -> None:
+        """Hand over a sample or a query."""
+        if self in self.session.declared and self.callback is not None:
+            self.callback(item)
+
+    def tell_matching(self) -> None:
+        if self.matched is not None and not self.session.closed:
+            self.matched(self.matching_status)
+
+    def put(self, payload: Any, *, encoding: Any = None, **_: Any) -> None:
+        self.session.put(self.key_expr, payload, encoding=encoding, remote_only=self.remote_only)
+
+    @property
+    def matching_status(self) -> Any:
+        wanted = "subscriber" if self.kind == "publisher" else "queryable"
+        return _Matching(self.session.network.somebody(self, wanted))
+
+    def declare_matching_listener(self, callback: Any) -> Any:
+        self.matched = callback.callback
+        return _Listener(self)
+
+
+@dataclass
+class _Matching:
+    matching: bool
+
+
+@dataclass
+class _Listener:
+    of: _Declared
+
+    def undeclare(self) -> None:
+        self.of.matched = None
+
+
+@dataclass
+class _Transport:
+    zid: str
+
+
+@dataclass
+class _Event:
+    kind: Any
+    transport: _Transport
+
+
+class Session:
+    """A session of one process, at the router of its board."""
+
+    def __init__(self, network: Network, number: int, router: str, name: str, owner: object) -> None:
+        self.network, self.number, self.router, self.name, self.owner = network, number, router, name, owner
+        self.declared: list[_Declared] = []
+        self.closed = False
+        self.attached = True
+        """Whether its router is there, and it has noticed."""
+        self.events: Callable[[Any], Any] | None = None
+
+    # --- what commd.bus calls ---
+
+    def declare_keyexpr(self, key: str) -> str:
+        """Return the key: here a declared one costs the same."""
+        return key
+
+    def put(self, key: Any, payload: Any, *, encoding: Any = None, remote_only: bool = False, **_: Any) -> None:
+        """Publish."""
+        self._check()
+        name = str(key)
+        sample = Sample(name, Payload(payload), str(encoding or "zenoh/bytes"))
+        self.network.publish(self, sample, remote_only)
+
+    def declare_subscriber(self, key: Any, callback: Any, *, allowed_origin: Any = None) -> _Declared:
+        """Subscribe."""
+        return self._declare("subscriber", key, callback, allowed_origin)
+
+    def declare_queryable(self, key: Any, callback: Any, *, allowed_origin: Any = None, **_: Any) -> _Declared:
+        """Serve queries."""
+        return self._declare("queryable", key, callback, allowed_origin)
+
+    def declare_publisher(self, key: Any, *, allowed_destination: Any = None, **_: Any) -> _Declared:
+        """Declare a publisher."""
+        return self._declare("publisher", key, None, allowed_destination)
+
+    def declare_querier(self, key: Any, *, allowed_destination: Any = None, **_: Any) -> _Declared:
+        """Declare a querier."""
+        return self._declare("querier", key, None, allowed_destination)
+
+    def get(
+        self,
+        selector: Any,
+        callback: Any,
+        *,
+        timeout: float = 10.0,
+        payload: Any = None,
+        encoding: Any = None,
+        allowed_destination: Any = None,
+        **_: Any,
+    ) -> None:
+        """Query."""
+        self._check()
+        key, _mark, parameters = str(selector).partition("?")
+        asked = _Asked(self, callback.callback, callback.drop or (lambda: None), timeout)
+        remote = allowed_destination == zenoh.Locality.REMOTE
+        self.network.ask(self, key, parameters, payload, encoding, asked, remote)
+
+    def liveliness(self) -> Liveliness:
+        """Return the liveliness of this session."""
+        return Liveliness(self)
+
+    @property
+    def info(self) -> Info:
+        """What is known of this session."""
+        return Info(self)
+
+    def close(self) -> None:
+        """End it: tokens and queries end with it."""
+        self.network.close(self)
+
+    def withdraw(self, declared: _Declared) -> None:
+        """End a declaration."""
+        if declared in self.declared:
+            self.declared.remove(declared)
+            self.network.topology_changed()
+
+    def _declare(self, kind: str, key: Any, callback: Any, where: Any = None) -> _Declared:
+        self._check()
+        call = callback.callback if callback is not None else None
+        declared = _Declared(self, kind, str(key), call, where == zenoh.Locality.REMOTE)
+        self.declared.append(declared)
+        self.network.topology_changed()
+        return declared
+
+    def _check(self) -> None:
+        if self.closed:
+            raise zenoh.ZError("session closed")
+
+
+class Liveliness:
+    """Tokens."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def declare_token(self, key: Any) -> _Declared:
+        """Declare a token."""
+        return self._session._declare("token", key, None)
+
+    def declare_subscriber(self, key: Any, callback: Any, *, history: bool = False) -> _Declared:
+        """Hear of tokens that appear and end, the present ones first."""
+        assert history
+        return self._session._declare("watcher", key, callback)
+
+    def get(self, key: Any, callback: Any, *, timeout: float = 10.0) -> None:
+        """Query the tokens that match."""
+        network, session = self._session.network, self._session
+        found = [token.key_expr for token in network.tokens(session, str(key))]
+
+        def answer() -> None:
+            for one in found:
+                callback.callback(Reply(Sample(one, Payload(b""))))
+            if callback.drop is not None:
+                callback.drop()
+
+        if session.attached:
+            network.loop.call_later(2 * HOP, answer)
+
+
+class Info:
+    """What `Session.info` tells."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def zid(self) -> str:
+        """Return the id of the session."""
+        return f"{self._session.number:032x}"
+
+    def routers_zid(self) -> list[str]:
+        """Return the ids of the routers."""
+        router = self._session.network.router_of(self._session)
+        return [] if router is None or router is self._session else [router.info.zid()]
+
+    def links(self) -> list[Any]:
+        """Return none: nobody looks at links in a trial."""
+        return []
+
+    def declare_transport_events_listener(self, callback: Any, *, history: bool = False) -> None:
+        """Hear of the router that is connected or lost."""
+        session = self._session
+        session.events = callback.callback
+        router = session.network.router_of(session)
+        if history and router is not None:
+            session.network._tell(session, PUT, router)
+
+    def declare_link_events_listener(self, callback: Any, *, history: bool = False) -> None:
+        """Hear nothing: nobody looks at links in a trial."""
+
+
+class Network:
+    """All sessions of a trial."""
+
+    def __init__(self, loop: VirtualLoop) -> None:
+        self.loop = loop
+        self.sessions: list[Session] = []
+        self.numbers = count(1)
+        self.sent = 0
+        """Messages between sessions."""
+        self.delay: Callable[[str, str], float | None] = lambda sender, receiver: LINK
+        """Virtual seconds between two routers, by their endpoints; None: there is no link."""
+        self.on_put: list[Callable[[Session, Sample], None]] = []
+        """Called with each sample that is published."""
+        self._routers: dict[str, Session] = {}
+        self._last: dict[tuple[int, int], float] = {}
+        """When the last message between two sessions arrives."""
+        self._found: dict[tuple[str, str], list[_Declared]] = {}
+        """Declarations that match, by kind and key."""
+        self._seen: dict[_Declared, set[str]] = {}
+        """The tokens that each watcher has been shown."""
+
+    def open(self, endpoint: str, name: str, router: bool, owner: object) -> Session:
+        """Open a session at the router of an endpoint. Raises ZError if a client finds none there."""
+        if router == (endpoint in self._routers):
+            raise zenoh.ZError("another router is there" if router else "no router is there")
+        session = Session(self, next(self.numbers), endpoint, name, owner)
+        self.sessions.append(session)
+        if router:
+            self._routers[endpoint] = session
+            for client in self._clients(endpoint):  # those of its predecessor come back
+                self.loop.call_later(AGAIN, self._back, client, session)
+            self.topology_changed()
+        return session
+
+    def router_of(self, session: Session) -> Session | None:
+        """Return the router at which a session is."""
+        return self._routers.get(session.router)
+
+    def close(self, session: Session) -> None:
+        """End a session and all that it has declared."""
+        if session.closed:
+            return
+        session.closed = True
+        self.sessions.remove(session)
+        self._found.clear()
+        for declared in session.declared:
+            self._seen.pop(declared, None)
+        if self._routers.get(session.router) is session:
+            del self._routers[session.router]
+            for client in self._clients(session.router):
+                client.attached = False
+                self._tell(client, DELETE, session)
+        self.topology_changed()
+
+    def _clients(self, endpoint: str) -> list[Session]:
+        return [one for one in self.sessions if one.router == endpoint and one is not self._routers.get(endpoint)]
+
+    def _back(self, client: Session, router: Session) -> None:
+        if not client.closed and not router.closed and not client.attached:
+            client.attached = True
+            self._tell(client, PUT, router)
+            self.topology_changed()
+
+    def _tell(self, client: Session, kind: Any, router: Session) -> None:
+        if client.events is not None:
+            client.events(_Event(kind, _Transport(router.info.zid())))
+
+    def latency(self, sender: Session, receiver: Session) -> float | None:
+        """Return the virtual seconds of a message; None: the one does not reach the other."""
+        if sender is receiver:
+            return 0.0
+        if sender.closed or receiver.closed or not (sender.attached and receiver.attached):
+            return None
+        if sender.router == receiver.router:
+            return HOP
+        between = self.delay(sender.router, receiver.router)
+        return None if between is None else HOP + between
+
+    def send(self, sender: Session, receiver: Session, deliver: Callable[[], object]) -> None:
+        """Deliver something after its delay, behind what was sent before it on the same way."""
+        delay = self.latency(sender, receiver)
+        if delay is None:
+            return
+        line = sender.number, receiver.number
+        due = max(self.loop.time() + delay, self._last.get(line, 0.0))
+        self._last[line] = due
+        self.sent += 1
+        self.loop.call_at(due, self._arrive, receiver, deliver, context=BUS)
+
+    def _arrive(self, receiver: Session, deliver: Callable[[], object]) -> None:
+        if not receiver.closed and receiver.attached:
+            deliver()
+
+    def _matching(self, sender: Session, kind: str, key: str, remote_only: bool) -> list[_Declared]:
+        """Return what others have declared for a key, and reaches or is reached by a session."""
+        found = self._found.get((kind, key))
+        if found is None:
+            declared = (one for session in self.sessions for one in session.declared)
+            found = [one for one in declared if one.kind == kind and intersects(one.key_expr, key)]
+            self._found[kind, key] = found
+        return [
+            one
+            for one in found
+            if self.latency(sender, one.session) is not None
+            and not (one.session is sender and (remote_only or one.remote_only))
+        ]
+
+    def publish(self, sender: Session, sample: Sample, remote_only: bool) -> None:
+        """Send a sample to all subscribers."""
+        for listener in self.on_put:
+            listener(sender, sample)
+        for one in self._matching(sender, "subscriber", sample.key_expr, remote_only):
+            self.send(sender, one.session, partial(one.take, sample))
+
+    def ask(
+        self, asker: Session, key: str, parameters: str, payload: Any, encoding: Any, asked: _Asked, remote_only: bool
+    ) -> None:
+        """Send a query to all that serve its key; it ends when they have answered."""
+        if key.startswith("@/"):  # the admin space of the router, which answers that it is there
+            if asker.attached:
+                self.loop.call_later(2 * HOP, asked.replied, Reply(Sample(key, Payload(b"{}"))))
+                self.loop.call_later(2 * HOP, asked.end)
+            return
+        served = self._matching(asker, "queryable", key, remote_only)
+        asked.open = set(range(len(served)))
+        if not served and asker.attached:
+            self.loop.call_later(2 * HOP, asked.end)
+        for number, one in enumerate(served):
+            query = Query(key, parameters, payload, encoding, one.session, asked, number)
+            self.send(asker, one.session, partial(one.take, query))
+
+    def tokens(self, session: Session, key: str) -> list[_Declared]:
+        """Return the tokens that a session sees."""
+        return self._matching(session, "token", key, False)
+
+    def somebody(self, declared: _Declared, kind: str) -> bool:
+        """Return whether others have declared something for the key of a declaration."""
+        return bool(self._matching(declared.session, kind, declared.key_expr, declared.remote_only))
+
+    def topology_changed(self) -> None:
+        """Tell watchers which tokens, and publishers whether subscribers, have appeared or ended."""
+        self._found.clear()
+        for session in self.sessions:
+            for declared in session.declared:
+                if declared.kind == "watcher":
+                    self._show_tokens(declared)
+                elif declared.matched is not None:
+                    self.loop.call_later(HOP, declared.tell_matching, context=BUS)
+
+    def _show_tokens(self, watcher: _Declared) -> None:
+        present = {token.key_expr: token for token in self.tokens(watcher.session, watcher.key_expr)}
+        seen = self._seen.setdefault(watcher, set())
+        for key in sorted(seen - present.keys()):
+            self._show(watcher, key, DELETE, HOP)
+        for key, token in present.items():
+            if key not in seen:
+                self._show(watcher, key, PUT, self.latency(token.session, watcher.session) or 0.0)
+        self._seen[watcher] = set(present)
+
+    def _show(self, watcher: _Declared, key: str, kind: Any, delay: float) -> None:
+        self.loop.call_later(delay, watcher.take, Sample(key, Payload(b""), kind=kind), context=BUS)

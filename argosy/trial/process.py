@@ -1,0 +1,171 @@
+"""The processes of a trial: each runs the entry point of its command as tasks of the one event loop, and can be killed.
+
+Every task, timer and callback belongs to the process in whose context it was made. A process that is killed never runs
+again: nothing of it is cleaned up, its sessions break off, and only what is on its disk remains.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import logging
+import signal
+import sqlite3
+from argparse import ArgumentParser, Namespace
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from contextlib import suppress
+from contextvars import ContextVar, copy_context
+from importlib import import_module
+from typing import Any, Final
+
+from argosy.processes.process_table import Process
+from argosy.processes.supervisor import Child, Supervisor
+from argosy.trial.event_loop import Datagrams
+from argosy.trial.network import Network
+from commd.process.process import EXIT_BAD_INPUT, EXIT_FAILED
+from schemas.files.findings import Findings
+from schemas.mission.model import load_mission
+from schemas.wire.log_lines import Level, LogLine, encode
+
+PRESENT: ContextVar[VirtualProcess | None] = ContextVar("PRESENT", default=None)
+"""The process that runs now; None: the run itself."""
+FIRST_PID: Final = 1 << 30
+"""Above every real process id: nothing can be sent to another process by mistake."""
+_LEVELS: Final[dict[str, Level]] = {"CRITICAL": "error", "ERROR": "error", "WARNING": "warning"}
+_DAEMONS: Final = {"commd": "commd.daemon", "bridged": "bridged.daemon", "agentd": "agentd.daemon"}
+
+
+class VirtualProcess:
+    """A process of the trial, with what `Child` uses of `asyncio.subprocess.Process`."""
+
+    def __init__(self, network: Network, pid: int, argv: Sequence[str]) -> None:
+        """`argv`: `MODULE COMMAND ARGUMENT...`."""
+        self.network, self.pid, self.argv = network, pid, tuple(argv)
+        self.returncode: int | None = None
+        self.dead = False
+        """Whether nothing of it may run any more."""
+        self.handlers: dict[int, Callable[[], object]] = {}
+        """What it does on a signal."""
+        self.locks: list[int] = []
+        """File descriptors that it has locked."""
+        self.sockets: list[Datagrams] = []
+        """Its UDP sockets."""
+        self.files: list[sqlite3.Connection] = []
+        """Databases that it has opened."""
+        self.stdout, self.stderr = asyncio.StreamReader(), asyncio.StreamReader()
+        self._ended = asyncio.Event()
+        self._context = copy_context()
+        self._context.run(PRESENT.set, self)
+        self._kept = asyncio.get_running_loop().create_task(self._run(), context=self._context)
+
+    async def _run(self) -> None:
+        try:
+            code = await main_of(self.argv)
+        except Findings as findings:
+            self.write(LogLine(text=str(findings), level="error"))
+            code = EXIT_BAD_INPUT
+        except Exception as error:
+            self.write(LogLine(text=f"{type(error).__name__}: {error}", level="error"))
+            code = EXIT_FAILED
+        self._end(code)
+
+    def write(self, line: LogLine) -> None:
+        """Write a line to its standard error."""
+        if not self.dead:
+            self.stderr.feed_data(encode(line) + b"\n")
+
+    def send_signal(self, number: int) -> None:
+        """Call the handler of a signal, or end the process."""
+        if self.dead:
+            raise ProcessLookupError
+        if (handler := self.handlers.get(number)) is not None and number != signal.SIGKILL:
+            self._context.copy().run(handler)
+        else:
+            self._end(-number)
+
+    def _end(self, code: int) -> None:
+        if self.dead:
+            return
+        self.dead, self.returncode = True, code
+        for session in [one for one in self.network.sessions if one.owner is self]:
+            self.network.close(session)
+        for socket in self.sockets:
+            socket.free()
+        for descriptor in self.locks:
+            with suppress(OSError):  # it has closed the file itself
+                fcntl.flock(descriptor, fcntl.LOCK_UN)
+        for file in self.files:
+            with suppress(sqlite3.Error):  # what it had not committed is lost
+                file.close()
+        for stream in (self.stdout, self.stderr):
+            stream.feed_eof()
+        self._ended.set()
+
+    async def wait(self) -> int:
+        """Wait for its end; return its exit code, or minus the signal that has killed it."""
+        await self._ended.wait()
+        assert self.returncode is not None
+        return self.returncode
+
+
+def main_of(argv: Sequence[str]) -> Coroutine[Any, Any, int]:
+    """Return the main coroutine of a command: of a daemon's `serve`, or of a simulator."""
+    module, command, *rest = argv
+    if command == "serve":
+        daemon = import_module(_DAEMONS[module])
+        return _serve(daemon, _parsed(daemon, rest))
+    from bridged.simulation.copter import command as copter
+
+    vehicle, *rest = rest
+    if (module, command, vehicle) != ("bridged", "simulate", "copter"):
+        raise ValueError(f"{' '.join(argv[:3])} cannot run in a trial")
+    return _fly(copter.simulation(_parsed(copter, rest)))
+
+
+def _parsed(module: Any, words: Sequence[str]) -> Namespace:
+    parser = ArgumentParser()
+    module.add_arguments(parser)
+    return parser.parse_args(words)
+
+
+async def _serve(daemon: Any, args: Namespace) -> int:
+    stop = asyncio.Event()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
+    return int(await daemon.serve(load_mission(args.mission), args, stop))
+
+
+async def _fly(simulation: Coroutine[Any, Any, None]) -> int:
+    await simulation
+    return 0
+
+
+class ProcessLog(logging.Handler):
+    """Writes log records to the process that logs them, as its log handler does."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record."""
+        if (process := PRESENT.get()) is not None:
+            level = _LEVELS.get(record.levelname, "info")
+            process.write(LogLine(text=record.getMessage(), level=level, event=getattr(record, "event", None)))
+
+
+class VirtualChild(Child):
+    """A started process of a trial."""
+
+    def kill_group(self) -> None:
+        """Do nothing: no process of a trial starts others."""
+
+
+class VirtualSupervisor(Supervisor):
+    """Starts the processes of a run in this one."""
+
+    network: Network
+    ready: Callable[[str], Awaitable[None]]
+    """Waits until a board can start processes."""
+
+    async def launch(self, process: Process) -> Child:
+        """Start a process, when its board is there."""
+        await self.ready(process.board)
+        arguments = process.argv[process.argv.index("-m") + 1 :]
+        pid = FIRST_PID + next(self.network.numbers)
+        return VirtualChild(process, VirtualProcess(self.network, pid, arguments))  # type: ignore[arg-type]

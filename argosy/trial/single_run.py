@@ -1,0 +1,178 @@
+"""One run of a trial: a mission, its faults and its checkers in virtual time, and what became of it."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import logging
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agentd.process import allow_deep_calls
+from argosy.check.command import check_mission
+from argosy.cli.errors import BadInput
+from argosy.cli.journal import Journal
+from argosy.fleet_model.model import FleetModel
+from argosy.processes.process_table import Place, Setup
+from argosy.processes.resource_usage import Meter
+from argosy.run.command import telling
+from argosy.run.mission_runner import MissionRunner
+from argosy.run.run_status import Status
+from argosy.trial.checkers import Checkers, Violation
+from argosy.trial.edges import swap_bus
+from argosy.trial.event_loop import Deadlock, VirtualLoop
+from argosy.trial.faults import Battery, Fault, Vehicle
+from argosy.trial.network import Sample, Session
+from argosy.trial.process import ProcessLog, VirtualSupervisor
+from argosy.trial.world import Seen, World
+from bridged.simulation.copter import process as copter_process
+from commd.common.clock import Clock
+from schemas.files.units import Duration
+from schemas.mission.model import Mission
+
+FIRST_ROUTER, FIRST_LINK = 7447, 8447
+"""Ports of the boards' routers, for their daemons and for other boards."""
+
+
+class Request(msgspec.Struct, frozen=True):
+    """What is to be run."""
+
+    mission: str
+    seed: int
+    faults: tuple[Fault, ...] = ()
+    folder: str = ""
+    """Where it works and what it keeps; it exists."""
+    journal: bool = False
+    """Whether the journal of the run is returned."""
+    until: float | None = None
+    """Virtual seconds after which it is stopped."""
+
+
+class Outcome(msgspec.Struct):
+    """What became of a run."""
+
+    seed: int
+    success: bool
+    why: str = ""
+    """Why it is no success."""
+    violations: list[Violation] = []
+    faults: list[Fault] = []
+    seconds: float = 0.0
+    """Virtual seconds from the start of the mission to its end."""
+    digest: str = ""
+    """Hash over all that was published, and the end."""
+    messages: int = 0
+    """Records that were published."""
+    flown: float = 0.0
+    """Metres that all vehicles have flown."""
+    battery: float | None = None
+    """Least share of a battery that was left, 0 to 1."""
+    nearest: float | None = None
+    """Least distance of two vehicles in the air, in metres."""
+    journal: list[str] = []
+
+
+def fly(loop: VirtualLoop, request: Request) -> Outcome:
+    """Run it. Raises BadInput for a mission that cannot be run."""
+    network = swap_bus(loop)
+    allow_deep_calls()
+    os.chdir(request.folder)
+    mission = _mission(request)
+    boards = mission.board_names
+    routers = {board: f"tcp/127.0.0.1:{FIRST_ROUTER + number}" for number, board in enumerate(boards)}
+    links = [f"tcp/127.0.0.1:{FIRST_LINK + number}" for number in range(len(boards))]
+    places = {board: Place(routers[board], links[n], tuple(links[:n])) for n, board in enumerate(boards)}
+    state = Path("state")
+    setup = Setup(mission, routers[boards[0]], 1.0, frozenset(), state, telling(mission), places, True, state)
+    clock = Clock(1.0)
+    journal = Journal(clock.now, None)
+    outcome = Outcome(request.seed, False, faults=list(request.faults))
+    if request.journal:
+        journal.shown = lambda entry: outcome.journal.append(str(entry))
+    model = FleetModel(loop.time, mission=mission, track_points=2, sees_runs=False)
+    status = Status(setup, model, journal, _NoMeter(), [], clock.now)
+    logging.basicConfig(level=logging.INFO, handlers=[ProcessLog()], force=True)
+    flight = MissionRunner(status, supervisor=VirtualSupervisor)
+    world = World(network, routers, request.faults, lambda: status.children)
+    checkers = Checkers(mission, world, lambda robot: _served(status, robot))
+    VirtualSupervisor.network, VirtualSupervisor.ready = network, staticmethod(world.board_is_up)
+    digest = hashlib.sha256()
+
+    def put(session: Session, sample: Sample) -> None:
+        outcome.messages += 1
+        if not sample.key_expr.endswith("/run"):  # it names a folder of this machine
+            digest.update(f"{loop.time():.9f} {sample.key_expr} ".encode() + sample.payload.to_bytes())
+
+    network.on_put.append(put)
+    simulate = copter_process.simulate
+
+    async def simulated(vehicle: Any, *args: Any, **options: Any) -> None:
+        world.vehicles[_robot_of(mission, args[0])] = Seen(vehicle)
+        await simulate(vehicle, *args, **options)
+
+    copter_process.simulate = simulated
+
+    async def whole() -> None:
+        watching = asyncio.create_task(world.run())
+        ending = await asyncio.wait_for(flight.fly(lambda: None), request.until)
+        watching.cancel()
+        outcome.success, outcome.why = ending.code == 0, ending.why
+
+    try:
+        loop.run_until_complete(whole())
+    except TimeoutError:
+        outcome.why = f"stopped after {request.until:g} s, as wanted"
+    except Deadlock as deadlock:
+        outcome.why = str(deadlock)
+    outcome.violations = checkers.finish()
+    outcome.success = outcome.success and not outcome.violations
+    outcome.seconds = round(flight.finished or loop.time(), 2)
+    outcome.flown = round(sum(seen.flown for seen in world.vehicles.values()), 1)
+    outcome.nearest = round(world.nearest, 2) if isfinite(world.nearest) else None
+    outcome.digest = digest.hexdigest()[:16]
+    return outcome
+
+
+def _mission(request: Request) -> Mission:
+    """Return the mission with the faults of its vehicles."""
+    mission, findings = check_mission(request.mission, restarts=True)
+    errors = [one for one in findings if one.severity == "error"]
+    if mission is None or errors:
+        raise BadInput("\n".join(map(str, errors or findings)))
+    robots = dict(mission.robots)
+    for fault in request.faults:
+        if isinstance(fault, Vehicle | Battery):
+            robot = robots[fault.robot]
+            assert robot.simulate is not None
+            if isinstance(fault, Vehicle):
+                told = msgspec.structs.replace(robot.simulate, faults=(*robot.simulate.faults, fault.fault))
+            else:
+                told = msgspec.structs.replace(robot.simulate, battery=Duration(60 * fault.minutes))
+            robots[fault.robot] = msgspec.structs.replace(robot, simulate=told)
+    return replace(mission, robots=robots)
+
+
+def _served(status: Status, robot: str) -> bool:
+    """Return whether the daemon of an agent of a robot is running."""
+    agents = set(status.setup.mission.agents_of(robot))
+    running = (child for child in status.children if child.process.kind.name == "agentd" and child.alive)
+    return any(agents.intersection(child.process.subject.split()) for child in running)
+
+
+def _robot_of(mission: Mission, addresses: Sequence[Any]) -> str:
+    """Return the robot whose vehicle speaks at a link."""
+    ports = {str(address).rpartition(":")[2] for address in addresses}
+    return next(name for name, robot in mission.robots.items() if robot.link.rpartition(":")[2] in ports)
+
+
+class _NoMeter(Meter):
+    """Measures nothing: the processes of a trial are one."""
+
+    def sample(self, pids: list[int], measured: list[int], *, flying: bool, idle: bool) -> None:
+        """Do nothing."""

@@ -1,0 +1,90 @@
+"""Run many runs on all cores: workers that fork a process for each run."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+
+import msgspec
+from msgspec.structs import replace
+
+from argosy.cli.errors import CommandError
+from argosy.trial.single_run import Outcome, Request
+
+
+@dataclass
+class Worker:
+    """A process that runs runs."""
+
+    process: subprocess.Popen[bytes]
+
+    def run(self, request: Request) -> Outcome:
+        """Run one. Raises CommandError if the worker has died."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        try:
+            self.process.stdin.write(msgspec.json.encode(request) + b"\n")
+            self.process.stdin.flush()
+            said = self.process.stdout.readline()
+        except OSError:
+            said = b""
+        if not said:
+            raise CommandError(f"the worker of the trial has died (exit code {self.process.wait()})")
+        return msgspec.json.decode(said, type=Outcome)
+
+
+@contextmanager
+def workers(jobs: int) -> Iterator[Callable[[Iterable[Request]], Iterator[Outcome]]]:
+    """Start workers; yield what runs requests on them and returns each outcome when it is there."""
+    with ExitStack() as stack:
+        pool = stack.enter_context(ThreadPoolExecutor(jobs))
+        free: SimpleQueue[Worker] = SimpleQueue()
+        for _ in range(jobs):
+            free.put(Worker(stack.enter_context(_started())))
+
+        def run_one(request: Request) -> Outcome:
+            worker = free.get()
+            try:
+                if request.folder:
+                    return worker.run(request)
+                with tempfile.TemporaryDirectory(prefix="argosy-trial-") as folder:
+                    return worker.run(replace(request, folder=folder))
+            finally:
+                free.put(worker)
+
+        def run_all(requests: Iterable[Request]) -> Iterator[Outcome]:
+            pending: list[Future[Outcome]] = [pool.submit(run_one, request) for request in requests]
+            try:
+                for done in as_completed(pending):
+                    yield done.result()
+            finally:
+                for one in pending:
+                    one.cancel()
+
+        yield run_all
+
+
+@contextmanager
+def _started() -> Iterator[subprocess.Popen[bytes]]:
+    command = [sys.executable, "-P", "-m", "argosy.trial.worker"]
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONHASHSEED": "0"},
+        cwd=Path(__file__).parents[2],
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()

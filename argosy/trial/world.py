@@ -1,0 +1,141 @@
+"""The world of a trial: the true state of its vehicles, and the faults that befall it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import Any
+
+from argosy.processes.supervisor import Child
+from argosy.trial.faults import BoardDown, Fault, Kill, LinkCut
+from argosy.trial.network import LINK, Network
+from schemas.geo import distance
+
+SAMPLED = 0.2
+"""Virtual seconds between two looks at the vehicles."""
+
+
+@dataclass
+class Seen:
+    """What is known of a vehicle in truth."""
+
+    vehicle: Any
+    """`bridged.simulation.copter.protocol.mavlink_interface.Vehicle`."""
+    flown: float = 0.0
+    """Metres over ground."""
+    highest: float = 0.0
+    """Metres above home."""
+    farthest: float = 0.0
+    """Metres from home, horizontally."""
+    last: tuple[float, float] | None = None
+
+    @property
+    def armed(self) -> bool:
+        """Whether its motors turn."""
+        return bool(self.vehicle.copter.armed)
+
+    @property
+    def height(self) -> float:
+        """Metres above home."""
+        copter = self.vehicle.copter
+        return float(copter.motion.position.up - copter.home_on_chart.up)
+
+    @property
+    def mode(self) -> str:
+        """Flight mode."""
+        return str(self.vehicle.copter.mode.name)
+
+    def place(self) -> tuple[float, float]:
+        """Latitude and longitude in degrees."""
+        where = self.vehicle.copter.place
+        return where.lat, where.lon
+
+    def look(self) -> None:
+        """Follow its way."""
+        here = self.place()
+        if self.last is not None:
+            self.flown += distance(self.last, here)
+        self.last = here
+        copter = self.vehicle.copter
+        self.highest = max(self.highest, self.height)
+        if copter.home is not None:
+            self.farthest = max(self.farthest, distance((copter.home.lat, copter.home.lon), here))
+
+
+@dataclass
+class World:
+    """All vehicles, by robot, and what befalls them and their boards."""
+
+    network: Network
+    routers: dict[str, str]
+    """Endpoint of each board's router."""
+    faults: Iterable[Fault]
+    children: Callable[[], list[Child]]
+    vehicles: dict[str, Seen] = field(default_factory=dict)
+    nearest: float = float("inf")
+    """Least distance of two vehicles in the air, in metres."""
+    down: dict[str, float] = field(default_factory=dict)
+    """Until when each board is down."""
+    looks: list[Callable[[], None]] = field(default_factory=list)
+    """Called after each look at the vehicles."""
+    _cuts: set[tuple[str, str]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        """Put the cuts of links into the network."""
+        self.network.delay = lambda sender, receiver: None if (sender, receiver) in self._cuts else LINK
+
+    async def run(self) -> None:
+        """Watch and let faults happen, for ever."""
+        loop = self.network.loop
+        for fault in self.faults:
+            loop.call_at(fault.at, self._happen, fault)
+        while True:
+            await asyncio.sleep(SAMPLED)
+            for seen in self.vehicles.values():
+                seen.look()
+            in_air = [seen for seen in self.vehicles.values() if seen.armed and seen.height > 1]
+            for one, other in combinations(in_air, 2):
+                apart = distance(one.place(), other.place())
+                self.nearest = min(self.nearest, (apart**2 + (one.height - other.height) ** 2) ** 0.5)
+            for look in self.looks:
+                look()
+
+    def _happen(self, fault: Fault) -> None:
+        match fault:
+            case Kill(daemon=daemon):
+                kind, _, subject = daemon.partition(":")
+                for child in self.children():
+                    named = child.name == daemon or (child.process.kind.name == kind and _serves(child, subject))
+                    if named and child.alive:
+                        child.signal(9)  # type: ignore[arg-type]
+            case BoardDown(board=board, seconds=seconds):
+                self.down[board] = max(self.down.get(board, 0.0), fault.at + seconds)
+                for child in self.children():
+                    if child.process.board == board and child.process.kind.daemon and child.alive:
+                        child.signal(9)  # type: ignore[arg-type]
+            case LinkCut(sender=sender, receiver=receiver, seconds=seconds, both=both):
+                there = self.routers[sender], self.routers[receiver]
+                cut = {there, there[::-1]} if both else {there}
+                self._cut(cut, True)
+                self.network.loop.call_later(seconds, self._cut, cut, False)
+            case _:
+                pass  # a vehicle's own, which it has from the start
+
+    def _cut(self, lines: set[tuple[str, str]], off: bool) -> None:
+        if off:
+            self._cuts |= lines
+        else:
+            self._cuts -= lines
+        self.network.topology_changed()
+
+    async def board_is_up(self, board: str) -> None:
+        """Wait until a board is there to start a process."""
+        if (left := self.down.get(board, 0.0) - self.network.loop.time()) > 0:
+            await asyncio.sleep(left)
+            await self.board_is_up(board)  # it may have died again meanwhile
+
+
+def _serves(child: Child, subject: str) -> bool:
+    return subject in (child.process.board, *child.process.subject.split())
