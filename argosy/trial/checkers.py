@@ -1,24 +1,52 @@
-"""What must hold in every run, judged from outside: by the records on the bus and the true state of the vehicles."""
+"""What must hold in every run, judged from outside: by the records on the bus and the true state of the vehicles.
+
+| rule | judged by |
+|---|---|
+| `mail lost`, `mail reordered`, `mail doubled` | receipts of boards and of agents, and what minds are given |
+| `one final status` | action statuses |
+| `true end` | action statuses, and the vehicle in the seconds before |
+| `one holder` | running actions, and the percept `holder` |
+| `nobody alone` | processes of agents, their health records, and the vehicle |
+| `limits`, `separation`, `on the ground` | vehicles |
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Final
+from collections import deque
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
 import msgspec
 
-from argosy.trial.network import Sample, Session
-from argosy.trial.world import World
-from schemas.mission.model import Mission
+from argosy.trial import faults
+from argosy.trial.network import Query, Sample, Session
+from argosy.trial.world import SAMPLED, Seen, World
+from bridged.bridge.safety_orders import COMING, StepField, read_steps
+from schemas.files.findings import Findings
+from schemas.manifest.loader import load_manifest
+from schemas.manifest.model import ActionEntry
+from schemas.mission.model import NO_STEPS, Mission
 from schemas.wire import keys
-from schemas.wire.records import ActionStatus
+from schemas.wire.codec import codec
+from schemas.wire.records import ActionStatus, Health, Mail, Message, Perception, Receipt
+from schemas.wire.term_text import write
 
 SLACK: Final = 2.0
 """Metres by which a limit may be passed before it counts: vehicles overshoot, and do not measure the truth."""
 HOME: Final = frozenset(("RTL", "LAND", "SMART_RTL"))
 """Modes in which a vehicle comes down by itself."""
 UNATTENDED: Final = 30.0
-"""Virtual seconds beside what the mission declares for which a vehicle may be in the air with nobody in charge."""
+"""Virtual seconds beside what the mission declares for which a vehicle may be in the air with nobody in charge: its
+bridge may have to be restarted, and to ask again."""
+TRUTH: Final = 5.0
+"""Virtual seconds before a final status in which the vehicle must have been as the status says."""
+HANDING_OVER: Final = 3.0
+"""Virtual seconds for which two agents may differ about who holds a robot."""
+CALM: Final = 60.0
+"""Virtual seconds after which mail has arrived, if nothing is wrong with boards, links and receiver meanwhile."""
+REGULAR: Final = 3.0
+"""Most virtual seconds between two health records of a daemon with which nothing is wrong."""
 
 
 class Violation(msgspec.Struct, frozen=True):
@@ -31,17 +59,179 @@ class Violation(msgspec.Struct, frozen=True):
     text: str
 
 
+class _Look(NamedTuple):
+    """A vehicle at one moment."""
+
+    armed: bool
+    height: float
+    """Metres above home."""
+
+
+class _Letter(NamedTuple):
+    """A message to one receiver; a broadcast has one id for all of its receivers."""
+
+    sender: str
+    receiver: str
+    id: str
+
+    @classmethod
+    def of(cls, message: Message) -> _Letter:
+        """Return what identifies a message."""
+        return cls(message.sender, message.receiver, message.id)
+
+    def __str__(self) -> str:
+        return f"{self.id} from {self.sender} to {self.receiver}"
+
+
+@dataclass
+class _Way:
+    """What became of a message that a board has acknowledged to its sender."""
+
+    place: int
+    """Among the messages of its sender, in the order in which they were acknowledged."""
+    posted: float
+    """When it was acknowledged, in virtual seconds."""
+    done: bool = False
+    """Whether its receiver has taken it, or refused it for good."""
+
+
+@dataclass
+class _Regular:
+    """For how long the health records of a daemon have been regular."""
+
+    since: float
+    last: float
+
+
+@dataclass
+class _Actions:
+    """The actions of one robot that have begun and not ended."""
+
+    boot: str = ""
+    """Of its bridge: another one has ended them, or tells of them again."""
+    agents: dict[str, str] = field(default_factory=dict)
+    """The agent of each action, by the action's id."""
+
+
+class MailChecker:
+    """Each message that a board has acknowledged is taken exactly once, and in the order of its sender."""
+
+    def __init__(self, mission: Mission, world: World, tell: Callable[[str, str, str], None]) -> None:
+        """`tell(rule, subject, text)` reports a violation."""
+        self._mission, self._world, self._tell = mission, world, tell
+        self._ways: dict[_Letter, _Way] = {}
+        self._given_up: set[tuple[str, str]] = set()
+        """Sender and id of the messages of which the sender was notified that they are dead letters."""
+        self._fed: dict[Hashable, dict[_Letter, None]] = {}
+        """What each life of an agent was given, in that order."""
+        self._receipts: dict[_Letter, Hashable] = {}
+        """The life of the receiver that has taken it."""
+        self._health: dict[tuple[str, str], _Regular] = {}
+        world.network.on_query.append(self._answered)
+
+    def healthy(self, name: str, daemon: str) -> None:
+        """Note a health record of a daemon."""
+        now = self._world.network.loop.time()
+        regular = self._health.get((name, daemon))
+        if regular is None or now - regular.last > REGULAR:
+            regular = self._health[name, daemon] = _Regular(now, now)
+        regular.last = now
+
+    def fed(self, life: Hashable, letter: _Letter) -> None:
+        """Note that a mind is given a message; `life`: its process."""
+        given = self._fed.setdefault(life, {})
+        if letter in given:
+            self._tell("mail doubled", str(letter), f"{letter} was given to one life of its receiver twice")
+        elif (before := self._receipts.get(letter)) is not None and before != life:
+            self._tell("mail doubled", str(letter), f"{letter} was given again to a receiver that had taken it")
+        given.setdefault(letter)
+
+    def _answered(self, query: Query, reply: Sample) -> None:
+        parsed = keys.parse(query.key_expr)
+        if parsed is None or parsed[2][0] not in ("outbox", "inbox") or query.payload is None:
+            return
+        mail = codec(Mail).decode(query.payload.to_bytes(), query.encoding or "")
+        receipt = codec(Receipt).decode(reply.payload.to_bytes(), reply.encoding)
+        now = self._world.network.loop.time()
+        for place, message in enumerate(mail.messages):
+            letter = _Letter.of(message)
+            if parsed[2][0] == "inbox":
+                if message.id.startswith("undelivered."):
+                    self._given_up.add((message.receiver, message.id.removeprefix("undelivered.")))
+                if place in receipt.later:
+                    continue
+                if letter in self._ways:
+                    self._ways[letter].done = True
+                if place not in receipt.refused:
+                    self._receipts.setdefault(letter, query.server.owner)
+            elif place not in receipt.later and place not in receipt.refused:
+                self._ways.setdefault(letter, _Way(len(self._ways), now))
+
+    def finish(self) -> None:
+        """Judge what has arrived, and in which order."""
+        storm = faults.last(list(self._world.faults))
+        for letter, way in self._ways.items():
+            if way.done or letter in self._receipts or (letter.sender, letter.id) in self._given_up:
+                continue
+            if (calm := self._calm(letter, max(storm, way.posted))) >= CALM:
+                text = f"{letter}, acknowledged at {way.posted:.1f} s, has not arrived after {calm:.0f} s of calm"
+                self._tell("mail lost", str(letter), text)
+        for given in self._fed.values():
+            latest: dict[tuple[str, str], tuple[int, _Letter]] = {}
+            for letter in given:
+                if letter not in self._ways:
+                    continue
+                pair, place = (letter.sender, letter.receiver), self._ways[letter].place
+                before = latest.setdefault(pair, (place, letter))
+                if place < before[0]:
+                    self._tell(
+                        "mail reordered", str(letter), f"{letter} was given to its receiver after {before[1].id}"
+                    )
+                else:
+                    latest[pair] = place, letter
+
+    def _calm(self, letter: _Letter, since: float) -> float:
+        """Return for how long nothing was wrong with receiver and boards, from a time to the end of the receiver."""
+        boards = self._mission.mailboxes
+        parties = [(letter.receiver, "agentd"), *((boards[one], "commd") for one in letter[:2] if one in boards)]
+        seen = [self._health.get(one) for one in parties]
+        if not all(seen):
+            return 0.0
+        found = [one for one in seen if one is not None]
+        return min(one.last for one in found) - max(since, *(one.since for one in found))
+
+
 class Checkers:
     """All checkers of a run; each rule is reported once for each subject."""
 
-    def __init__(self, mission: Mission, world: World, served: Callable[[str], bool]) -> None:
-        """`served(robot)`: whether an agent of the robot is running."""
-        self._mission, self._world, self._served = mission, world, served
+    def __init__(
+        self,
+        mission: Mission,
+        world: World,
+        served: Callable[[str], bool],
+        *,
+        separation: float | None = None,
+    ) -> None:
+        """`served(robot)`: whether an agent of the robot is running. `separation`: least metres between two vehicles
+        in the air; None = any."""
+        self._mission, self._world, self._served, self._separation = mission, world, served, separation
         self.found: list[Violation] = []
         self._told: set[tuple[str, str]] = set()
         self._ends: dict[str, tuple[str, str]] = {}
-        self._alone: dict[str, float] = {}
-        """Since when each vehicle is in the air with nobody in charge."""
+        self._alone: dict[str, tuple[float, str]] = {}
+        """Since when each vehicle is in the air with nobody in charge, and why."""
+        self._actions = {name: _Actions() for name in mission.robots}
+        self._idle: dict[str, bool] = {}
+        """Whether each agent intends nothing, by its last health record."""
+        self._holders: dict[str, dict[str, str]] = {}
+        """Who holds each robot, as each of its agents was told."""
+        self._differ: dict[str, float] = {}
+        """Since when several agents seem to hold a robot."""
+        self._past: dict[str, deque[_Look]] = {}
+        """Each vehicle in the last seconds."""
+        self._manifests = {name: _actions_of(mission, name) for name in mission.robots}
+        self._patience = {name: _patience(mission, name) for name in mission.robots}
+        self.mail = MailChecker(mission, world, self._tell)
         world.network.on_put.append(self._put)
         world.looks.append(self._look)
 
@@ -52,39 +242,165 @@ class Checkers:
 
     def _put(self, session: Session, sample: Sample) -> None:
         parsed = keys.parse(sample.key_expr)
-        if parsed is None or parsed[2][0] != "status":
+        if parsed is None:
             return
-        status = msgspec.json.decode(sample.payload.to_bytes(), type=ActionStatus)
+        _, name, rest = parsed
+        match rest:
+            case ("status", *_):
+                self._status(name, codec(ActionStatus).decode(sample.payload.to_bytes(), sample.encoding))
+            case ("health", daemon):
+                self.mail.healthy(name, daemon)
+                if daemon == "agentd":
+                    health = codec(Health).decode(sample.payload.to_bytes(), sample.encoding)
+                    self._idle[name] = health.idle is True
+            case ("percept", "holder"):
+                self._holder(name, codec(Perception).decode(sample.payload.to_bytes(), sample.encoding))
+            case _:
+                pass
+
+    def _robot(self, agent: str) -> str | None:
+        robots = self._mission.robots
+        return next((robot for robot in robots if agent in self._mission.agents_of(robot)), None)
+
+    def _holder(self, agent: str, told: Perception) -> None:
+        if (robot := self._robot(agent)) is not None:
+            holders = self._holders.setdefault(robot, {})
+            if told.update == "remove" or not told.parameters:
+                holders.pop(agent, None)
+            else:
+                holders[agent] = write(told.parameters[0])
+
+    def _status(self, agent: str, status: ActionStatus) -> None:
+        if (robot := self._robot(agent)) is not None:
+            actions = self._actions[robot]
+            if actions.boot != status.header.boot:
+                actions.agents.clear()
+                actions.boot = status.header.boot
+            if status.final:
+                actions.agents.pop(status.id, None)
+            else:
+                actions.agents[status.id] = agent
         if not status.final:
             return
         end = status.state, status.reason
         before = self._ends.setdefault(status.id, end)
+        if before is end and robot is not None and status.state == "succeeded":
+            self._true_end(robot, status)
         if before != end:
             text = f"{status.name} {status.id} ended as {before[0]} ({before[1]}) and as {end[0]} ({end[1]})"
             self._tell("one final status", status.id, text)
 
+    def _true_end(self, robot: str, status: ActionStatus) -> None:
+        """Compare a success with the vehicle, by the state that confirms it in the manifest."""
+        action, past = self._manifests[robot].get(status.name), self._past.get(robot)
+        if action is None or not past:
+            return
+        match action.confirm, status.parameters:
+            case "altitude", (int() | float() as altitude, *_):
+                true = any(abs(one.height - altitude) <= (action.tolerance or 0.0) + SLACK for one in past)
+            case (("landed" | "home"), _):
+                true = any(not one.armed and one.height <= SLACK for one in past)
+            case "armed", (bool() as armed, *_):
+                true = any(one.armed == armed for one in past)
+            case _:
+                return
+        if not true:
+            is_armed = "armed" if past[-1].armed else "not armed"
+            given = ", ".join(map(str, status.parameters))
+            text = f"{status.name}({given}) {status.id} succeeded; {robot} is {is_armed}, {past[-1].height:.1f} m high"
+            self._tell("true end", status.id, text)
+
     def _look(self) -> None:
         now = self._world.network.loop.time()
         for name, seen in self._world.vehicles.items():
-            robot = self._mission.robots[name]
-            limits = robot.limits
+            past = self._past.setdefault(name, deque(maxlen=round(TRUTH / SAMPLED)))
+            past.append(_Look(seen.armed, seen.height))
+            limits = self._mission.robots[name].limits
             if limits.altitude is not None and seen.height > limits.altitude + SLACK:
                 self._tell("limits", f"{name} altitude", f"{name} is at {seen.height:.1f} m of {limits.altitude:g} m")
             if limits.radius is not None and seen.farthest > limits.radius + SLACK:
                 self._tell("limits", f"{name} radius", f"{name} was {seen.farthest:.0f} m from home")
-            unattended = seen.armed and seen.height > 1 and seen.mode not in HOME and not self._served(name)
-            if not unattended:
-                self._alone.pop(name, None)
-                continue
-            since = self._alone.setdefault(name, now)
-            if now - since > float(robot.agent_silence) + UNATTENDED:
-                self._tell(
-                    "nobody alone", name, f"{name} is in the air in {seen.mode}, without an agent since {since:.0f} s"
-                )
+            self._look_who_attends(name, seen, now)
+        for robot in self._mission.robots:
+            self._look_who_holds(robot, now)
+        if self._separation is not None and self._world.nearest < self._separation:
+            text = f"two vehicles were {self._world.nearest:.1f} m apart, less than {self._separation:g} m"
+            self._tell("separation", "", text)
+
+    def _look_who_attends(self, name: str, seen: Seen, now: float) -> None:
+        """Judge how long a vehicle is in the air while its agents are gone, or intend nothing."""
+        why: StepField | None = None
+        if seen.armed and seen.height > 1 and seen.mode not in HOME:
+            agents = self._mission.agents_of(name)
+            if not self._served(name):
+                why = "on_agent_loss"
+            elif all(self._idle.get(one, False) for one in agents) and not self._actions[name].agents:
+                why = "on_idle"
+        if why is None:
+            self._alone.pop(name, None)
+            return
+        since, before = self._alone.setdefault(name, (now, why))
+        patience = self._patience[name][why]
+        if before != why:
+            self._alone[name] = now, why
+        elif patience is not None and now - since > patience + UNATTENDED:
+            what = "without an agent" if why == "on_agent_loss" else "with nothing intended"
+            self._tell("nobody alone", name, f"{name} is in the air in {seen.mode}, {what} since {since:.0f} s")
+
+    def _look_who_holds(self, robot: str, now: float) -> None:
+        acting = set(self._actions[robot].agents.values())
+        told = set(self._holders.get(robot, {}).values())
+        if len(acting) < 2 and len(told) < 2:
+            self._differ.pop(robot, None)
+        elif now - self._differ.setdefault(robot, now) > HANDING_OVER:
+            names = ", ".join(sorted(acting if len(acting) > 1 else told))
+            self._tell("one holder", robot, f"{robot} has been held by {names} for {HANDING_OVER:g} s")
 
     def finish(self) -> list[Violation]:
         """Judge the end of the run; return everything that was found."""
         for name, seen in self._world.vehicles.items():
             if seen.armed:
                 self._tell("on the ground", name, f"the run is over and {name} is armed, {seen.height:.1f} m high")
+        self.mail.finish()
         return self.found
+
+    def watch_minds(self) -> None:
+        """Look at each message that a mind of this process is given."""
+        from agentd.mail.mail_client import MailClient
+        from agentd.mind.data.inputs import Mail as GivenMail
+        from argosy.trial.process import PRESENT
+
+        feed = MailClient._feed
+
+        def fed(client: MailClient, mail: GivenMail) -> None:
+            self.mail.fed(PRESENT.get(), _Letter(mail.sender, client._agent, mail.msg_id))
+            feed(client, mail)
+
+        MailClient._feed = fed  # type: ignore[assignment, method-assign]
+
+
+def _actions_of(mission: Mission, robot: str) -> dict[str, ActionEntry]:
+    """Return the actions of a robot's manifest; none of the paper's INI pair, which has no confirmations."""
+    named = mission.robots[robot].manifest
+    return {} if isinstance(named, tuple) else dict(load_manifest(named, mission.path.parent).actions)
+
+
+def _patience(mission: Mission, robot: str) -> dict[StepField, float | None]:
+    """Return for how many seconds the mission lets a robot wait before it comes down; None: it never does."""
+    one = mission.robots[robot]
+    first: dict[StepField, float] = {"on_agent_loss": float(one.agent_silence), "on_idle": float(one.idle_after)}
+    return {why: _until_it_comes(mission, robot, why, wait) for why, wait in first.items()}
+
+
+def _until_it_comes(mission: Mission, robot: str, why: StepField, wait: float) -> float | None:
+    if getattr(mission.robots[robot], why) == NO_STEPS:
+        return None
+    try:
+        steps = read_steps(mission, robot, why)
+    except Findings:  # `argosy check` reports them
+        return None
+    for step in steps:
+        if step.order in COMING:
+            return wait + float(mission.robots[robot].idle_after)
+        wait += step.pause
+    return None

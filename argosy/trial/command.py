@@ -82,7 +82,7 @@ def _faults(mission: Mission, args: Namespace, seed: int) -> tuple[Fault, ...]:
         case "standard":
             return tuple(draw(mission, seed))
         case file:
-            return tuple(read(Path(file)))
+            return tuple(read(Path(file), mission))
 
 
 def _requests(mission: Mission, args: Namespace, seeds: Sequence[int]) -> list[Request]:

@@ -8,24 +8,34 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
 
 from argosy.processes.simulators import vehicle_of
+from bridged.simulation.copter.fault_injection import Faults
 from schemas.files.findings import Finding, Findings
+from schemas.files.text_files import read_text
+from schemas.files.yaml_positions import read_yaml
 from schemas.mission.model import Mission
 
 STORM: Final = 120.0
 """Virtual seconds after the start in which faults begin."""
 SHARE: Final = 0.4
 """Chance of each kind of fault in a run."""
+MUTE: Final = 0.05
+"""Chance of a vehicle that acknowledges nothing: its missions seldom succeed, and show little else."""
+WORST_BATTERY: Final = 0.5
+"""Least share of the time in the air that a battery of the mission lasts: it is old, or cold."""
+
+
+Seconds: TypeAlias = Annotated[float, msgspec.Meta(ge=0)]
 
 
 class _Fault(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
-    at: float = 0.0
+    at: Seconds = 0.0
     """Virtual seconds after the start."""
 
 
@@ -43,7 +53,7 @@ class BoardDown(_Fault, frozen=True, kw_only=True, tag="board_down"):
     """All daemons of a board die, and are started again when the board is back."""
 
     board: str
-    seconds: float
+    seconds: Seconds
 
     def __str__(self) -> str:
         return f"{self.at:.1f} s: board {self.board} dies, and is back after {self.seconds:.1f} s"
@@ -54,7 +64,7 @@ class LinkCut(_Fault, frozen=True, kw_only=True, tag="link_cut"):
 
     sender: str
     receiver: str
-    seconds: float
+    seconds: Seconds
     both: bool = True
 
     def __str__(self) -> str:
@@ -76,7 +86,7 @@ class Battery(_Fault, frozen=True, kw_only=True, tag="battery"):
     """A full battery of a simulated vehicle lasts so long in the air."""
 
     robot: str
-    minutes: float
+    minutes: Annotated[float, msgspec.Meta(gt=0)]
 
     def __str__(self) -> str:
         return f"{self.robot}: a full battery lasts {self.minutes:.1f} min"
@@ -117,6 +127,13 @@ def draw(mission: Mission, seed: int) -> list[Fault]:
         for at in times():
             found.append(Vehicle(robot=robot, fault=f"cut={at:g}+{round(dice.uniform(0.5, 20), 1):g}"))
         found.append(Vehicle(robot=robot, fault=f"seed={dice.randrange(1, 1 << 30)}"))
+    for robot in robots:
+        if dice.random() < MUTE:
+            found.append(Vehicle(robot=robot, fault="mute-acks"))
+        simulate = mission.robots[robot].simulate
+        if simulate is not None and simulate.battery is not None and dice.random() < SHARE:
+            minutes = simulate.battery / 60 * dice.uniform(WORST_BATTERY, 1)
+            found.append(Battery(robot=robot, minutes=round(minutes, 2)))
     return sorted(found, key=lambda one: one.at)
 
 
@@ -125,17 +142,52 @@ def boards_with_agents(mission: Mission) -> list[str]:
     return list(dict.fromkeys(agent.board for agent in mission.agents.values()))
 
 
-def read(path: Path) -> list[Fault]:
-    """Read a YAML list of faults. Raises Findings that say what is wrong with it."""
-    try:
-        found = msgspec.yaml.decode(path.read_bytes(), type=list[Fault])
-    except OSError as error:
-        raise Findings([Finding(str(path), 0, 0, f"cannot be read: {error.strerror}")]) from None
-    except msgspec.ValidationError as error:
-        raise Findings([Finding(str(path), 0, 0, str(error))]) from None
-    except Exception as error:  # what the YAML reader raises
-        raise Findings([Finding(str(path), 0, 0, f"is no YAML: {error}")]) from None
+def read(path: Path, mission: Mission) -> list[Fault]:
+    """Read a YAML list of faults. Raises Findings that say what is wrong with it, or is not in the mission."""
+    raw, positions = read_yaml(read_text(path), str(path))
+    if not isinstance(raw, list):
+        raise Findings(
+            [positions.finding((), "expected a list of faults such as `- {kind: kill, daemon: commd, at: 5}`")]
+        )
+    found: list[Fault] = []
+    wrong: list[Finding] = []
+    for index, item in enumerate(raw):
+        try:
+            fault: Fault = msgspec.convert(item, Fault)
+            _check(fault, mission)
+        except ValueError as error:  # of msgspec, too
+            wrong.append(positions.finding((index,), str(error)))
+        else:
+            found.append(fault)
+    if wrong:
+        raise Findings(wrong)
     return sorted(found, key=lambda one: one.at)
+
+
+def _check(fault: Fault, mission: Mission) -> None:
+    """Raise ValueError if a fault names what the mission does not have."""
+    vehicles = [name for name, one in mission.robots.items() if one.simulate is not None]
+    match fault:
+        case LinkCut():
+            _expect(fault.sender, mission.board_names)
+            _expect(fault.receiver, mission.board_names)
+        case BoardDown():
+            _expect(fault.board, mission.board_names)
+        case Vehicle():
+            _expect(fault.robot, vehicles)
+            Faults.parse([fault.fault])
+        case Battery():
+            _expect(fault.robot, vehicles)
+        case Kill():
+            kind, _, subject = fault.daemon.replace(":", " ", 1).partition(" ")
+            _expect(kind, ("commd", "bridged", "agentd"))
+            if subject or kind != "commd":
+                _expect(subject, {*mission.board_names, *mission.robots, *mission.agents})
+
+
+def _expect(name: str, known: Collection[str]) -> None:
+    if name not in known:
+        raise ValueError(f"expected {', '.join(sorted(known))}, got `{name}`")
 
 
 def last(faults: Sequence[Fault]) -> float:

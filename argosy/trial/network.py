@@ -114,15 +114,16 @@ class Query:
         self.key_expr, self.parameters = key, parameters
         self.payload = None if payload is None else Payload(payload)
         self.encoding = None if encoding is None else str(encoding)
-        self._server, self._asked, self._number, self._dropped = server, asked, number, False
+        self.server, self._asked, self._number, self._dropped = server, asked, number, False
 
     def _send(self, send: Callable[[], None]) -> None:
-        network = self._server.network
-        network.send(self._server, self._asked._asker, send)
+        self.server.network.send(self.server, self._asked._asker, send)
 
     def reply(self, key: Any, payload: Any, *, encoding: Any = None) -> None:
         """Send a reply."""
         sample = Sample(str(key), Payload(payload), str(encoding or "zenoh/bytes"))
+        for listener in self.server.network.on_query:
+            listener(self, sample)
         self._send(lambda: self._asked.replied(Reply(sample)))
 
     def reply_err(self, payload: Any, *, encoding: Any = None) -> None:
@@ -367,6 +368,8 @@ class Network:
         """Virtual seconds between two routers, by their endpoints; None: there is no link."""
         self.on_put: list[Callable[[Session, Sample], None]] = []
         """Called with each sample that is published."""
+        self.on_query: list[Callable[[Query, Sample], None]] = []
+        """Called with each reply that is sent, and the query that it answers."""
         self._routers: dict[str, Session] = {}
         self._last: dict[tuple[int, int], float] = {}
         """When the last message between two sessions arrives."""

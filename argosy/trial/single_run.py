@@ -101,6 +101,7 @@ def fly(loop: VirtualLoop, request: Request) -> Outcome:
     flight = MissionRunner(status, supervisor=VirtualSupervisor)
     world = World(network, routers, request.faults, lambda: status.children)
     checkers = Checkers(mission, world, lambda robot: _served(status, robot))
+    checkers.watch_minds()
     VirtualSupervisor.network, VirtualSupervisor.ready = network, staticmethod(world.board_is_up)
     digest = hashlib.sha256()
 

@@ -1,0 +1,205 @@
+"""Faults of a trial: drawn by seed, within bounds, and read from YAML."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from argosy.trial.faults import (
+    STORM,
+    Battery,
+    BoardDown,
+    Fault,
+    Kill,
+    LinkCut,
+    Vehicle,
+    boards_with_agents,
+    draw,
+    last,
+    read,
+)
+from bridged.simulation.copter.fault_injection import Faults
+from schemas.files.findings import Findings
+from schemas.files.units import Duration
+from schemas.mission.model import Mission, load_mission
+
+SEEDS = range(1, 301)
+TEAM = load_mission("search_and_rescue")
+
+
+@pytest.fixture(scope="module")
+def team() -> Mission:
+    return TEAM
+
+
+@pytest.fixture(scope="module")
+def drawn(team: Mission) -> list[Fault]:
+    return [fault for seed in SEEDS for fault in draw(team, seed)]
+
+
+def of(kind: type[Any], faults: list[Fault]) -> list[Any]:
+    return [one for one in faults if isinstance(one, kind)]
+
+
+def test_a_seed_draws_the_same_faults_each_time(team: Mission) -> None:
+    assert draw(team, 7) == draw(team, 7)
+
+
+def test_seeds_draw_different_faults(team: Mission) -> None:
+    texts = {"; ".join(map(str, draw(team, seed))) for seed in SEEDS}
+    assert len(texts) == len(SEEDS)
+
+
+def test_some_seed_lacks_each_kind_of_fault_and_some_seed_has_it(team: Mission) -> None:
+    for kind in (Kill, BoardDown, LinkCut, Battery):
+        has = [bool(of(kind, draw(team, seed))) for seed in range(1, 61)]
+        assert any(has), kind
+        assert not all(has), kind
+
+
+def test_faults_are_in_the_order_of_their_times(team: Mission) -> None:
+    for seed in range(1, 21):
+        times = [one.at for one in draw(team, seed)]
+        assert times == sorted(times)
+
+
+def test_faults_begin_within_the_storm_and_end_soon_after_it(drawn: list[Fault]) -> None:
+    assert all(0 <= one.at <= STORM for one in drawn)
+    assert last(drawn) <= STORM + 60
+
+
+def test_boards_are_down_for_1_to_30_seconds_and_links_cut_for_at_most_60(drawn: list[Fault]) -> None:
+    assert all(1 <= one.seconds <= 30 for one in of(BoardDown, drawn))
+    assert all(0 <= one.seconds <= 60 for one in of(LinkCut, drawn))
+
+
+def test_a_link_is_cut_between_two_boards(drawn: list[Fault]) -> None:
+    assert all(one.sender != one.receiver for one in of(LinkCut, drawn))
+
+
+def test_faults_name_what_the_mission_has(team: Mission, drawn: list[Fault]) -> None:
+    assert {one.robot for one in [*of(Vehicle, drawn), *of(Battery, drawn)]} == set(team.robots)
+    assert {one.board for one in of(BoardDown, drawn)} == set(team.board_names)
+    daemons = {f"commd {board}" for board in team.board_names}
+    daemons |= {f"bridged:{robot}" for robot in team.robots}
+    daemons |= {f"agentd:{board}" for board in boards_with_agents(team)}
+    assert {one.daemon for one in of(Kill, drawn)} == daemons
+
+
+def test_a_simulated_vehicle_reads_each_of_its_faults(drawn: list[Fault]) -> None:
+    for one in of(Vehicle, drawn):
+        Faults.parse([one.fault])
+
+
+def test_packets_lost_and_doubled_are_bounded_shares(drawn: list[Fault]) -> None:
+    faults = [Faults.parse([one.fault]) for one in of(Vehicle, drawn)]
+    assert 0.01 <= max(one.loss for one in faults) <= 0.3
+    assert 0.01 <= max(one.duplicate for one in faults) <= 0.2
+
+
+def test_some_vehicle_never_acknowledges(drawn: list[Fault]) -> None:
+    muted = [one for one in of(Vehicle, drawn) if one.fault == "mute-acks"]
+    assert 0 < len(muted) < len(SEEDS)
+
+
+def test_batteries_last_from_half_to_all_of_what_the_mission_says(team: Mission, drawn: list[Fault]) -> None:
+    for one in of(Battery, drawn):
+        simulate = team.robots[one.robot].simulate
+        assert simulate is not None
+        assert simulate.battery is not None
+        assert 0.5 * simulate.battery <= 60 * one.minutes <= simulate.battery
+
+
+def test_a_vehicle_without_a_battery_in_its_mission_gets_none() -> None:
+    mission = load_mission("single_uav")
+    assert not [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, Battery)]
+
+
+def test_a_mission_on_one_machine_has_no_link_to_cut() -> None:
+    mission = load_mission("single_uav")
+    assert not [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, LinkCut)]
+
+
+def test_the_storm_is_over_when_the_last_fault_ends() -> None:
+    faults = [BoardDown(at=10, board="pi1", seconds=30), Kill(at=20, daemon="commd pi1")]
+    assert last(faults) == 40
+    assert last([]) == 0
+
+
+def test_drawn_faults_are_read_from_yaml_as_they_were(team: Mission, tmp_path: Path) -> None:
+    drawn = draw(team, 3)
+    (path := tmp_path / "storm.yaml").write_bytes(msgspec.yaml.encode(drawn))
+    assert read(path, TEAM) == drawn
+
+
+def test_each_kind_of_fault_is_written_in_yaml_by_its_name(tmp_path: Path) -> None:
+    (path := tmp_path / "storm.yaml").write_text(
+        "- {kind: link_cut, at: 30, sender: pi1, receiver: pi2, seconds: 4, both: false}\n"
+        "- {kind: board_down, at: 20, board: pi1, seconds: 5}\n"
+        "- {kind: kill, at: 10, daemon: bridged uav1}\n"
+        "- {kind: vehicle, robot: uav1, fault: mute-acks}\n"
+        "- {kind: battery, robot: uav1, minutes: 2.5}\n"
+    )
+    assert list(map(str, read(path, TEAM))) == [
+        "uav1: mute-acks",
+        "uav1: a full battery lasts 2.5 min",
+        "10.0 s: bridged uav1 is killed",
+        "20.0 s: board pi1 dies, and is back after 5.0 s",
+        "30.0 s: no link one way from pi1 and pi2 for 4.0 s",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("- {kind: kill}", "1:3: Object missing required field `daemon`"),
+        ("- {kind: earthquake}", "1:3: Invalid value 'earthquake' - at `$.kind`"),
+        ("- {kind: kill, daemon: commd, at: soon}", "1:3: Expected `float`, got `str` - at `$.at`"),
+        ("- {kind: kill, daemon: commd, at: -1}", "1:3: Expected `float` >= 0.0 - at `$.at`"),
+        ("- {kind: kill, daemon: commd, when: 3}", "1:3: Object contains unknown field `when`"),
+        ("- {kind: kill, daemon: routerd}", "1:3: expected agentd, bridged, commd, got `routerd`"),
+        ("- {kind: board_down, board: pi9, seconds: 1}", "1:3: expected pi1, pi2, pi3, got `pi9`"),
+        ("- {kind: battery, robot: uav9, minutes: 1}", "1:3: expected uav1, uav2, uav3, got `uav9`"),
+        ("- {kind: vehicle, robot: uav1, fault: loss=2}", "1:3: expected loss=SHARE (so many"),
+        ("kill", "1:1: expected a list of faults such as"),
+    ],
+)
+def test_a_bad_file_is_named_with_place_and_what_was_expected(tmp_path: Path, text: str, expected: str) -> None:
+    (path := tmp_path / "storm.yaml").write_text(text)
+    with pytest.raises(Findings) as refused:
+        read(path, TEAM)
+    place, text = expected.split(": ", 1)
+    assert f"{path}:{place}: error: {text}" in str(refused.value)
+
+
+def test_everything_that_is_wrong_with_a_file_is_told(tmp_path: Path) -> None:
+    (path := tmp_path / "storm.yaml").write_text("- {kind: kill}\n- {kind: kill, daemon: commd}\n- {kind: quake}\n")
+    with pytest.raises(Findings) as refused:
+        read(path, TEAM)
+    assert [one.line for one in refused.value.findings] == [1, 3]
+
+
+def test_a_file_that_is_no_yaml_and_one_that_is_not_there_are_named(tmp_path: Path) -> None:
+    (path := tmp_path / "storm.yaml").write_text("- [")
+    with pytest.raises(Findings, match=r"storm\.yaml:2:1: error: not YAML"):
+        read(path, TEAM)
+    with pytest.raises(Findings, match=r"gone\.yaml"):
+        read(tmp_path / "gone.yaml", TEAM)
+
+
+def test_a_battery_is_drawn_for_the_vehicles_that_have_one(team: Mission) -> None:
+    robots = dict(team.robots)
+    simulate = robots["uav2"].simulate
+    assert simulate is not None
+    without = msgspec.structs.replace(simulate, battery=None)
+    robots["uav2"] = msgspec.structs.replace(robots["uav2"], simulate=without)
+    other = msgspec.structs.replace(simulate, battery=Duration(120))
+    robots["uav3"] = msgspec.structs.replace(robots["uav3"], simulate=other)
+    mission = replace(team, robots=robots)
+    drawn = [one for seed in SEEDS for one in draw(mission, seed) if isinstance(one, Battery)]
+    assert {one.robot for one in drawn} == {"uav1", "uav3"}
+    assert all(one.minutes <= 2 for one in drawn if one.robot == "uav3")
