@@ -125,7 +125,7 @@ def test_a_mission_on_one_machine_has_no_link_to_cut() -> None:
 
 
 def test_the_storm_is_over_when_the_last_fault_ends() -> None:
-    faults = [BoardDown(at=10, board="pi1", seconds=30), Kill(at=20, daemon="commd pi1")]
+    faults: list[Fault] = [BoardDown(at=10, board="pi1", seconds=30), Kill(at=20, daemon="commd pi1")]
     assert last(faults) == 40
     assert last([]) == 0
 
