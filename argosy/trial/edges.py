@@ -24,6 +24,7 @@ import resource
 import sqlite3
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Final
 
 from argosy.trial.event_loop import Datagrams, VirtualLoop
@@ -135,7 +136,7 @@ def swap_bus(loop: VirtualLoop) -> Any:
     def connected(*args: Any, **options: Any) -> sqlite3.Connection:
         made: sqlite3.Connection = connect(*args, **options)
         if (present := PRESENT.get()) is not None:
-            present.files.append(made)
+            present.files.append((Path(args[0]), made))
         return made
 
     sqlite3.connect = connected  # type: ignore[assignment]

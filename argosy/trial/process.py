@@ -16,6 +16,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import suppress
 from contextvars import ContextVar, copy_context
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Final
 
 from argosy.processes.process_table import Process
@@ -50,8 +51,8 @@ class VirtualProcess:
         """File descriptors that it has locked."""
         self.sockets: list[Datagrams] = []
         """Its UDP sockets."""
-        self.files: list[sqlite3.Connection] = []
-        """Databases that it has opened."""
+        self.files: list[tuple[Path, sqlite3.Connection]] = []
+        """Databases that it has opened, each with its file."""
         self.stdout, self.stderr = asyncio.StreamReader(), asyncio.StreamReader()
         self._ended = asyncio.Event()
         self._context = copy_context()
@@ -94,12 +95,21 @@ class VirtualProcess:
         for descriptor in self.locks:
             with suppress(OSError):  # it has closed the file itself
                 fcntl.flock(descriptor, fcntl.LOCK_UN)
-        for file in self.files:
-            with suppress(sqlite3.Error):  # what it had not committed is lost
-                file.close()
+        self._break_off_files()
         for stream in (self.stdout, self.stderr):
             stream.feed_eof()
         self._ended.set()
+
+    def _break_off_files(self) -> None:
+        """Leave its databases as a process does that is killed: SQLite moves a log into its file where it is closed."""
+        named = [name for path, _ in self.files for name in (path, path.with_name(f"{path.name}-wal"))]
+        left = {name: name.read_bytes() for name in named if name.exists()}
+        for _, file in self.files:
+            with suppress(sqlite3.Error):  # what it had not committed is lost
+                file.close()
+        for name, content in left.items():
+            if not name.exists() or name.read_bytes() != content:
+                name.write_bytes(content)
 
     async def wait(self) -> int:
         """Wait for its end; return its exit code, or minus the signal that has killed it."""
