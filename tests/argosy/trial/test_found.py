@@ -29,3 +29,8 @@ def test_daemons_that_are_killed_go_on_with_their_files(fault: Fault) -> None:
     outcome = fly("single_uav", 10, fault, until=60)
     assert any("killed by SIGKILL" in line for line in outcome.journal)
     assert not [line for line in outcome.journal if "corrupt" in line]
+
+
+def test_a_vehicle_that_landed_while_its_board_was_down_is_home_for_a_bridge_that_has_just_heard_it() -> None:
+    outcome = fly("single_uav", 14, BoardDown(at=75.5, board="local", seconds=11.5))
+    assert outcome.success, outcome.why
